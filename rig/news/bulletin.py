@@ -31,7 +31,7 @@ class Bulletin:
         self._changed = threading.Condition()
 
     def add(self, event: dict[str, Any]) -> None:
-        """Append an event, with its number and the date and time; events after `close` are ignored."""
+        """Append an event, with its number and the date and time. Events after `close` are ignored."""
         with self._changed:
             if self._closed:
                 return
@@ -53,11 +53,11 @@ class Bulletin:
 
     @property
     def last(self) -> int:
-        """The number of the newest event; 0 before the first."""
+        """The number of the newest event, or 0 before the first event."""
         return self._added
 
     def since(self, number: int, most: int = 1000) -> list[dict[str, Any]]:
-        """Return the events after an event's number, oldest first, and at most `most` of them.
+        """Return at most `most` events, oldest first, that follow the event with a given number.
 
         If some of these events are not kept any more, the first event of the result is a ``gap``.
         """
@@ -72,7 +72,7 @@ class Bulletin:
         return found
 
     def wait_for(self, number: int, timeout_s: float) -> bool:
-        """Wait until there are events after a number, or the bulletin is closed; False after the timeout."""
+        """Wait for an event after a number, or for the bulletin to close. Return False after the timeout."""
         with self._changed:
             return self._changed.wait_for(lambda: self._added > number or self._closed, timeout_s)
 

@@ -1,4 +1,4 @@
-"""The two files beside a run file: all events, line by line, and the heartbeat for other programs."""
+"""The two files beside a run file: a file of all events, and the heartbeat for other programs."""
 
 import json
 import os
@@ -19,7 +19,7 @@ BEAT_S = 1.0
 STALE_S = 10.0
 """If the heartbeat is older than this time in s, the run hangs or was killed."""
 STALE_ENDING_S = 120.0
-"""Largest age of the heartbeat in s while a run ends: the safe state takes up to 15 s, closing the file
+"""Largest age of the heartbeat in s while a run ends. The safe state takes up to 15 s, closing the file
 longer."""
 
 
@@ -34,7 +34,7 @@ def heartbeat_path(run_path: Path) -> Path:
 
 
 class _Follower(threading.Thread, ABC):
-    """A thread that writes a news file. `failure` says why writing failed; empty if all was written."""
+    """A thread that writes a news file. `failure` says why writing failed, or is empty without a failure."""
 
     def __init__(self, path: Path, name: str) -> None:
         super().__init__(name=name, daemon=True)
@@ -85,7 +85,7 @@ class EventFile(_Follower):
         self._file = os.fdopen(descriptor, "ab", buffering=0)
 
     def close(self) -> None:
-        """Close the file of events of a run that could not begin."""
+        """Close the file of events if the run could not begin."""
         self._file.close()
 
     def _follow(self) -> None:

@@ -54,8 +54,8 @@ class RunView:
     status : callable
         Returns the present status as a JSON object.
     thumbnail : callable
-        Returns a picture of a camera's newest image, given its name, a width and a format, or None before the
-        first image.
+        Returns a picture of a camera's newest image, given the camera's name, a width and a format. Returns
+        None before the first image.
     abort : callable
         Function that requests the end of the run, and returns at once.
     token : str
@@ -119,7 +119,7 @@ class _Api:
         return StreamingResponse(self._follow(since), media_type="application/x-ndjson")
 
     async def _follow(self, place: int) -> AsyncIterator[bytes]:
-        """Yield the events of a run as they occur. If a client does not read, only this generator waits."""
+        """Yield the events of a run as they occur. If a client does not read, only its generator waits."""
         bulletin = self._view.bulletin
         self._streams += 1
         try:
@@ -131,8 +131,8 @@ class _Api:
                     yield b"".join(json.dumps(event, allow_nan=False).encode() + b"\n" for event in found)
                 if closed and place >= bulletin.last:
                     return
-                # Sending does not wait while the client's buffers have room, so give other requests a turn
-                # here.
+                # Give other requests a turn here, because sending does not wait while the client's buffers
+                # have room.
                 await asyncio.sleep(_TURN_S if found else _STREAM_POLL_S)
         finally:
             self._streams -= 1
@@ -177,7 +177,7 @@ class _Api:
 
 
 class _OnlyThisComputer:
-    """Refuses requests under foreign names or from pages of other origins, and marks every answer."""
+    """Refuses requests for another host or from pages of other origins, and adds headers to every answer."""
 
     def __init__(self, app: ASGIApp, view: RunView) -> None:
         self._app = app

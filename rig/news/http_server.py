@@ -124,8 +124,7 @@ class HttpServer:
             clock.sleep(_POLL_S)
 
     def stop(self) -> None:
-        """End the server. Close the bulletin before, so that programs that follow the events get all of
-        them."""
+        """End the server. Close the bulletin before this call, so that programs receive all events."""
         self._server.should_exit = True
         self._thread.join(2.0 * _LEAVING_S + 1.0)
         self._place.close()

@@ -1,4 +1,4 @@
-"""The one message at the end of a run, by a command that the user names."""
+"""The one message at the end of a run, which a command of the user sends."""
 
 import json
 import shlex
@@ -19,7 +19,7 @@ _MARGIN_S = 5.0
 
 
 class Messenger:
-    """A process that sends one message: the message of `send`, or one about the killed program.
+    """A process that sends one message. It is the message of `send`, or one about the killed program.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Messenger:
         self._tell(order)
 
     def send(self, message: dict[str, str]) -> list[str]:
-        """Send the message, wait for the command, and return an error message; a second call does nothing."""
+        """Send the message, wait for the command, and return error messages. A second call does nothing."""
         if self._process.stdin is None or self._process.stdin.closed:
             return []
         self._tell(message)
@@ -67,7 +67,7 @@ class Messenger:
 
     def _tell(self, table: object) -> None:
         assert self._process.stdin is not None
-        # If the messenger has died, `send` notices later that it does not answer.
+        # Ignore a messenger that has died, because `send` notices later that it does not answer.
         with suppress(OSError):
             self._process.stdin.write(json.dumps(table).encode() + b"\n")
             self._process.stdin.flush()

@@ -21,7 +21,8 @@ _DYING_S = 1.0
 def main() -> None:
     """Read the command and the message from standard input, send the message, and print any error."""
     for number in _IGNORED:
-        # Use a function instead of SIG_IGN, because the command would inherit SIG_IGN.
+        # Handle the signal with an empty function. SIG_IGN would also apply to the command, which inherits
+        # it.
         signal.signal(number, lambda *_: None)
     order = json.loads(sys.stdin.readline())
     line = sys.stdin.readline()
@@ -41,7 +42,8 @@ def send(command: list[str], timeout_s: float, message: dict[str, str]) -> str:
     timeout_s : float
         After this time the command is killed, with everything that it has started in its session.
     message : dict of str to str
-        The message. ``text`` goes to the standard input, and every value into a variable ``OFFAXIS_…``.
+        The message. The command gets ``text`` on its standard input, and every value in a variable
+        ``OFFAXIS_…``.
 
     Returns
     -------
@@ -68,7 +70,7 @@ def send(command: list[str], timeout_s: float, message: dict[str, str]) -> str:
         except subprocess.TimeoutExpired:
             with suppress(OSError):
                 os.killpg(process.pid, signal.SIGKILL)
-            # Do not wait for ever: a process that waits for a broken disk cannot even be killed.
+            # Wait for a limited time only, because a process that waits for a broken disk cannot be killed.
             with suppress(subprocess.TimeoutExpired):
                 process.wait(_DYING_S)
             return f"did not end within {timeout_s:g} s and was killed"

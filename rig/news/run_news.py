@@ -1,4 +1,4 @@
-"""All news of one run: files, the message at its end, and the HTTP interface."""
+"""All news of one run: the two files, the message at the end of the run, and the HTTP interface."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -140,7 +140,7 @@ class RunNews:
         self._heartbeat.beat()
 
     def add(self, news: News) -> None:
-        """Publish one report of the engine; the engine calls this method on a separate thread."""
+        """Publish one report of the engine. The engine calls this method on a separate thread."""
         self._told_s = SystemClock().now_s()
         if isinstance(news, Status):
             self._heartbeat.beat()
@@ -181,8 +181,7 @@ class RunNews:
             self._events.close()
 
     def _serve(self, place: HttpPlace, about: About) -> None:
-        # Import only if needed, because the imports are slow. During the run an import would stop all
-        # threads.
+        # These imports are slow and stop all threads, so make them before the run and only if needed.
         from rig.news.http_api import RunView
         from rig.news.thumbnail import Format, thumbnail
 

@@ -1,6 +1,6 @@
 """Small pictures of the newest camera images, for a browser or another program.
 
-Import this module before a run begins: loading OpenCV can stop all threads for more than a second.
+Import this module before a run begins, because loading OpenCV can stop all threads for more than a second.
 """
 
 from typing import Literal
@@ -19,7 +19,7 @@ Format = Literal["png", "jpg"]
 
 
 def thumbnail(frame: Frame, bits: int, width_px: int, kind: Format, *, simulated: bool) -> bytes:
-    """Return a picture at most `width_px` pixels wide; a simulated picture contains the word SIMULATED.
+    """Return a picture at most `width_px` pixels wide. A simulated picture contains the word SIMULATED.
 
     Parameters
     ----------

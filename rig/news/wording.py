@@ -50,7 +50,7 @@ def step_table(step: ProtocolStep | None) -> dict[str, Any] | None:
 
 
 def reading_table(reading: Reading | None) -> dict[str, Any] | None:
-    """Return a reading; a value that no device measures is null."""
+    """Return a reading as a JSON object. A value that no device measures is null."""
     if reading is None:
         return None
     return {
@@ -119,5 +119,5 @@ def ended(outcome: Outcome) -> dict[str, Any]:
 
 
 def number(value: float) -> float | None:
-    """Return a number that JSON can express; NaN and infinite values give None."""
+    """Return a number that JSON can express. NaN and infinite values become None."""
     return value if math.isfinite(value) else None

@@ -8,14 +8,14 @@ from rig.protocol.move import Ending, Failure, Move, commanded_or_measured, has_
 from rig.protocol.step import Execute, ProtocolStep, Reading
 
 _NEAR_START = 2.0
-"""A measured value counts as the commanded one up to so many tolerances from it."""
+"""A motion starts from the commanded value if the measured value is within so many tolerances of it."""
 
 
 @dataclass(frozen=True)
 class Approach:
     """The motion to a load, a displacement or an angle, in one or several increments.
 
-    The motion stops and settles after each increment; or it continues while images are taken at equal
+    The motion stops and settles after each increment, or it continues while images are taken at equal
     intervals of time.
 
     Attributes
@@ -23,9 +23,9 @@ class Approach:
     move : Move
     target : float
     increment : float
-        Size of an increment; infinite for a motion in one step.
+        Size of an increment, which is infinite for a motion in one step.
     every_s : float
-        Time in s between images during the motion; infinite if images are taken only at rest.
+        Time in s between images during the motion, which is infinite if images are taken only at rest.
     down : bool
         True if the target is below the start.
     images : bool
@@ -33,8 +33,8 @@ class Approach:
     ending : Ending or None
         The event that ends the motion before its target.
     goes_back : bool
-        True if a motion outwards goes back to a target that has been passed already. Otherwise such a motion
-        is left out, because moving back would unload the specimen.
+        What happens to a motion to a higher value if its target has been passed before it starts. If True, it
+        goes back to the target. If False, it is left out, because moving back would unload the specimen.
     refusal : callable or None
         Makes the error that ends the run if the target has been passed already.
     """
@@ -50,11 +50,11 @@ class Approach:
     refusal: Failure | None = None
 
     def steps(self, index: int, place: Place) -> list[ProtocolStep]:
-        """Return the steps of the motion from the start that is farthest from the target."""
+        """Return the steps of the motion from that possible start which is farthest from the target."""
         span = place.of(self.move.quantity)
         start = span.high if self.down else span.low
         steps = self._from(index, start, conditional=not span.is_known)
-        # The target may have been passed at any start that is not known.
+        # Without steps even this start is beyond the target. The plan then has one step back to the target.
         return steps or [self._back(index, start)]
 
     def follow(self, index: int, place: Place, reading: Reading | None, execute: Execute) -> Reading:
@@ -86,7 +86,7 @@ class Approach:
         return reading
 
     def end(self, place: Place) -> Place:
-        """Return the possible positions afterwards: the target; with a criterion, any position on the way."""
+        """Return the possible positions after the motion: the target or, with an event, any on the way."""
         return place.after(self.move.quantity, self.target, early=self.ending is not None)
 
     def _is_passed(self, start: float) -> bool:
@@ -94,7 +94,7 @@ class Approach:
         return self.move.quantity != "rotation" and beyond > self.move.tolerance
 
     def _pass(self, index: int, reading: Reading, start: float, execute: Execute) -> Reading:
-        """Leave the motion out, or go back to the target, or raise the error of `refusal`."""
+        """Handle a target that has been passed already: leave the motion out, go back, or raise an error."""
         if self.refusal is not None:
             raise self.refusal(reading)
         step = self._back(index, start)

@@ -116,7 +116,8 @@ class Compiler:
     @property
     def _pull(self) -> Pull:
         rates_n_s = [demand.value for demand in self._demands if demand.fact == "load_rate_max_n_s"]
-        # Without a criterion, nothing says up to which load the specimen is elastic: a tenth of the limit.
+        # A protocol may not say up to which load the specimen is elastic, so take at most a tenth of the
+        # limit.
         increment_n = min([*self._increments_n, *self._ranges_n, self._carried_n()])
         return Pull(
             increment_n,
@@ -151,7 +152,7 @@ class Compiler:
                 return self._cycles(phase)
 
     def _expect_load(self, phase: tables.ToLoad) -> None:
-        """Collect the load that the specimen certainly carries, and the load up to which it is elastic."""
+        """Collect the load that a specimen certainly carries, and the highest load at which it is elastic."""
         assured_n, until = phase.load_n, phase.until
         if until is not None and until.plastic is not None:
             increment_n = phase.images.every_n or 0.5 * phase.load_n
@@ -222,7 +223,7 @@ class Compiler:
         )
 
     def _if_passed(self, approach: Approach, if_passed: tables.IfPassed) -> Approach:
-        """Return an approach with the action for a target that has been passed already."""
+        """Return an approach that knows what to do if its target has been passed already."""
         if if_passed != "fail":
             return replace(approach, goes_back=if_passed == "go-back")
         where, quantity = self._where, approach.move.quantity
@@ -350,12 +351,11 @@ class Compiler:
         self.mistakes.append(f"{self._where}: {sentence}")
 
     def _carried_n(self) -> float:
-        """Return the load above which a drop counts as a break, so that grips that seat do not end the
-        run."""
+        """Return the load above which a drop counts as a break. At lower loads, the grips may still seat."""
         return 0.1 * self._limits.load_max_n if self._limits is not None else 0.0
 
     def _increment_n(self) -> float:
-        """Return the smallest load increment of all phases; the load limit if there is no load increment."""
+        """Return the smallest load increment of all phases, or the load limit if there is no increment."""
         return min(self._increments_n, default=self._limits.load_max_n if self._limits else 0.0)
 
     def _check_tables(self) -> None:

@@ -7,8 +7,7 @@ from rig.protocol.step import Reading
 from rig.protocol.tables import Limits
 
 TARE_PER_INCREMENT = 0.1
-"""Fraction of a load increment that the specimen may carry unnoticed, because `tare` set this load to
-zero."""
+"""When the load is set to zero, the specimen may carry at most this fraction of a load increment."""
 
 DeviceName: TypeAlias = Literal["load_frame", "stage"]
 
@@ -24,7 +23,7 @@ class Zeroing:
     key : str
         The key of `tare_max_n` in the protocol file.
     load_tolerance_n, displacement_tolerance_mm : float
-        Largest readings after they were set to zero.
+        Largest accepted readings after load and displacement were set to zero.
     """
 
     tare_max_n: float
@@ -65,7 +64,7 @@ class Demand:
 
 @dataclass(frozen=True)
 class Turn:
-    """A turn of the stage within one step; the turn must end within `settle.timeout_s`."""
+    """A turn of the stage within one step, which must end within `settle.timeout_s`."""
 
     key: str
     travel_deg: float

@@ -1,4 +1,4 @@
-"""The course of a test: parts that list their possible steps for the plan and execute them in the run.
+"""The course of a test. Each part of it lists its possible steps for the plan, and executes them in a run.
 
 Every protocol is compiled to a course, and the engine executes the steps of this course.
 """
@@ -14,8 +14,10 @@ from rig.protocol.step import Execute, ProtocolStep, Quantity, Reading
 
 @dataclass(frozen=True)
 class Span:
-    """The range of values that load, displacement or angle can have before a part of the course. `low` equals
-    `high` if the value was commanded."""
+    """The range of values that load, displacement or angle can have before a part of the course.
+
+    If the value was commanded, it is known, and `low` equals `high`.
+    """
 
     low: float
     high: float
@@ -26,7 +28,8 @@ class Span:
         return self.low == self.high
 
     def farther(self, target: float) -> float:
-        """Return the end of the range that is farther from a target; for equal distances, the lower end."""
+        """Return the end of the range that is farther from a target, or the lower end if both are equally
+        far."""
         return self.low if abs(target - self.low) >= abs(target - self.high) else self.high
 
 
@@ -36,10 +39,10 @@ class Place:
 
     Attributes
     ----------
-    spans : mapping of str to Span
-        The range of possible values for each quantity.
+    load, displacement, rotation : Span
+        The range of possible values of each quantity, in N, mm and degrees.
     load_max_n, displacement_max_mm : float
-        The limits of load and displacement; an unknown value lies between them.
+        The limits of load and displacement. A value that is not known lies between 0 and its limit.
     """
 
     load: Span = Span(0.0, 0.0)
@@ -53,7 +56,7 @@ class Place:
         return {"load": self.load, "displacement": self.displacement, "rotation": self.rotation}[quantity]
 
     def after(self, quantity: Quantity, value: float, *, early: bool = False) -> "Place":
-        """Return the possible positions after a motion to `value`; with `early`, the motion may end early."""
+        """Return the possible positions after a motion to `value`. With `early`, the motion may end early."""
         before = self.of(quantity)
         span = Span(min(before.low, value), max(before.high, value)) if early else Span(value, value)
         if quantity == "rotation":
@@ -67,7 +70,7 @@ class Part(Protocol):
     """Interface of a part of a course, such as the motion to a load. Its largest number of steps is known."""
 
     def steps(self, index: int, place: Place) -> list[ProtocolStep]:
-        """Return all steps that this part may need; the first step has the number `index`."""
+        """Return all steps that this part may need. The first step has the number `index`."""
 
     def follow(self, index: int, place: Place, reading: Reading | None, execute: Execute) -> Reading:
         """Execute the steps that are needed according to the readings, and return the last reading."""
@@ -130,8 +133,8 @@ def increments(
 ) -> list[float]:
     """Return the targets from `start` in equal increments; the last target is `total` itself.
 
-    A remainder up to `tolerance` is added to the last increment. There is no target if `start` is already
-    beyond `total`.
+    A remainder of at most `tolerance` is added to the last increment. If `start` is already beyond `total`,
+    there are no targets.
 
     Examples
     --------
@@ -152,7 +155,7 @@ class Beginning:
     Attributes
     ----------
     reference : ProtocolStep
-        The step of the reference images; its index is replaced.
+        The step of the reference images. Its index is set when the steps are listed.
     """
 
     reference: ProtocolStep = field(default_factory=lambda: ProtocolStep(1, "reference"))
@@ -168,7 +171,7 @@ class Beginning:
         return execute(reference)
 
     def end(self, place: Place) -> Place:
-        """Return the position of the devices under the preload."""
+        """Return the position of the devices after the reference images, when a preload is still applied."""
         if self.reference.quantity is None:
             return place
         return place.after("load", self.reference.target)

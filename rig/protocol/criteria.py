@@ -15,16 +15,16 @@ class Criterion(Protocol):
     """Decides after each step of a phase whether the phase ends."""
 
     def can_end(self, number: int, step: ProtocolStep) -> bool:
-        """Return True if the criterion can be checked after a step; `number` counts the phase's steps from
-        1."""
+        """Return True if the criterion can be checked after a step. The phase's first step has `number` 1."""
 
     def is_met(self, readings: Sequence[Reading]) -> bool:
-        """Return True if the last of the readings meets the criterion; the first was taken before the
-        phase."""
+        """Return True if the last reading meets the criterion. The first one was taken before the phase."""
 
     def at_readings(self) -> Callable[[Reading], bool] | None:
-        """Return a function that returns True at the reading that meets the criterion, for all readings of a
-        motion, or None if the criterion can be checked only after a step."""
+        """Return a function that checks every reading of a motion and returns True when the criterion is met.
+
+        Return None if the criterion can be checked only after a step.
+        """
 
     def describe(self) -> str:
         """Return a description of the criterion for an error message."""
@@ -47,7 +47,7 @@ class Plastic:
         return self._settings.is_evident(loads_n, [reading.displacement_mm for reading in readings])
 
     def at_readings(self) -> None:
-        """Return None, because the stiffness of an increment is known at its end."""
+        """Return None, because the stiffness of an increment is not known before its end."""
 
     def describe(self) -> str:
         """Return a description of this criterion for an error message."""
@@ -61,7 +61,8 @@ class LoadDropCriterion:
     ----------
     fraction : float
     carried_n : float
-        Load in N from which a drop counts at the readings, so that noise and grips that seat end no phase.
+        During a motion a drop counts only if the load has reached this value in N. So noise and seating grips
+        end no phase.
     """
 
     def __init__(self, fraction: float, carried_n: float) -> None:

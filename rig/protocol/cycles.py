@@ -9,7 +9,7 @@ from rig.protocol.step import Execute, ProtocolStep, Reading
 
 @dataclass(frozen=True)
 class Cycles:
-    """Cycles between two loads or two displacements; the first motion goes to the higher one.
+    """Cycles between two loads or two displacements. The first motion goes to the higher end.
 
     Attributes
     ----------
@@ -20,7 +20,7 @@ class Cycles:
         Images are taken in every cycle whose number is a multiple of this value, and in the first and last
         cycle.
     ending : Ending or None
-        The event that ends the cycles; it is checked at the higher end of every cycle.
+        The event that ends the cycles. It is checked at the higher end of every cycle.
     """
 
     move: Move
@@ -66,7 +66,7 @@ class Cycles:
         return reading
 
     def _steps_from(self, index: int, place: Place, reading: Reading) -> list[ProtocolStep]:
-        """Return the steps from the actual start; from beyond the higher end, the first motion unloads."""
+        """Return the steps from the actual start. If it is above the higher end, the first motion unloads."""
         steps = self.steps(index, place)
         start = reading.of(self.move.quantity)
         if start > self.high + self.move.tolerance:
@@ -75,6 +75,9 @@ class Cycles:
         return steps
 
     def end(self, place: Place) -> Place:
-        """Return the possible positions afterwards: the lower end; with a criterion, any up to the higher."""
+        """Return the possible positions after the cycles.
+
+        The position is the lower end. With an ending event, it is any position between both ends.
+        """
         after = place.after(self.move.quantity, self.low)
         return after if self.ending is None else after.after(self.move.quantity, self.high, early=True)

@@ -7,7 +7,7 @@ from rig.protocol.step import ProtocolStep
 
 
 def motion_times_s(steps: Sequence[ProtocolStep], speed_deg_s: float | None) -> list[float | None]:
-    """Return for each step the time from the end of the step before to its images, without the dwell time.
+    """Return for each step the time in s from the end of the previous step to the images, without the dwell.
 
     A time is None if the speed of the stage is unknown.
     """

@@ -98,7 +98,7 @@ AnyGrid: TypeAlias = Grid | CheckerboardGrid | CharucoGrid | DotGrid | Asymmetri
 
 
 def _target(table: Any) -> Any:
-    # A table without the key `target` is a line grid, as in all protocols of earlier programs.
+    # A table without the key `target` is a line grid, because protocols of earlier programs lack this key.
     return table.get("target", "lines") if isinstance(table, dict) else getattr(table, "target", None)
 
 

@@ -9,8 +9,9 @@ from rig.protocol.move import Move, commanded_or_measured
 from rig.protocol.step import Execute, ProtocolStep, Quantity, Reading
 
 _NEAR_HOLD: dict[Quantity, float] = {"load": 2.0, "displacement": 0.5}
-"""A measured value counts as the commanded one up to so many tolerances from it. A hold of the displacement
-commands nothing, so that its readings would leave the tolerance of a target near its end."""
+"""A hold keeps the commanded value if the measured value is within so many tolerances of it, otherwise the
+measured value. A hold of the displacement sends no command, so its number is small: with a larger one, the
+readings could leave the tolerance of the commanded value."""
 
 
 @dataclass(frozen=True)
@@ -20,8 +21,8 @@ class Hold:
     Attributes
     ----------
     move : Move or None
-        The held quantity; a load that leaves its tolerance is commanded again at the rate of `move`. None for
-        a rest.
+        The held quantity, or None for a rest. A load that leaves its tolerance is commanded again at the rate
+        of `move`.
     duration_s, every_s : float
         Duration of the hold, and time between images, in s. The last images are taken at the end of the hold.
     """
@@ -38,7 +39,7 @@ class Hold:
         return self._at(index, span.low if span.is_known else math.nan)
 
     def follow(self, index: int, place: Place, reading: Reading | None, execute: Execute) -> Reading:
-        """Execute all steps; the target is the load or displacement commanded or measured before the hold."""
+        """Execute all steps. Their target is the value that was commanded or measured before the hold."""
         assert reading is not None
         target = math.nan
         if self.move is not None:
@@ -48,7 +49,7 @@ class Hold:
         return reading
 
     def end(self, place: Place) -> Place:
-        """Return the possible positions afterwards; at a constant load any displacement, and vice versa."""
+        """Return the possible positions after the hold. At a constant load, any displacement is possible."""
         if self.move is None:
             return place
         span = place.of(self.move.quantity)

@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 def _known_kind(kind: object) -> object:
-    # Without this function, the error message would name only one of the valid kinds.
+    # Check the kind here, so that the error message names all valid kinds and not only one.
     if kind not in KINDS:
         raise ValueError("'tension', 'rotation' or 'phases' is expected")
     return kind

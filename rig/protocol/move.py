@@ -21,7 +21,7 @@ class Ending:
     ----------
     criterion : Criterion
     failure : callable or None
-        Makes the error if the event never happens, or None if the test continues with the next phase then.
+        Makes the error if the event never happens. None if the test then continues with the next phase.
     """
 
     criterion: Criterion
@@ -35,13 +35,13 @@ class Move:
     Attributes
     ----------
     quantity : str
-        "load", "displacement" or "rotation"; also the kind of the steps.
+        "load", "displacement" or "rotation". The steps have the same kind.
     rate : float
         In N/s or mm/s, or NaN for a rotation.
     tolerance : float
         Settle tolerance in N, mm or deg.
     is_timed : bool
-        True if a step may take the planned time of its motion in addition to `settle.timeout_s`.
+        True if a step may take longer than `settle.timeout_s`, by the planned time of its motion.
     """
 
     quantity: Quantity
@@ -50,7 +50,7 @@ class Move:
     is_timed: bool = True
 
     def duration_s(self, travel: float) -> float:
-        """Return the planned duration of a motion in s; 0 if the rate is unknown."""
+        """Return the planned duration of a motion in s, or 0 if the rate is unknown."""
         return 0.0 if math.isnan(self.rate) else travel / self.rate
 
     def step(
@@ -75,9 +75,10 @@ class Move:
 
 
 def commanded_or_measured(place: Place, move: Move, reading: Reading, tolerances: float) -> float:
-    """Return the value at which a part of the course begins.
+    """Return the commanded value if the measured value is near it, otherwise the measured value.
 
-    The commanded value is not the actual one if the motion to it was left out.
+    A part of the course begins at this value. The measured value can be far from the commanded one if the
+    motion to the latter was left out.
     """
     span, measured = place.of(move.quantity), reading.of(move.quantity)
     is_there = span.is_known and not abs(measured - span.low) > tolerances * move.tolerance
@@ -85,7 +86,7 @@ def commanded_or_measured(place: Place, move: Move, reading: Reading, tolerances
 
 
 def has_ended(ending: Ending, number: int, step: ProtocolStep, readings: Sequence[Reading]) -> bool:
-    """Return True if the event that ends a phase has happened up to the last of the readings."""
+    """Return True if the event that ends a phase has happened at or before the last reading."""
     if readings[-1].ends_phase:
         return True
     return ending.criterion.can_end(number, step) and ending.criterion.is_met(readings)

@@ -11,8 +11,8 @@ from rig.protocol.criteria import Until
 HOURS_MAX = 30 * 24
 CYCLES_MAX = 20_000
 IfPassed: TypeAlias = Literal["go-on", "go-back", "fail"]
-"""What a motion outwards does if its target has been passed already: leave the phase out, move back to the
-target, or end the run."""
+"""What a motion to a higher value does if its target has been passed already: the phase is left out, the
+motion goes back to the target, or the run ends."""
 _SECONDS_MAX = HOURS_MAX * 3600.0
 
 
@@ -23,7 +23,7 @@ def _at_most_one(table: Settings, *names: str) -> None:
 
 
 class LoadImages(Settings):
-    """The times of images during a motion to a load; by default once, at the end."""
+    """The times of images during a motion to a load. By default they are taken once, at the end."""
 
     every_n: float | None = Field(default=None, gt=0.0, description="stop and settle after every increment")
     every_s: float | None = Field(default=None, gt=0.0, description="during the motion, at equal times")
@@ -36,7 +36,7 @@ class LoadImages(Settings):
 
 
 class DisplacementImages(Settings):
-    """The times of images during a motion to a displacement; by default once, at the end."""
+    """The times of images during a motion to a displacement. By default they are taken once, at the end."""
 
     every_mm: float | None = Field(default=None, gt=0.0, description="stop and settle after every increment")
     every_s: float | None = Field(default=None, gt=0.0, description="during the motion, at equal times")
@@ -49,19 +49,19 @@ class DisplacementImages(Settings):
 
 
 class AngleImages(Settings):
-    """The times of images during a turn to an angle; by default once, at the end."""
+    """The times of images during a turn to an angle. By default they are taken once, at the end."""
 
     every_deg: float | None = Field(default=None, gt=0.0, description="stop and settle after every increment")
 
 
 class HoldImages(Settings):
-    """The times of images during a hold; images are always taken at the end."""
+    """The times of images during a hold. Images are always taken at its end."""
 
     every_s: float | None = Field(default=None, gt=0.0, description="counted from the start of the hold")
 
 
 class CycleImages(Settings):
-    """The cycles in which images are taken, at both ends; the first and the last cycle always have images."""
+    """The cycles with images, which are taken at both ends. The first and last cycle always have images."""
 
     every_cycles: int = Field(default=1, ge=1)
 
@@ -85,7 +85,7 @@ class CyclesUntil(Settings):
 
 
 class Preload(Settings):
-    """A small load under which the reference images are taken; only the first phase may be a preload."""
+    """A small load under which the reference images are taken. Only the first phase may be a preload."""
 
     do: Literal["preload"]
     load_n: float = Field(gt=0.0)

@@ -1,4 +1,4 @@
-"""The criterion for plastic deformation. Plastic deformation ends the increments of load."""
+"""The criterion for plastic deformation, which ends the increments of load."""
 
 from collections.abc import Sequence
 
@@ -9,13 +9,13 @@ from rig.errors import ProtocolError
 
 
 class PlasticCriterion(Settings):
-    """Plastic deformation is evident if a load increment is clearly less stiff than the stiffest increment.
+    """Plastic deformation is evident if a load increment is clearly softer than the stiffest increment.
 
     The stiffness of an increment is the change of load ΔF divided by the change of grip displacement Δu
     between two settled steps. The first increments can have a low stiffness, because the grips settle and
     slip. Therefore each increment is compared with the *stiffest* increment so far and not with the first
     increment. Slip can also reduce the stiffness of a later increment. `judged_above_n` is the load up to
-    which slip is expected; increments to this load or less are not judged.
+    which slip is expected. Increments to this load or less are not judged.
     """
 
     stiffness_fraction: float = Field(

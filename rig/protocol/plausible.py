@@ -8,7 +8,7 @@ from drivers.settings import Settings
 
 
 class Plausible(Settings):
-    """Bounds for the agreement of load and displacement. A missing value is derived from the other values.
+    """Bounds for the agreement of load and displacement. A missing bound is derived from the others.
 
     The load string is the specimen with grips and load frame in series. All values belong to the first
     loading, in tension. `rig.limits.stiffness` gives the defaults and their physics.

@@ -49,7 +49,7 @@ def parse_protocol(table: dict[str, Any]) -> Protocol:
 
 
 def _in_the_file(mistake: str) -> str:
-    """Name the phase of a mistake by its number in the file, counted from 1, and by its key `do`."""
+    """Name the phase that has a mistake by its number in the file, counted from 1, and by its key `do`."""
     mistake = re.sub(r"^phases\.(\d+)\.([a-z-]+)\.", lambda m: f"phase {int(m[1]) + 1} ({m[2]}): ", mistake)
     mistake = re.sub(r"^phases\.(\d+)(?=[.:])", lambda m: f"phase {int(m[1]) + 1}", mistake)
     return re.sub(r"^grid\.(lines|checkerboard|charuco|dots|asymmetric-dots)(?=[.:])", "grid", mistake)

@@ -20,7 +20,7 @@ from rig.protocol.tables import RotationSettle, Sample, too_fine
 
 
 class Rotation(Settings):
-    """Settings for the increments of angle from the reference at 0 degrees to a total.
+    """Settings for the increments of angle, from the reference at 0 degrees to a total angle.
 
     The last increment is smaller if the total is not a multiple of the increment.
     """

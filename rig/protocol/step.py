@@ -38,9 +38,9 @@ _QUANTITIES: dict[StepKind, Quantity] = {
 
 @dataclass(frozen=True)
 class Reading:
-    """Load, displacement and angle at `time_s` of the rig's clock. Values of a missing device are NaN.
+    """Load, displacement and angle at the time `time_s` of the rig's clock. A missing device gives NaN.
 
-    `ends_phase` is True for the last reading of a step during which the event happened that ends the phase.
+    If the event that ends the phase happens during a step, `ends_phase` is True in the step's last reading.
     """
 
     time_s: float
@@ -51,7 +51,7 @@ class Reading:
     ends_phase: bool = False
 
     def by_unit(self) -> dict[str, float]:
-        """Return load, displacement and angle under the keys "N", "mm" and "deg"; leave out NaN values."""
+        """Return load, displacement and angle under the keys "N", "mm" and "deg". Leave out NaN values."""
         values = {"N": self.load_n, "mm": self.displacement_mm, "deg": self.angle_deg}
         return {unit: value for unit, value in values.items() if not math.isnan(value)}
 
@@ -77,26 +77,27 @@ class ProtocolStep:
     target, tolerance : float
         Target and settle tolerance, in N, mm or degrees depending on `kind`. NaN for a step without a target.
     rate : float
-        Load rate in N/s or speed in mm/s, depending on `kind`. NaN for a step without a target and for a
-        rotation, because the stage's driver sets the speed of a rotation.
+        Load rate in N/s or speed in mm/s, depending on `kind`. NaN for a step without a target. Also NaN for
+        a rotation, because the stage's driver sets its speed.
     conditional : bool
         True if the behaviour of the specimen decides whether the step is needed.
     at_s : float
-        Time of the images, in s after the motion or the hold began. NaN if the step first settles.
+        Time of the images, in s after the motion or the hold began. NaN if the images follow settling.
     begins : bool
-        True if the step begins a motion or hold; False if it continues the motion or hold of the step before.
+        True if the step begins a motion or hold. False if it continues the one of the step before.
     images : bool
         False for a motion without images, such as a cycle between two cycles with images.
     travel : float
-        Estimated distance to the target, in the unit of the target, or NaN for a step without motion.
+        Estimated distance from the start of the step to its target, in the target's unit. NaN without a
+        motion.
     motion_s : float
         Planned time of the motion in s, which is allowed in addition to `settle.timeout_s`.
     load_drop : str
         The meaning of a fall of the load during the step.
     passed : bool
-        True if the target has been passed already: the step is left out, and nothing moves.
+        True if the target has been passed already, so that the step is left out and nothing moves.
     event : callable or None
-        Called with every reading of the step; returns True at the event that ends the phase at once.
+        Called with every reading of the step. Returns True at the event that ends the phase at once.
     """
 
     index: int
@@ -121,7 +122,7 @@ class ProtocolStep:
 
     @property
     def unit(self) -> str:
-        """The unit of the target; empty for a step without a target."""
+        """The unit of the target. A step without a target has an empty unit."""
         return "" if math.isnan(self.target) else UNITS[self.kind]
 
     @property

@@ -38,7 +38,8 @@ class RotationSettle(Settle):
 class PhasesSettle(Settle):
     """The conditions under which load, displacement and angle count as settled, for protocols with phases.
 
-    A motion may take its planned time in addition to `timeout_s`; a rotation must end within `timeout_s`.
+    A motion of the load frame may take its planned time and `timeout_s`. A rotation must end within
+    `timeout_s`.
     """
 
     load_tolerance_n: float | None = Field(default=None, gt=0.0)
@@ -57,8 +58,7 @@ class Limits(Settings):
 
 
 def too_fine(name: str, increment: float, tolerance: float) -> list[str]:
-    """Return a mistake if an increment is so small that the readings are within the tolerance before the
-    motion."""
+    """Return a mistake if an increment is so small that it could count as reached before its motion."""
     if increment > 2.0 * tolerance:
         return []
     return [f"{name} must be more than twice its settle tolerance, {tolerance:g}, got {increment:g}"]

@@ -103,8 +103,7 @@ class TensionProtocol(Settings):
 
     @cached_property
     def course(self) -> Course:
-        """The course of the test: grid and reference images, a motion to a load, and one to a
-        displacement."""
+        """The course of the test: grid images, reference images, load increments, displacement increments."""
         loading, stretching, settle = self.loading, self.stretching, self.settle
         to_load = Approach(
             Move("load", loading.rate_n_s, settle.load_tolerance_n, is_timed=False),
@@ -122,7 +121,7 @@ class TensionProtocol(Settings):
         return Course((Beginning(), to_load, to_displacement), start)
 
     def steps(self) -> list[ProtocolStep]:
-        """Return the steps of the longest possible test: all load increments, and displacement from zero."""
+        """Return the steps of the longest possible test. Its displacement increments begin at zero."""
         return self.course.steps()
 
     def follow(self, execute: Execute) -> None:

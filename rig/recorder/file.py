@@ -19,18 +19,16 @@ from rig.recorder.space import ReservedSpace
 from rig.recorder.tables import CameraTable, Table, create_entry, create_group, create_text, fit
 
 ROW_BYTES = 256 << 10
-"""Upper bound of the file's growth by one row of any table: new chunks of all columns, and HDF5's index of
-them."""
+"""One row of any table lets the file grow by at most so many bytes, with new chunks and their index."""
 
 _CACHE_BYTES = 64 << 10
-"""Size of HDF5's cache of each column. The default of 1 MiB would fill up slowly during a long run."""
+"""Size in bytes of HDF5's cache of each column. The default of 1 MiB would fill up slowly in a long run."""
 _NEVER_RELEASED: list[Any] = []
-"""HDF5 files that could not be closed. This list keeps them, because h5py may crash when it releases such a
-file."""
+"""This list keeps HDF5 files that could not be closed, because h5py may crash when it releases them."""
 
 
 class OpenRunFile:
-    """A new run file; only one thread may use it at a time.
+    """A new run file. Only one thread may use it at a time.
 
     Every method raises OSError or RuntimeError if the file cannot be written. After such an error of a method
     other than `require_space`, call `abandon`.
@@ -71,7 +69,8 @@ class OpenRunFile:
             tables = len(cameras) + len(interlocks) + 5
             self.require_space(len("".join(texts).encode()) + tables * ROW_BYTES)
             self._create(header, cameras, devices, interlocks)
-            # A program that is killed before leaves no file of a run that cannot be read.
+            # Rename the file only now, so that a program killed earlier leaves no run file that cannot be
+            # read.
             if path.exists():
                 raise FileExistsError(path)
             self._path = unfinished.rename(path)
@@ -110,8 +109,7 @@ class OpenRunFile:
         # later, so all datasets must exist before SWMR mode is switched on.
         self._hdf5.swmr_mode = True
         self._hdf5.flush()
-        # The flush has shortened the file to its data, so the reserved space behind them must be reserved
-        # again.
+        # Reserve the space behind the data again, because the flush has cut the file off after its data.
         self._space = ReservedSpace(self._descriptor)
         self.require_space(0)
         self._superblock = os.pread(self._descriptor, SUPERBLOCK_BYTES, BLOCK_BYTES)
@@ -127,12 +125,12 @@ class OpenRunFile:
             create_text(group, schema.SETTINGS, header.devices.get(device, "{}"))
 
     def require_space(self, size: int) -> None:
-        """Reserve disk space for `size` more bytes and for closing the file; OSError if the space is not
-        available."""
+        """Reserve disk space for `size` more bytes and for closing the file. Raise OSError if there is too
+        little."""
         self._space.require(self._hdf5.id.get_filesize(), size)
 
     def add_frame(self, camera: str, frame: Frame, step: int, digest: str, order: int) -> None:
-        """Add an image to its camera's table; `step` is the row of the step that the image belongs to."""
+        """Add an image to its camera's table. `step` is the row of the step to which the image belongs."""
         self._cameras[camera].append(frame, step, digest, order)
 
     def add_state(self, device: str, values: Mapping[str, float]) -> None:
@@ -140,7 +138,7 @@ class OpenRunFile:
         self._states[device].append(**values)
 
     def add_step(self, record: StepRecord, order: int) -> None:
-        """Add a finished step; its images must have been added before."""
+        """Add a finished step, whose images must have been added before."""
         firsts = {schema.first_row(name): first for name, (first, _) in record.frames.items()}
         counts = {schema.row_count(name): count for name, (_, count) in record.frames.items()}
         self._steps.append(
@@ -162,11 +160,11 @@ class OpenRunFile:
         self._events.append(level=level, source=source, message=message, order=order, time_s=time_s)
 
     def add_setting(self, device: str, moment: schema.Moment, name: str, value: str, **row: float) -> None:
-        """Add a setting that a device reported; `value` is JSON, and `row` has `order` and `time_s`."""
+        """Add a setting that a device reported. `value` is JSON, and `row` has `order` and `time_s`."""
         self._reported.append(device=device, moment=moment, name=name, value=value, **row)
 
     def commit(self) -> None:
-        """Write all added rows: pixels before the rows that mark them as valid, images before their step."""
+        """Write all added rows: pixels before the rows that mark them valid, and images before their step."""
         for camera in self._cameras.values():
             camera.write()
             camera.table.acknowledge()
@@ -194,19 +192,19 @@ class OpenRunFile:
         self._space.release(self._path.stat().st_size)
         self._write_block(UserBlock(self._superblock, file_digest(self._path, pixels)))
         self.synchronise()
-        with suppress(PermissionError):  # this file system has no permissions, for example FAT
+        with suppress(PermissionError):  # a file system like FAT has no permissions
             os.fchmod(self._descriptor, self._path.stat().st_mode & ~0o222)
         self._release_descriptor()
         _synchronise_folder(self._path.parent)
 
     def abandon(self) -> None:
-        """Release a file that cannot be written any more; data that are already on the disk stay there.
+        """Release a file that cannot be written any more. Data that are already on the disk stay there.
 
         HDF5 writes when it closes a file, and h5py may crash when it releases a file whose close failed. So
-        HDF5's file descriptor is first replaced by one of a file in memory, where these last writes succeed
-        and have no effect. Then the file is marked as closed, so that every program can open it. HDF5 may
-        keep the file open nevertheless, so `close` does nothing after `abandon`. Otherwise HDF5 would read
-        from the empty file in memory, and repeat these reads for ever.
+        HDF5's file descriptor is first replaced by that of a file in memory, where the last writes succeed
+        and have no effect. Then the run file is marked as closed, so that every program can open it. HDF5 may
+        still keep its file open. Therefore `close` does nothing after `abandon`: HDF5 would read from the
+        empty file in memory, and repeat these reads for ever.
         """
         self._abandoned = True
         if self._hdf5:
@@ -232,12 +230,12 @@ class OpenRunFile:
 
 
 def _unfinished(path: Path) -> Path:
-    """Return the name that a run file has until it can be read."""
+    """Return the name that a run file has until other programs can read it."""
     return path.with_name(f".{path.name}.unfinished")
 
 
 def _new(unfinished: Path, path: Path) -> int:
-    """Return a locked descriptor of an empty file, of which only this program creates the run file `path`.
+    """Return a locked descriptor of an empty file, which only this program can rename to the run file `path`.
 
     A file that a killed program has left under this name is emptied.
 
@@ -252,7 +250,7 @@ def _new(unfinished: Path, path: Path) -> int:
             lock.hold(descriptor)
         except BlockingIOError as error:
             raise FileExistsError(f"{path} is created by another program") from error
-        except OSError:  # this file system has no locks
+        except OSError:  # ignore the error, because this file system has no locks
             pass
         # Another program may have renamed its file before this program got the lock.
         if not os.path.samestat(os.fstat(descriptor), unfinished.stat()):
@@ -271,7 +269,7 @@ def _synchronise_folder(folder: Path) -> None:
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)
-    except OSError:  # some network file systems cannot synchronise a folder
+    except OSError:  # ignore the error, because some network file systems cannot synchronise a folder
         pass
     finally:
         os.close(descriptor)

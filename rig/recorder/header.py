@@ -26,7 +26,7 @@ _PACKAGES = ("offaxis", "numpy", "h5py", "pydantic")
 def make_header(
     protocol: Protocol, definition: str, rig_file: RigFile, rig: Rig, continues: str = ""
 ) -> RunHeader:
-    """Collect the data about a run on an opened rig; `definition` is the text of the protocol file."""
+    """Collect the data about a run on an opened rig. `definition` is the text of the protocol file."""
     start = rig.clock.utc()
     digest = hashlib.sha256((definition + rig_file.text).encode()).hexdigest()
     return RunHeader(
@@ -79,7 +79,7 @@ def _devices(rig_file: RigFile, rig: Rig) -> dict[str, str]:
 
 
 def _device(entry: DeviceEntry | None, device: Any) -> dict[str, Any]:
-    """Return a device's driver, its settings from the rig file, and whether it reports its settings."""
+    """Return a device's driver, its settings from the rig file, and whether its driver reports settings."""
     return {
         "driver": "" if entry is None else entry.driver,
         "asked": {} if entry is None else entry.settings.model_dump(mode="json"),

@@ -1,4 +1,4 @@
-"""Write the run file so that it has every finished step even if the program is killed (docs/run-file.md)."""
+"""Write the run file. It keeps every finished step even if the program is killed (docs/run-file.md)."""
 
 import errno
 from collections import Counter
@@ -44,7 +44,7 @@ class Recorder:
         The new run file. An existing file is never overwritten.
     header : RunHeader
     cameras : mapping of str to CameraInfo
-        The description of each camera, by the camera's name in the rig file.
+        The identity and picture format of each camera, by the camera's name in the rig file.
     stage, load_frame : DeviceInfo or None
         The descriptions of the stage and the load frame, or None for a missing device.
     interlocks : mapping of str to InterlockRecord, optional
@@ -145,7 +145,7 @@ class Recorder:
                 )
 
     def step(self, record: StepRecord) -> "Future[None]":
-        """Append a finished step; the future is done when the step and its images are on the disk."""
+        """Append a finished step. The future is done when the step and its images are on the disk."""
         with self._order:
             order = next(self._numbers)
             done = self._put(
@@ -187,7 +187,8 @@ class Recorder:
         ended = self._writer.end(lambda: self._end(status, reason, end))
         self._hashing.shutdown(wait=False)
         try:
-            # The longest time to close: write full queues, synchronise the file, and compute its digest.
+            # Closing may take long, because it writes full queues, synchronises the file and computes its
+            # digest.
             ended.result(_CLOSING_S + self._settings.answer_s)
         except TimeoutError as error:
             raise self._silence("closing the run file") from error
@@ -208,7 +209,7 @@ class Recorder:
             raise self._writer.failure from error
 
     def _own(self, camera: str, image: NDArray[Any]) -> NDArray[Any]:
-        """Return the image for the writer's thread: a copy, unless no other code can change the image."""
+        """Return an image that no other code can change: a copy, or the image itself if it is read-only."""
         info = self._cameras[camera]
         shape, dtype = (info.height_px, info.width_px), np.uint8 if info.bits <= 8 else np.uint16
         if image.shape != shape or image.dtype != dtype:

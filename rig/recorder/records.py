@@ -13,13 +13,13 @@ from rig.protocol.tables import Sample
 
 OPERATOR_DONE = "operator: done"
 STEP_ON_FILE = "the step is on file"
-"""Messages of events that end a wait during which the devices were read; a replay ends its waits there
+"""Messages of events at the end of a wait during which the devices were read. A replay ends its waits there
 too."""
 
 STEP_REACHED = "reached without images: step"
 PHASE_ENDED = "the event of the phase has happened in step"
-"""Beginnings of the messages of events about a step, followed by the number of the step. A run that is
-continued needs these events, because a step without images is not in the table of steps."""
+"""Each is the beginning of a message about a step, and the number of the step follows. A run that is
+continued needs these events, because the table of steps does not contain steps without images."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class RunHeader:
         For each device of the run file (a camera's name, ``stage``, ``load_frame``, or for the interlock door
         ``interlocks.door``) its settings, as JSON.
     continues : str
-        The earlier run that this run continues, as JSON; empty if there is no earlier run.
+        The earlier run that this run continues, as JSON. The text is empty if there is no earlier run.
     mounting : Mounting
         The declared mounting of grid and specimen.
     """
@@ -58,7 +58,7 @@ class RunHeader:
 
 @dataclass(frozen=True)
 class InterlockRecord(DeviceInfo):
-    """An interlock of a run: its identity, and the range of its value in which the run continues.
+    """An interlock of a run, with its identity and the range of its value in which the run continues.
 
     A missing bound is -inf or inf.
     """

@@ -1,8 +1,8 @@
 """Reserve disk space for a file before the file grows.
 
 HDF5 cannot close a file whose writes failed, and h5py may crash when it releases such a file. So the space
-for every write is reserved beforehand, and no write fails on a full disk. `CLOSING_BYTES` more are reserved,
-so that the file can still be closed.
+for every write is reserved beforehand, and no write fails on a full disk. `CLOSING_BYTES` are reserved in
+addition, so that the file can always be closed.
 """
 
 import ctypes
@@ -42,8 +42,8 @@ class ReservedSpace:
         Raises
         ------
         OSError
-            ENOSPC if the disk is full; EFBIG if the file system or a limit of the process does not allow the
-            size.
+            The error number is ENOSPC if the disk is full, and EFBIG if the file system or a limit of the
+            process does not allow the size.
         """
         needed, largest = end + more + CLOSING_BYTES, min(self._volume_bytes, _largest_of_process())
         if needed > largest:
@@ -84,7 +84,7 @@ def largest_file_bytes(folder: Path) -> int:
 
 
 def _largest_of_volume(descriptor: int) -> int:
-    """Return the largest file size of the file system; `lseek` refuses a larger position."""
+    """Return the largest file size of the file system, which is the largest position that `lseek` accepts."""
     low, high = 0, 2**63 - 1
     while low < high:
         middle = low + (high - low + 1) // 2
@@ -102,7 +102,7 @@ def _largest_of_process() -> int:
 
 
 def _allocate(descriptor: int, start: int, length: int) -> None:
-    # Do not use `os.posix_fallocate`: it changes the size of the file, and may write every byte of the space.
+    # Do not use `os.posix_fallocate`, because it changes the file's size and may write every reserved byte.
     libc = ctypes.CDLL(None, use_errno=True)
     size = ctypes.c_int64
     while libc.fallocate(descriptor, _KEEP_SIZE, size(start), size(length)) != 0:

@@ -1,4 +1,4 @@
-"""Create and fill the HDF5 groups, datasets and tables of a run file; `dic.runfile.schema` describes them."""
+"""Create and fill the HDF5 groups, datasets and tables of a run file. `dic.runfile.schema` describes them."""
 
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, timedelta
@@ -19,7 +19,7 @@ _CHUNK_ROWS = 256
 
 
 class Table:
-    """A table of the run file: an HDF5 group with one dataset for each column."""
+    """A table of the run file, which is an HDF5 group with one dataset for each column."""
 
     def __init__(self, group: Any, layout: schema.Group) -> None:
         self._length = 0
@@ -44,11 +44,10 @@ class Table:
 
 
 class _Column:
-    """A column of a table, which is written by h5py's low-level functions.
+    """A column of a table. It is written with h5py's low-level functions.
 
-    A run writes all columns at each reading of a device. An assignment to an h5py dataset would take nine
-    times as long, because each assignment determines the types and the selection again, and makes HDF5
-    objects for them.
+    A run writes all columns at each reading of a device. Assignments to an h5py dataset would take nine times
+    as long, because each of them determines the types and the selection again, and makes new HDF5 objects.
     """
 
     def __init__(self, group: Any, item: schema.Item) -> None:
@@ -77,7 +76,7 @@ def _rows_in_memory(count: int) -> Any:
 
 
 class CameraTable:
-    """The images of one camera, each in one HDF5 chunk, and the table with one row for each image."""
+    """The images of one camera, and the table with one row for each image. Each image is one HDF5 chunk."""
 
     def __init__(self, instrument: Any, name: str, info: CameraInfo) -> None:
         group = create_group(instrument, name, schema.DETECTOR, info)
@@ -160,7 +159,7 @@ def create_entry(file: Any, header: RunHeader) -> Any:
 
 
 def create_group(parent: Any, name: str, layout: schema.Group, described: object = None) -> Any:
-    """Create a group, and copy its attributes from the attributes of `described` with the same names."""
+    """Create a group. Its HDF5 attributes are copied from the attributes of `described` with these names."""
     group = parent.create_group(name)
     _set_text(group.id, "NX_class", layout.nx_class)
     for attribute in layout.attributes:
@@ -187,8 +186,8 @@ def _create_filled(group: Any, item: schema.Item, values: NDArray[Any]) -> None:
 def create_dataset(group: Any, item: schema.Item, dtype: np.dtype[Any], space: Any, properties: Any) -> Any:
     """Create a dataset with its unit, and return h5py's low-level object.
 
-    A run file has about 100 datasets. `create_dataset` of h5py takes three times as long, and a run begins
-    with it.
+    A run begins by creating about 100 datasets, for which h5py's own `create_dataset` takes three times as
+    long.
 
     Parameters
     ----------
@@ -218,7 +217,7 @@ def _any_text() -> tuple[np.dtype[Any], Any, Any, Any]:
 
 
 def _dtype(item: schema.Item, text_bytes: int = 0) -> np.dtype[Any]:
-    """Return the declared type; `text_bytes` is the size of a text without a declared size."""
+    """Return the declared type. `text_bytes` is the size of a text without a declared size."""
     if item.text_bytes is None:
         return np.dtype(item.dtype)
     # HDF5 texts must have at least one byte.
@@ -241,14 +240,14 @@ def _growing() -> tuple[Any, Any]:
 
 @cache
 def _properties() -> Any:
-    """Return the creation properties of all datasets; a dataset stores no date, as the run file has one."""
+    """Return the creation properties of all datasets. They store no date, because the run file has one."""
     properties = h5p.create(h5p.DATASET_CREATE)
     properties.set_obj_track_times(False)
     return properties
 
 
 def fit(text: str, size: int) -> bytes:
-    """Encode `text` in at most `size` bytes without splitting a character."""
+    """Encode `text`, and cut it off after at most `size` bytes without splitting a character."""
     return text.encode()[:size].decode(errors="ignore").encode()
 
 

@@ -1,4 +1,4 @@
-"""The thread that writes the run file: a queue of jobs, which are written in batches."""
+"""The thread that writes the run file. It takes jobs from a queue and writes them in batches."""
 
 import threading
 from collections import Counter, deque
@@ -13,7 +13,7 @@ from rig.recording import RecordingSettings
 _JOBS_MAX = 100_000
 _BATCH = 8
 GATHER_S = 0.05
-"""Writing eight rows together takes a sixth of the time of writing them one by one."""
+"""A row waits at most this time in s for others, because writing eight rows at once is six times as fast."""
 
 
 @dataclass
@@ -29,7 +29,7 @@ class Job:
     camera : str or None
         The camera whose image is written.
     size : int
-        Bytes of the image.
+        Size of the image in bytes; 0 without an image.
     wait_for_disk : bool
         True if the job is done only after the file was synchronised with the disk.
     done : Future
@@ -62,7 +62,7 @@ class Writer(threading.Thread):
     failed : callable
         Function that makes the error for a failed job, from the job's description and the exception.
     gather_s : float
-        Longest real time in s that a reading or an event waits for others to be written with it.
+        Longest real time in s for which a reading or an event waits, in order to be written with other rows.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class Writer(threading.Thread):
         self.failure: Exception | None = None
 
     def put(self, job: Job) -> bool:
-        """Append a job and return at once. Return False if too many jobs, or images of this camera, wait."""
+        """Append a job and return at once. Return False if too many jobs or images of this camera wait."""
         with self._changed:
             full = len(self._jobs) >= _JOBS_MAX
             if full or (job.camera and self._waiting[job.camera] >= self._settings.queue_frames):
@@ -108,8 +108,7 @@ class Writer(threading.Thread):
             )
 
     def end(self, last: Callable[[], None]) -> "Future[None]":
-        """End the thread after the waiting jobs; before the end, the thread calls `last`, even if a job
-        fails."""
+        """Let the thread write the waiting jobs, call `last` even if a job has failed, and end."""
         with self._changed:
             self._last = last
             self._changed.notify_all()
@@ -121,7 +120,7 @@ class Writer(threading.Thread):
         return 0.0 if began_s is None else self._clock.now_s() - began_s
 
     def run(self) -> None:
-        """Write jobs until `end` is called; this method runs on the thread."""
+        """Write jobs until `end` is called. This method runs on the thread."""
         while jobs := self._next_jobs():
             self._began_s = self._clock.now_s()
             if self.failure is None:
@@ -148,7 +147,7 @@ class Writer(threading.Thread):
             self._synchronise_quietly()
 
     def _has_batch(self) -> bool:
-        """Return whether the waiting jobs shall be written now."""
+        """Return whether the waiting jobs should be written now."""
         full = len(self._jobs) >= _BATCH or self._last is not None
         return full or any(job.urgent for job in self._jobs)
 
@@ -172,8 +171,7 @@ class Writer(threading.Thread):
             job.done.set_result(None)
 
     def _affordable(self, jobs: list[Job]) -> Iterator[Job]:
-        """Yield the jobs one after the other, each after disk space for it was reserved; end at a full
-        disk."""
+        """Reserve disk space for one job after the other, and yield each of them. End at a full disk."""
         for job in jobs:
             try:
                 self._file.require_space(job.size + ROW_BYTES)
@@ -207,7 +205,7 @@ class Writer(threading.Thread):
             self._changed.notify_all()
 
     def _forget(self, jobs: list[Job]) -> None:
-        """Remove jobs from the queue; the futures of jobs that were not written get an exception."""
+        """Remove jobs from the queue. The futures of jobs that were not written get an exception."""
         with self._changed:
             for job in jobs:
                 if job.camera:

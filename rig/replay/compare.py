@@ -9,12 +9,11 @@ from dic.runfile import schema
 from dic.runfile.reader import RunFile
 
 _APART = {schema.ORDER.name}
-"""Columns that are not compared: the order of rows differs, because a replay repeats no warnings of
-devices."""
+"""Columns that are not compared. The order of rows differs, because a replay records no device warnings."""
 
 
 def differences(run: RunFile, replayed: RunFile) -> list[str]:
-    """Return one sentence for each difference in images, readings and steps; none if both are identical."""
+    """Return one sentence for each difference in images, readings and steps."""
     found = []
     tables = ["steps", *(f"instrument/{name}" for name in ("stage", "load_frame", *run.cameras))]
     tables += [f"interlocks/{name}" for name in sorted(run.interlocks.keys() | replayed.interlocks.keys())]

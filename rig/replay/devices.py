@@ -59,8 +59,8 @@ class Readings(Generic[S]):
             error = self._ended(self._device)
             if error is not None:
                 raise error from None
-            # After a run the engine reads the machine once more, without recording; return the last reading
-            # again.
+            # Return the last reading again. After a run the engine reads the machine once more without
+            # recording it.
             return self._state(self.taken - 1)
         self.taken += 1
         self._clock.sleep(state.time_s - self._clock.now_s() - _LAG_S)

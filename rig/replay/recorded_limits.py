@@ -1,4 +1,4 @@
-"""The limits with which an archived run was watched, so that its replay ends at the same reading."""
+"""The limits that applied to an archived run. With them its replay ends at the same reading."""
 
 import math
 import tomllib
@@ -13,7 +13,7 @@ from rig.replay.script import of_another_version
 
 
 def limits_of_load_frame(run: RunFile) -> LoadFrameLimits:
-    """Return the limits in the settings of the run's load frame; a limit that is not there is infinite."""
+    """Return the limits in the settings of the run's load frame. A limit that is missing is infinite."""
     asked = run.asked("load_frame").get("asked", {})
     found = {}
     for each in fields(LoadFrameLimits):
@@ -30,7 +30,7 @@ def limits_of_rig(run: RunFile) -> RigLimits:
     Raises
     ------
     ReplayError
-        If the table is not one of this version.
+        If this version of the program cannot read the table.
     """
     try:
         return RigLimits.model_validate(tomllib.loads(run.info.configuration).get("limits", {}))

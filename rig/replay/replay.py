@@ -1,4 +1,4 @@
-"""Replay a run: the same protocol, engine and recorder, with devices that return the recorded data."""
+"""Replay a run with the same protocol, engine and recorder. The devices return the recorded data."""
 
 import json
 import math
@@ -42,7 +42,7 @@ from rig.replay.recorded_limits import limits_of_load_frame, limits_of_rig
 from rig.replay.script import Script, of_another_version
 
 _POLL_S = 1e-3
-"""Time in s between two readings of the replay; each reading then waits until its recorded time."""
+"""Short time in s between two readings of the replay, because each reading waits until its recorded time."""
 _NEVER_S = 1e12
 
 
@@ -161,7 +161,7 @@ class _ReplayEngine(Engine):
 
 
 class _ReplayRecorder(Recorder):
-    """A recorder that makes the engine take as many readings before each row as in the recorded run.
+    """A recorder that makes the engine take as many readings before each row as in the recorded run did.
 
     In the recorded run, the engine read the devices while it waited for a camera, the operator or the disk.
     """
@@ -188,13 +188,13 @@ class _ReplayRecorder(Recorder):
         self._readings = readings
 
     def frame(self, camera: str, frame: Frame) -> int:
-        """Append one image, after the readings that the record has before it."""
+        """Append one image, after the engine has taken the readings that the record has before this image."""
         self._catch_up(camera)
         self._replayed[camera].recorded += 1
         return super().frame(camera, frame)
 
     def event(self, time_s: float, level: schema.Level, source: str, message: str) -> None:
-        """Append an event, after the readings that the record has before it."""
+        """Append an event, after the engine has taken the readings that the record has before this event."""
         if message in self._counts:
             self._catch_up(message)
         super().event(time_s, level, source, message)

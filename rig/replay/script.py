@@ -23,7 +23,7 @@ class ReplayError(RigError):
 
 
 def of_another_version(run: RunFile, what: str, error: Exception) -> ReplayError:
-    """Return the error that a text in a run file, such as its protocol, is not one of this version."""
+    """Return the error for a text in a run file, such as its protocol, that this version cannot read."""
     return ReplayError(
         str(run.path),
         f"a run with a {what} of this version",
@@ -40,12 +40,12 @@ class Script:
     ----------
     run : RunFile
     stage, load_frame : mapping of str to ndarray
-        The columns of the readings; empty for a missing device.
+        The columns of the readings. A missing device has none.
     interlocks : dict of str to mapping
         The columns of the readings of each interlock.
     readings_before : dict of str to list of int
-        Numbers of readings that were recorded before each image, keyed by the camera's name, and before each
-        event that ends a wait, keyed by the event's message.
+        The list under a camera's name has the number of readings before each of its images. The list under
+        the message of an event that ends a wait has the number of readings before each such event.
     """
 
     run: RunFile
@@ -89,7 +89,7 @@ class Script:
 
     @property
     def cameras(self) -> list[str]:
-        """The cameras in the order of the rig file; they take their images in this order."""
+        """The cameras in the order of the rig file, in which they take their images."""
         firsts = {name: self.run.columns(f"instrument/{name}")["order"][:1] for name in self.run.cameras}
         return sorted(firsts, key=lambda name: firsts[name].tolist() or [np.inf])
 
