@@ -16,13 +16,14 @@ from dic.out_of_plane.plane import moved_out_of_plane
 from dic.out_of_plane.reasons import not_rigid_reason
 from dic.out_of_plane.rotation import (
     PRIOR_SLOPE,
+    StepErrors,
     Steps,
     by_gradient,
     gradient_errors,
     solve_alignment,
     systematic_strain,
 )
-from dic.out_of_plane.uncertainty import Points, block_diagonal
+from dic.out_of_plane.uncertainty import Points
 from dic.strain.measurement import Measurement
 from dic.strain.strain import strain_of_gradient
 from dic.typing import Float
@@ -146,8 +147,8 @@ class _Solved:
     ----------
     gradients : ndarray, shape (steps, 2, 2)
         Corrected displacement gradients.
-    covariance : ndarray, shape (4 steps, 4 steps)
-        Covariance of the elements of all corrected displacement gradients.
+    covariance : ndarray, shape (steps, 4, 4)
+        Covariance of the elements of each corrected displacement gradient.
     """
 
     method: str
@@ -160,9 +161,10 @@ class _Solved:
     @classmethod
     def from_steps(cls, steps: Steps, centre_mm: Float) -> "_Solved | None":
         """Solve the alignment from the steps of a rotation; return None if there is no solution."""
-        noise, of_map, of_centre = gradient_errors(steps)
-        to_strain = block_diagonal([by_gradient(G) for G in steps.gradients(np.zeros(4), centre_mm)])
-        of_strain = to_strain @ (noise + of_map @ of_map.T) @ to_strain.T
+        noise = gradient_errors(steps)
+        to_strain = _to_strain(steps.gradients(np.zeros(4), centre_mm))
+        everything = StepErrors(noise.own, np.concatenate([noise.shared, steps.of_maps], axis=2))
+        of_strain = everything.mapped(to_strain)
         solution = solve_alignment(steps, centre_mm, of_strain)
         if solution is not None:
             steps = steps.seen_on(solution[0], centre_mm)
@@ -172,69 +174,104 @@ class _Solved:
         slopes, gain, by_slope = solution
         # Errors of the slopes come from the measured strains. If the strains do not determine a slope, its
         # error is that of the prior.
-        slope_rows = -np.hstack([gain @ to_strain, np.eye(4) - gain @ by_slope])
+        by_step = -np.swapaxes(gain.reshape(4, -1, 3), 0, 1) @ to_strain
+        by_prior = gain @ by_slope - np.eye(4)
 
         def estimate(centre: Float) -> Float:
             again = solve_alignment(steps, centre, of_strain, slopes)
             found = slopes if again is None else again[0]
             return np.concatenate([steps.gradients(found, centre).ravel(), found])
 
-        sources = block_diagonal([noise, PRIOR_SLOPE**2 * np.eye(4)])
-        rows = _error_rows(steps, slopes, centre_mm, slope_rows)
-        of_calibration = rows[:, : len(noise)] @ of_map + by_centre(estimate, centre_mm) @ of_centre
-        covariance = rows @ sources @ rows.T + of_calibration @ of_calibration.T
-        alignment = Alignment(slopes, covariance[-4:, -4:], steps.pivot_mm)
-        gradients = steps.gradients(slopes, centre_mm)
-        return cls("rigidity", steps, centre_mm, alignment, gradients, covariance[:-4, :-4])
+        of_slopes = _SlopeErrors(by_step, PRIOR_SLOPE**2 * by_prior @ by_prior.T)
+        of_centre = by_centre(estimate, centre_mm) @ steps.of_centre
+        covariance, of_all = of_slopes.with_gradients(steps, slopes, centre_mm, noise, of_centre)
+        alignment = Alignment(slopes, of_all, steps.pivot_mm)
+        return cls("rigidity", steps, centre_mm, alignment, steps.gradients(slopes, centre_mm), covariance)
 
     @classmethod
     def known(cls, steps: Steps, centre_mm: Float, alignment: Alignment) -> "_Solved":
         """Apply a given alignment to the steps of a rotation."""
         slopes, n = alignment.slopes, len(steps.motions)
         steps = steps.seen_on(slopes, centre_mm)
-        slope_rows = np.hstack([np.zeros((4, 4 * n)), np.eye(4)])
 
         def estimate(centre: Float) -> Float:
-            return steps.gradients(slopes, centre).ravel()
+            return np.concatenate([steps.gradients(slopes, centre).ravel(), slopes])
 
-        noise, of_map, of_centre = gradient_errors(steps)
-        sources = block_diagonal([noise, alignment.covariance])
-        rows = _error_rows(steps, slopes, centre_mm, slope_rows)[:-4]
-        of_calibration = rows[:, : len(noise)] @ of_map + by_centre(estimate, centre_mm) @ of_centre
-        covariance = rows @ sources @ rows.T + of_calibration @ of_calibration.T
+        of_slopes = _SlopeErrors(np.zeros((n, 4, 4)), alignment.covariance)
+        of_centre = by_centre(estimate, centre_mm) @ steps.of_centre
+        noise = gradient_errors(steps)
+        covariance, _ = of_slopes.with_gradients(steps, slopes, centre_mm, noise, of_centre)
         return cls("alignment", steps, centre_mm, alignment, steps.gradients(slopes, centre_mm), covariance)
 
     def strain_left(self) -> float:
         """Return the strain that remains after correction, as a root mean square in standard deviations."""
-        to_strain = block_diagonal([by_gradient(G) for G in self.gradients])
-        std = np.sqrt(np.diag(to_strain @ self.covariance @ to_strain.T))
+        to_strain = _to_strain(self.gradients)
+        std = np.sqrt(np.einsum("kij,kjl,kil->ki", to_strain, self.covariance, to_strain)).ravel()
         strains = self.steps.strains(self.alignment.slopes, self.centre_mm)
         return float(np.sqrt(np.mean((strains / std) ** 2)))
 
     def correction(self, place: int, measurement: Measurement, calibration: Calibration) -> Correction:
         """Return the correction of the step with the index `place`."""
-        points, at = points_of(measurement, calibration), slice(4 * place, 4 * place + 4)
+        points = points_of(measurement, calibration)
         before, after = self.alignment.before, self.alignment.after(self.steps.angles_deg[place])
         settings, n = measurement.strain_settings, len(points.before_mm)
-        mean = strain_of_gradient(self.gradients[place], self.covariance[at, at], n, settings.measure)
+        mean = strain_of_gradient(self.gradients[place], self.covariance[place], n, settings.measure)
         moved = moved_out_of_plane(points.displacement, self.centre_mm, before, after)
         std = self.alignment.after_std(self.steps.angles_deg[place])
         return Correction(self.method, mean, moved, settings, after, np.array([*std, np.nan]))
 
 
-def _error_rows(steps: Steps, slopes: Float, centre_mm: Float, slope_rows: Float) -> Float:
-    """Return the matrix that converts errors of the input to errors of corrected gradients and slopes.
+def _to_strain(gradients: Float) -> Float:
+    """Return the derivative of each step's strains xx, yy, xy by its gradient, shape (steps, 3, 4)."""
+    return np.array([by_gradient(G) for G in gradients])
 
-    Errors of the input are those of the measured gradients and of the prior slopes. The argument `slope_rows`
-    is the matrix that converts errors of the input to errors of the slopes alone.
+
+@dataclass(frozen=True)
+class _SlopeErrors:
+    """How errors of the input become errors of the four slopes.
+
+    Attributes
+    ----------
+    by_step : ndarray, shape (steps, 4, 4)
+        Derivative of the slopes by the measured gradient of each step.
+    prior : ndarray, shape (4, 4)
+        Covariance of the slopes by errors that the steps do not have.
     """
-    by_slope = np.column_stack(
-        [
-            (steps.gradients(slopes + d, centre_mm) - steps.gradients(slopes - d, centre_mm)).ravel()
-            / (2 * _SMALL)
-            for d in _SMALL * np.eye(4)
-        ]
-    )
-    n = len(by_slope)
-    direct = np.hstack([np.eye(n), np.zeros((n, slope_rows.shape[1] - n))])
-    return np.vstack([direct + by_slope @ slope_rows, slope_rows])
+
+    by_step: Float
+    prior: Float
+
+    def with_gradients(
+        self, steps: Steps, slopes: Float, centre_mm: Float, noise: StepErrors, of_centre: Float
+    ) -> tuple[Float, Float]:
+        """Return the covariance of each corrected gradient (steps, 4, 4), and that of the slopes (4, 4).
+
+        The corrected gradient of a step has the error of its measured gradient, and the error of the slopes,
+        to which all steps contribute. The argument `of_centre` has the effect of calibration errors on all
+        gradients and on the slopes by way of the camera's centre, shape (4 steps + 4, q).
+        """
+        own, by_step = noise.own, self.by_step
+        by_slope = np.stack(
+            [
+                steps.gradients(slopes + d, centre_mm) - steps.gradients(slopes - d, centre_mm)
+                for d in _SMALL * np.eye(4)
+            ],
+            axis=-1,
+        ).reshape(len(own), 4, 4) / (2 * _SMALL)
+        # Independent errors: those of the step itself also act by way of the slopes.
+        through = by_step @ own
+        of_slopes = (through @ np.swapaxes(by_step, 1, 2)).sum(axis=0)
+        both = by_slope @ through
+        covariance = own + both + np.swapaxes(both, 1, 2)
+        covariance += by_slope @ (of_slopes + self.prior) @ np.swapaxes(by_slope, 1, 2)
+        # Errors that all steps share: noise of the reference image, and the calibration.
+        total = of_slopes + self.prior
+        for direct, extra in (
+            (noise.shared, np.zeros((4 * len(own) + 4, 1))),
+            (steps.of_maps, of_centre),
+        ):
+            slope = (by_step @ direct).sum(axis=0)
+            whole = direct + by_slope @ slope + extra[:-4].reshape(len(own), 4, -1)
+            covariance += whole @ np.swapaxes(whole, 1, 2)
+            total = total + (slope + extra[-4:]) @ (slope + extra[-4:]).T
+        return covariance, total

@@ -15,7 +15,7 @@ from dic.calibration.calibration import Calibration
 from dic.correlation.settings import CorrelationSettings
 from dic.files.lazy import Spool
 from dic.out_of_plane.alignment import Alignment
-from dic.out_of_plane.uncertainty import Points, block_diagonal
+from dic.out_of_plane.uncertainty import Points
 from dic.strain.fit import gradient_weights, slopes_of
 from dic.typing import Float
 
@@ -150,28 +150,53 @@ def by_gradient(gradient: Float) -> Float:
     )
 
 
-def gradient_errors(steps: Steps) -> tuple[Float, Float, Float]:
-    """Return the errors of the mean displacement gradients of all steps.
+@dataclass(frozen=True)
+class StepErrors:
+    """Errors of values of all steps: an independent part for each step, and a part that all steps share.
+
+    The covariance matrix of all values would grow with the square of the number of steps. The two parts grow
+    with their number.
+
+    Attributes
+    ----------
+    own : ndarray, shape (steps, m, m)
+        Covariance of the m values of each step by the errors that no other step has.
+    shared : ndarray, shape (steps, m, q)
+        Effect of q independent errors of variance 1, which are the same in all steps.
+    """
+
+    own: Float
+    shared: Float
+
+    def mapped(self, by: Float) -> "StepErrors":
+        """Return the errors of linear functions of each step's values; `by` has the shape (steps, k, m)."""
+        return StepErrors(by @ self.own @ np.swapaxes(by, 1, 2), by @ self.shared)
+
+    def solve(self, right: Float) -> Float:
+        """Return the inverse of the covariance of all values, times `right` with the shape (m steps, n).
+
+        The inverse follows from the parts by the formula of Sherman, Morrison and Woodbury.
+        """
+        sides = right.reshape(*self.own.shape[:2], -1)
+        alone, of_shared = np.linalg.solve(self.own, sides), np.linalg.solve(self.own, self.shared)
+        inner = np.eye(self.shared.shape[2]) + np.einsum("kil,kim->lm", self.shared, of_shared)
+        through = np.linalg.solve(inner, np.einsum("kil,kin->ln", self.shared, alone))
+        return np.asarray((alone - of_shared @ through).reshape(right.shape))
+
+
+def gradient_errors(steps: Steps) -> StepErrors:
+    """Return the errors of the mean displacement gradients of all steps by noise and systematic errors.
 
     Half of each step's noise variance comes from the reference image. Noise of the reference image shifts the
     material points that all steps follow. So half of the noise variance is common to all steps, and the
-    common noise rotates with the specimen.
-
-    Returns
-    -------
-    noise : ndarray, shape (4 steps, 4 steps)
-        The part of the gradients' covariance that noise and systematic errors cause.
-    of_map, of_centre : ndarray, shapes (4 steps, q) and (3, q)
-        Effect of q independent calibration errors with variance 1 on the gradients, and on the camera's
-        centre (mm).
+    common noise rotates with the specimen. Errors of the calibration are not included.
     """
-    turns = [np.kron(turn, np.eye(2)) for turn in _turns(steps.angles_deg)]
+    turns = np.kron(_turns(steps.angles_deg), np.eye(2))
     own = steps.noise / 2
-    reference = sum(turn.T @ part @ turn for part, turn in zip(own, turns, strict=True)) / len(turns)
-    common = np.concatenate(turns)
-    noise = block_diagonal(list(own)) + common @ reference @ common.T
-    of_map = steps.of_maps.reshape(len(noise), -1)
-    return noise + steps.systematic**2 * np.eye(len(noise)), of_map, steps.of_centre
+    reference = (np.swapaxes(turns, 1, 2) @ own @ turns).mean(axis=0)
+    values, vectors = np.linalg.eigh(reference)
+    shared = turns @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    return StepErrors(own + steps.systematic**2 * np.eye(4), shared)
 
 
 def _turns(angles_deg: Float) -> Float:
@@ -181,7 +206,7 @@ def _turns(angles_deg: Float) -> Float:
 
 
 def solve_alignment(
-    steps: Steps, centre_mm: Float, covariance: Float, start: Float | None = None
+    steps: Steps, centre_mm: Float, errors: StepErrors, start: Float | None = None
 ) -> tuple[Float, Float, Float] | None:
     """Find the four slopes of an `Alignment` for which no strain remains, by weighted least squares.
 
@@ -190,8 +215,8 @@ def solve_alignment(
     steps : Steps
     centre_mm : ndarray, shape (3,)
         The camera's centre in the grid's axes.
-    covariance : ndarray, shape (3 steps, 3 steps)
-        Covariance of the mean strains, which determines the weights of the least-squares solution.
+    errors : StepErrors
+        Errors of the mean strains, which determine the weights of the least-squares solution.
     start : ndarray, shape (4,), optional
         Start values of the slopes. The default is 0.
 
@@ -213,7 +238,7 @@ def solve_alignment(
         by_slope = np.column_stack(
             [(steps.strains(slopes + d, centre_mm) - strains) / _SMALL for d in _SMALL * np.eye(4)]
         )
-        weighted = np.linalg.solve(covariance, by_slope).T
+        weighted = errors.solve(by_slope).T
         gain = np.linalg.inv(weighted @ by_slope + prior) @ weighted
         # The prior expects slopes near 0. So it must act on the slopes themselves and not only on their
         # change in an iteration.

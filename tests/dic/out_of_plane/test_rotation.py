@@ -9,6 +9,7 @@ from dic.errors import CalibrationError
 from dic.out_of_plane.alignment import Alignment, load_alignment, save_alignment
 from dic.out_of_plane.correct import Motion, correct
 from dic.out_of_plane.rigidity import correct_rotation
+from dic.out_of_plane.rotation import StepErrors
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
 from simulators.scene.scene import Misalignment
@@ -158,3 +159,23 @@ def test_motion_names_the_correction():
     assert [c.method for c in correct(measurements, calibration, Motion("rigid")).images] == ["rigidity"] * 2
     free = correct(measurements, calibration, Motion())
     assert all(c.declined is not None and c.method == "none" for c in free.images)
+
+
+def test_errors_in_two_parts_are_those_of_the_whole_covariance():
+    rng = np.random.default_rng(8)
+    steps, values, shared = 7, 3, 5
+    root = rng.normal(size=(steps, values, values))
+    errors = StepErrors(root @ np.swapaxes(root, 1, 2), 3.0 * rng.normal(size=(steps, values, shared)))
+    whole = np.zeros((steps * values, steps * values))
+    for k in range(steps):
+        whole[values * k : values * (k + 1), values * k : values * (k + 1)] = errors.own[k]
+    effect = errors.shared.reshape(steps * values, shared)
+    whole += effect @ effect.T
+    right = rng.normal(size=(steps * values, 4))
+    np.testing.assert_allclose(errors.solve(right), np.linalg.solve(whole, right), rtol=1e-9, atol=1e-11)
+    by = rng.normal(size=(steps, 2, values))
+    mapped = errors.mapped(by)
+    for k in range(steps):
+        block = whole[values * k : values * (k + 1), values * k : values * (k + 1)]
+        found = mapped.own[k] + mapped.shared[k] @ mapped.shared[k].T
+        np.testing.assert_allclose(found, by[k] @ block @ by[k].T, rtol=1e-10)
