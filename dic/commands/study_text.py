@@ -32,7 +32,9 @@ def table(study: "Study", name: str) -> str:
         lines.append(f"  {study.specimen}")
     for note in study.notes:
         lines += textwrap.wrap(note, _WIDTH, initial_indent="  ", subsequent_indent="    ")
-    lines += [f"  strain   {assumed}", f"  noise    {noise}", "", "least error of strain:", _HEAD]
+    for line in (f"strain   {assumed}", f"noise    {noise}"):
+        lines += textwrap.wrap(line, _WIDTH, initial_indent="  ", subsequent_indent=" " * 11)
+    lines += ["", "least error of strain:", _HEAD]
     lines += [_row(each, "*" if each is best else " ") for each in study.best[:_BEST]]
     lines += ["", "least noise for a resolution (Pareto front, some of it):", _HEAD]
     lines += [_row(each, "*" if each is best else " ") for each in _spread(study.front)]
@@ -47,7 +49,7 @@ def table(study: "Study", name: str) -> str:
     limits = study.limits_of_sweep()
     if limits:
         wider = "wider" if limits[0].startswith("widest") else "narrower"
-        lines.append(f"  it has the {' and the '.join(limits)} that was tried: try {wider} ones too")
+        lines.append(f"  it has the {' and the '.join(limits)} tried: try {wider} ones too")
     if study.left_out:
         why = f"subsets narrower than three speckles ({study.narrowest_px:.0f} px), too wide windows"
         lines.append(f"  {study.left_out} settings left out: {why}")

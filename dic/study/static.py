@@ -19,7 +19,10 @@ _MOVED_PX = 0.5
 _STRAINED = 3e-4
 """Largest motion and largest strain or rotation, such as from a warming camera, of a specimen at rest."""
 _SCATTER = 1.5
-"""Largest scatter of the displacements of a specimen at rest, relative to what noise explains."""
+"""Largest scatter of the displacements of a specimen at rest, relative to what white noise explains."""
+_NAMED_SCATTER = 4.0
+"""The same for an image that the user names: noise that the camera or the file format has smoothed scatters
+the displacements more than white noise does."""
 
 _PLANE = 0.25
 """A strain whose wave number across its direction is below this fraction of that along it counts as plane."""
@@ -65,7 +68,11 @@ class Motion:
     @property
     def at_rest(self) -> bool:
         """True if the specimen has moved and deformed so little that the image shows it at rest."""
-        return self.moved_px <= _MOVED_PX and self.strained <= _STRAINED and self.scatter <= _SCATTER
+        return self.is_within(_SCATTER)
+
+    def is_within(self, scatter: float) -> bool:
+        """Return True if motion, strain and scatter do not exceed those of a specimen at rest."""
+        return self.moved_px <= _MOVED_PX and self.strained <= _STRAINED and self.scatter <= scatter
 
     def __str__(self) -> str:
         return (
@@ -88,12 +95,12 @@ def require_rest(motion: Motion, label: str) -> None:
     ------
     CorrelationError
     """
-    if not motion.at_rest:
+    if not motion.is_within(_NAMED_SCATTER):
         raise CorrelationError(
             label,
             "compare with the reference",
             f"the specimen at rest: motion up to {_MOVED_PX:g} px, strain up to {1e6 * _STRAINED:.0f} µε,"
-            f" scatter up to {_SCATTER:g} times that of noise",
+            f" scatter up to {_NAMED_SCATTER:g} times that of noise",
             str(motion),
             "take two images directly one after the other, or leave out --static",
         )
@@ -127,7 +134,7 @@ def wave_of(grey: Grey, deformed: Grey, region: Mask, settings: CorrelationSetti
             "estimate the assumed strain",
             "a strain that varies by more than its noise",
             "hardly any variation",
-            "leave the image out, and give --period-px and --strain-amplitude",
+            "leave the image out and give --period-px, or name it by --static if the specimen is at rest",
         )
     square, along, across = max(found)
     period_px = min(_LONGEST * strain.gauge_px(used), 2.0 * math.pi / along)

@@ -143,14 +143,15 @@ def _companions(
             motion = Motion.of(motion_between(grey, other, region, settings))
         except MeasurementError as error:
             raise unreadable(label, error) from error
-        if number == 0 and first_is_static:
+        named = number == 0 and first_is_static
+        if named:
             require_rest(motion, label)
-        use = "not used"
-        if motion.at_rest and static is None:
+        use, at_rest = "not used", named or motion.at_rest
+        if at_rest and static is None:
             static, use = (label, other), "gives the noise"
-        elif not motion.at_rest and wanted_wave and wave is None:
+        elif not at_rest and wanted_wave and wave is None:
             wave, use = (label, wave_of(grey, other, region, settings, label)), "gives the assumed strain"
-        notes.append(f"{label}: {'at rest' if motion.at_rest else 'deformed'} ({motion}); {use}")
+        notes.append(f"{label}: {'at rest' if at_rest else 'deformed'} ({motion}); {use}")
     return _Companions(static, wave, tuple(notes))
 
 

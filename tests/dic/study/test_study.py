@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 import dic
 from benchmarks.speckle import Speckle, noisy, shift
@@ -78,6 +79,23 @@ def test_image_that_is_said_to_be_at_rest_and_is_not_is_refused():
     whole = np.ones(reference.shape, bool)
     with pytest.raises(dic.CorrelationError, match="image 1: compare with the reference: expected the spec"):
         dic.study_settings(reference, static=load, region=whole, sweep=SMALL)
+
+
+def test_smoothed_noise_is_measured_on_an_image_that_is_named():
+    rng, picture = np.random.default_rng(8), Speckle(34, (260, 260)).draw()
+    noises = [gaussian_filter(rng.normal(size=picture.shape), 0.9) for _ in range(7)]
+    images = [(picture + 3.0 * each / each.std()).astype(np.float32) for each in noises]
+    whole = np.ones(picture.shape, bool)
+    study = dic.study_settings(images[0], static=images[1], region=whole, sweep=SMALL)
+    assert study.noise_from == "image 1"
+    found = study.recommended
+    # other pairs of the same camera
+    correlate = dic.Correlator(images[2], whole, found.correlation).correlate
+    fields = [correlate(image) for image in images[3:]]
+    scatter = np.std([[field.u_px, field.v_px] for field in fields])
+    assert np.mean(found.noise_px) == pytest.approx(scatter, rel=0.15)
+    # White noise of the same strength would do less.
+    assert np.mean(found.noise_px) > 1.4 * np.mean([field.noise_std_px for field in fields])
 
 
 def test_region_too_small_for_every_window_is_refused():
