@@ -65,7 +65,8 @@ class Activity(Protocol):
 
 
 class GivenUp(BaseException):
-    """Raised in a thread that sleeps or waits on simulated time, if another thread has ended its activity."""
+    """Raised in a thread that sleeps or waits on simulated time after its activity was ended by another
+    thread."""
 
 
 class Clock(Protocol):
@@ -92,13 +93,14 @@ class Clock(Protocol):
     def activity(self, *, at_once: bool = False) -> Activity:
         """Announce the work of a thread. Simulated time stands still while the thread works.
 
-        Call `activity` before the work is given to its thread, so that no simulated time passes in between.
+        Call `activity` before the work is given to its thread, so that no simulated time passes before it
+        begins.
 
         Parameters
         ----------
         at_once : bool
             True to begin at the same time as other activities. Otherwise activities on a simulated clock take
-            turns: one activity works while all others sleep or wait, always in the same order.
+            turns. One activity works while all others sleep or wait, and their order is always the same.
         """
 
     def utc(self) -> datetime:
@@ -301,8 +303,10 @@ class VirtualClock:
 
 
 class _VirtualActivity:
-    """An `Activity` on a virtual clock. `pause` is its latest sleep or wait; the first one waits for its
-    turn."""
+    """An `Activity` on a virtual clock. `pause` is its latest sleep or wait.
+
+    The first `pause` of an activity is the wait for its turn.
+    """
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock

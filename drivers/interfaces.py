@@ -128,13 +128,13 @@ class LoadFrameState:
     Attributes
     ----------
     load_n, displacement_mm : float
-        Tensile load in N and crosshead displacement in mm; both are positive in tension.
+        Tensile load in N and crosshead displacement in mm. Both are positive in tension.
     moving, at_target, holding : bool
         True if the machine is moving, has reached its target, or is holding its position.
     sample : int
         The machine's sample counter. If the counter does not increase, the values are stale.
     faults : tuple of str
-        Names of the active faults, trips and limits; empty if none is active.
+        Names of the active faults, trips and limits. The tuple is empty if none is active.
     """
 
     load_n: float
@@ -203,7 +203,7 @@ class Interlock(Protocol):
     Attributes
     ----------
     unit : str
-        Unit of the value; empty for a contact.
+        Unit of the value, or an empty text for a contact.
     """
 
     info: DeviceInfo

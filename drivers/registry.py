@@ -51,7 +51,7 @@ class Found:
 
     @property
     def place(self) -> str:
-        """Location of the device, taken from the first setting; empty if there are no settings."""
+        """Location of the device, taken from the first setting, or an empty text if there are no settings."""
         return str(next(iter(self.settings.values()), ""))
 
 
@@ -98,7 +98,7 @@ class Guard(Protocol):
     ----------
     relay : str
         Address ``host:port`` on this computer at which the driver reaches the device, if the guard owns the
-        only line to the device; otherwise empty.
+        only line to the device, otherwise an empty text.
     """
 
     relay: str
@@ -190,7 +190,7 @@ def find_driver(name: str) -> DriverSpec:
     (point,) = points.values()
     try:
         spec = point.load()
-    # catch every exception: a third party's module may raise any type
+    # catch every exception, because a third party's module may raise any type
     except Exception as error:
         raise LookupError(
             f"driver {name!r}: {point.value!r} cannot be loaded: {type(error).__name__}: {error}"

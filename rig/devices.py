@@ -51,7 +51,7 @@ class OpenedInterlock:
     def allows(self, state: InterlockState) -> bool:
         """Return True if the value of the interlock is within its allowed range."""
         low, high, value = self.allowed_min, self.allowed_max, state.value
-        # NaN is outside of every range.
+        # Write the comparisons so that NaN is outside of every range.
         return (low is None or value >= low) and (high is None or value <= high)
 
     def require_good(self, name: str, state: InterlockState, step: str) -> None:
@@ -267,5 +267,5 @@ def _close(name: str, device: Any, lost: dict[str, str], within_s: float) -> Non
 
 
 def _release(device: Any) -> None:
-    if hasattr(device, "close"):  # an operator may have no method `close`
+    if hasattr(device, "close"):  # the method `close` is optional for an operator
         device.close()

@@ -153,5 +153,5 @@ def format_bytes(size: int) -> str:
 
 def _still_s(step: ProtocolStep, protocol: Protocol, imaging_s: float) -> float:
     if step.timed:
-        return 0.0  # the images of this step are taken during the motion or the hold
+        return 0.0  # without a dwell time, because images are taken during the motion
     return protocol.settle.dwell_s + (imaging_s if step.images else 0.0)

@@ -202,7 +202,8 @@ def _finished(run: RunFile) -> dict[int, Reading]:
         for message, order in rows:
             if found := said.match(message.decode(errors="replace")):
                 index = int(found[1])
-                # An event ends its phase, even if the run ended before the images of the step.
+                # Take a reading from before the event if the run ended before the images of the step were
+                # taken.
                 known = readings.get(index) or _reading_before(run, int(order))
                 readings[index] = replace(known, ends_phase=beginning == PHASE_ENDED)
     return readings
@@ -234,7 +235,7 @@ def _following(protocol: Protocol, readings: dict[int, Reading]) -> ProtocolStep
 
     def recall(step: ProtocolStep) -> Reading:
         if step.passed:
-            return Reading(0.0)  # a step that is left out has no reading
+            return Reading(0.0)  # return any reading, because a step that is left out has none
         if step.index not in readings:
             found.append(step)
             raise Found

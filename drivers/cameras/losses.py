@@ -63,7 +63,7 @@ class LossAccount:
         self._interval_s = interval_s
         self._last: Frame | None = None
         self._certain: list[Loss] = []
-        # each PAUSE loss, together with the delay of the frames before this loss
+        # each PAUSE loss, and the delay of the frames before this loss
         self._pauses: list[tuple[Loss, float]] = []
         self._settled = 0
         self._delays: deque[tuple[int, float]] = deque(maxlen=2 * IN_A_ROW)
@@ -125,7 +125,8 @@ class LossAccount:
         if len(self._delays) < 2 * IN_A_ROW:
             return
         older, newer = list(self._delays)[:IN_A_ROW], list(self._delays)[IN_A_ROW:]
-        # use the second smallest delay, since a camera that computes numbers from time may round one up
+        # use the second smallest delay, because a camera that computes frame numbers from time may round one
+        # up
         before_s = sorted(delay_s for _, delay_s in older)[1]
         after_s = min(delay_s for _, delay_s in newer)
         uncounted = round((after_s - before_s) / self._interval_s)

@@ -165,7 +165,7 @@ class FrameStream:
                     if now_s - heard_s > self._silence_s:
                         raise self._timeout(f"a frame within {self._silence_s:g} s", "none")
                     continue
-            except Exception as error:  # the thread that reads the queue raises this exception
+            except Exception as error:  # the thread that reads the queue will raise this exception
                 with self._news:
                     self._error = error
                     self._news.notify_all()

@@ -36,7 +36,7 @@ class ModbusInputSettings(Settings):
     scale, offset : float
         The value of a register is its number × scale + offset.
     quantity : str
-        Unit of the value, shown to the user; empty for a contact.
+        Unit of the value, shown to the user, or an empty text for a contact.
     """
 
     address: str

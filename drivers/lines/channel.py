@@ -18,9 +18,9 @@ DRAIN_CHUNKS = 256
 # TCP tries to deliver unacknowledged data for this multiple of the send timeout, then drops them.
 UNDELIVERED = 2
 TCP_PREFIX = "socket://"
-# pyserial's SerialException is a subclass of OSError; termios.error is not
+# termios.error is listed, because it is not a subclass of OSError as pyserial's SerialException is
 CHANNEL_ERRORS = (OSError, termios.error)
-# Major numbers of pseudo-terminal slaves: Linux, Documentation/admin-guide/devices.txt.
+# Linux's major device numbers of pseudo-terminals (source: Documentation/admin-guide/devices.txt).
 PTY_MAJORS = range(136, 144)
 
 
@@ -162,7 +162,7 @@ class SerialChannel(Channel):
 
     def send(self, data: bytes) -> None:
         """Pass all bytes of `data` to the operating system for sending."""
-        # Do not use pyserial's `write`: on a busy computer this method can report a timeout although the
+        # Do not use pyserial's `write`, because on a busy computer it can report a timeout although the
         # message was sent.
         descriptor, deadline_s = self._port.fileno(), self._clock.now_s() + self._timeout_s
         room = select.poll()
@@ -210,8 +210,8 @@ def open_device(name: str, url: str, baud: int, timeout_s: float, relay: str = "
     baud : int
     timeout_s : float
     relay : str
-        Address ``host:port`` of the guardian's relay if a guardian owns the line; otherwise empty. If no
-        guardian answers at this address, the line itself is opened.
+        Address ``host:port`` of the guardian's relay if a guardian owns the line, otherwise an empty text. If
+        no guardian answers at this address, the line itself is opened.
     """
     try:
         return open_relay(relay, timeout_s) or open_channel(url, baud, timeout_s)

@@ -118,7 +118,7 @@ class Relay:
                 try:
                     client, _ = listener.accept()
                 except OSError:
-                    # the program has closed its connection already
+                    # ignore a program that has closed its connection already
                     continue
                 with client:
                     if not self._serve(client):

@@ -94,7 +94,7 @@ class GuardedStage(ABC, Generic[P]):
 
     @abstractmethod
     def _stranger(self, port: P) -> str:
-        """Return an empty text if the device that `set_up` has identified answers, otherwise another's name.
+        """Return an empty text if the same device as at `set_up` answers, otherwise the other device's name.
 
         Raise `DeviceTimeout` if no device answers.
         """

@@ -158,7 +158,7 @@ class Question:
         try:
             return os.tcgetpgrp(self._descriptor) == os.getpgrp()
         except OSError:
-            # this is not the controlling terminal of the program
+            # the terminal is not the program's controlling terminal, so the program is not in its background
             return True
 
 

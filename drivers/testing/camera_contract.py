@@ -171,7 +171,7 @@ class CameraContract(StreamContract):
                 if hasattr(camera, "stream"):
                     camera.stream().next(GRAB_S)
             assert bench.held is None or bench.held() == 0
-        # a simulator in this process needs time to close its end of the connection
+        # wait, because a simulator in this process needs time to close its end of the connection
         wait_until(lambda: _threads() <= threads, SystemClock(), ANSWER_S)
         wait_until(lambda: _descriptors() <= descriptors, SystemClock(), ANSWER_S)
 
@@ -180,12 +180,12 @@ class CameraContract(StreamContract):
 def _giving_way(camera: Camera) -> Iterator[None]:
     """Make new threads pause at many of the driver's calls and returns, so that other threads run.
 
-    A profile function makes the pauses. A trace function would replace the trace function of a debugger or of
-    a coverage tool.
+    A profile function makes the pauses, because a trace function would replace that of a debugger or of a
+    coverage tool.
     """
     modules = {each.__module__ for each in type(camera).__mro__}
     theirs = {name for name in modules if name.partition(".")[0] not in sys.stdlib_module_names}
-    # a driver may be a package with several modules: let the threads pause in all of them
+    # a driver may be a package with several modules, so let the threads pause in all of them
     packages = tuple(name.rpartition(".")[0] or name for name in theirs)
     clock, chance, before = SystemClock(), Random(1), threading.getprofile()
 

@@ -35,7 +35,8 @@ class Place:
         Description of a serial port, as reported by its adapter.
     devices : list of Device
     trouble : str
-        Reasons why drivers could not query this place; empty if a device answered or no error occurred.
+        Reasons why drivers could not query this place, or an empty text if a device answered or no error
+        occurred.
     """
 
     address: str

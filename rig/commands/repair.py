@@ -24,7 +24,7 @@ class Repair:
     Attributes
     ----------
     changes : list of str
-        One sentence for each change; empty if there was nothing to repair.
+        One sentence for each change. The list is empty if there was nothing to repair.
     """
 
     path: Path

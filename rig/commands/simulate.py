@@ -153,7 +153,7 @@ def _in_foreground() -> bool:
     try:
         return os.tcgetpgrp(STDIN) == os.getpgrp()
     except OSError:
-        # standard input is not a terminal
+        # standard input is not a terminal, so reading it does not suspend the program
         return True
 
 

@@ -47,7 +47,7 @@ class Verification:
         Number of finished steps, and number of steps in the longest possible run.
     cameras : dict of str to CameraCheck
     problems : list of str
-        One sentence for each problem; empty for a completed run without damage.
+        One sentence for each problem. The list is empty for a completed run without damage.
     digest : str
         Result of the check of the file's own digest, which covers everything but the images: "right", "wrong"
         or "none". With "none" the file has no digest, because an old program recorded it or no program closed

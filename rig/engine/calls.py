@@ -292,8 +292,8 @@ class _Worker(DeviceThread):
         while (entry := self._waiting.get()) is not None:
             call, activity = entry
             self.action, self.waits_for_a_person = call.action, call.deadline.duration_s == math.inf
-            # Suppress `GivenUp`. It ends a given-up call of a simulated device that sleeps on the simulated
-            # clock.
+            # Suppress `GivenUp`, which ends a call of a simulated device after the engine has given up the
+            # call.
             with suppress(GivenUp), activity:
                 call.run()
                 self._news.set()

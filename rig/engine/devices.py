@@ -111,7 +111,7 @@ class CalledCamera:
     ----------
     meanwhile : callable
     every_s : float
-        As for `Calls.finish`.
+        These parameters are described for `Calls.finish`.
     reopen : callable or None
         Opens the camera again after it was closed.
     """
@@ -189,13 +189,13 @@ class CalledCamera:
 
 @dataclass(frozen=True)
 class CalledOperator:
-    """The person at the rig, who is asked without a deadline. The engine monitors all devices meanwhile.
+    """The person at the rig, who has no deadline. While the person is asked, the engine monitors all devices.
 
     Attributes
     ----------
     meanwhile : callable
     every_s : float
-        As for `Calls.finish`.
+        These parameters are described for `Calls.finish`.
     on_question : callable
         Called on the operator's thread.
     """
@@ -268,7 +268,7 @@ def called(
     every_s : float
         The time between two calls of `meanwhile`.
     on_question : callable, optional
-        As for `CalledOperator`.
+        This parameter is described for `CalledOperator`.
     """
     deadline = Deadline(
         rig.call_timeout_s,

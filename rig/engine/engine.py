@@ -315,7 +315,7 @@ class Engine:
         status: RunStatus = "failed" if self._abort_reason is None else "aborted"
         reason = str(error) or type(error).__name__
         if self._abort_reason is not None and not isinstance(error, Aborted):
-            # The stop command of the abort may have caused the error of the driver.
+            # Name the abort first, because its stop command may have caused the error of the driver.
             reason = f"{self._aborted()}; meanwhile: {reason}"
         if unsafe:
             reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(unsafe)}). {reason}"

@@ -19,7 +19,7 @@ class Filing:
     calls : Calls
     meanwhile : callable
     every_s : float
-        As for `Calls.finish`.
+        These parameters are described for `Calls.finish`.
     """
 
     def __init__(

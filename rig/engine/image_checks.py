@@ -51,7 +51,7 @@ class Measures:
 
     @property
     def sharpness(self) -> float:
-        """The sharpness in both directions together."""
+        """One value for the sharpness in both directions."""
         return math.hypot(self.sharpness_x, self.sharpness_y)
 
 

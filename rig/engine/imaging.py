@@ -217,7 +217,8 @@ class StepImages:
         self._cameras[name] = camera
         self._checks[name].reopened()
         try:
-            # Some drivers report no error when they open a camera that is not connected.
+            # Take an image, because some drivers report no error when they open a camera that is not
+            # connected.
             camera.grab(self._settings.timeout_s)
         except CameraLost:
             return False

@@ -20,7 +20,7 @@ def look(devices: Devices, calls: Calls) -> AtRest:
     silent: dict[str, str] = {}
     frame: LoadFrameState | None = None
     stage: StageState | None = None
-    # a driver of a third party may raise any exception
+    # catch every exception, because a driver of a third party may raise any type
     try:
         if devices.load_frame is not None:
             frame = calls.finish(devices.load_frame.begin_read())

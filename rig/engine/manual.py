@@ -71,7 +71,8 @@ class Motion:
             (reading.load_n, self.load_n, "load", "N"),
             (reading.displacement_mm, self.displacement_mm, "displacement", "mm"),
         ):
-            # Load and displacement are NaN only without a load frame; drivers refuse a reading that is NaN.
+            # Accept NaN, which a reading contains only without a load frame. Drivers refuse a load that is
+            # NaN.
             if math.isnan(value) or low <= value <= high:
                 continue
             raise LimitViolation(
@@ -105,9 +106,9 @@ class Manual:
     ----------
     rig : Rig
     on_reading : callable, optional
-        Called with each reading, on the thread that moves; must return at once.
+        Called with each reading, on the thread of `move`. The function must return at once.
     on_progress : callable, optional
-        As for `Engine`.
+        This parameter is described for `Engine`.
     """
 
     def __init__(

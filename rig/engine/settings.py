@@ -76,7 +76,7 @@ class SettingsRecord:
             else:
                 self._log("warning", f"{name}: its settings are unknown at the end: another call still runs")
         for name, call in begun.items():
-            # a driver of a third party may raise any exception
+            # catch every exception, because a driver of a third party may raise any type
             try:
                 found = self._calls.finish(call)
             except Exception as error:

@@ -33,7 +33,8 @@ def aborting_on_signals(engine: Abortable) -> Iterator[None]:
     def abort_on_arrival() -> None:
         while numbers := os.read(arriving, 64):
             for number in numbers:
-                # Other signals arrive here too, for example SIGWINCH of a terminal whose size changes.
+                # Ignore other signals that arrive here, for example SIGWINCH of a terminal whose size
+                # changes.
                 if number in handled:
                     engine.abort(signal.Signals(number).name)
 

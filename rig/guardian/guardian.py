@@ -104,7 +104,8 @@ class Guardian:
         try:
             process.wait(END_S)
         except subprocess.TimeoutExpired:
-            # the guardian still tries to stop a machine that has not confirmed
+            # let the guardian run on, because it still tries to stop a machine that has not confirmed its
+            # stop
             return
         finally:
             if self._watcher is not None:
@@ -114,7 +115,7 @@ class Guardian:
     def _send(self, sign: bytes) -> None:
         process = self._process
         if process is not None:
-            # never wait for the guardian here; `_watch` notices a guardian that has ended or is frozen
+            # Ignore errors and never wait here, because `_watch` notices a guardian that has ended or hangs.
             with contextlib.suppress(OSError, ValueError):
                 os.write(_pipe(process.stdin).fileno(), sign)
 
@@ -239,5 +240,5 @@ def _relays(process: "subprocess.Popen[bytes]") -> dict[str, str]:
 
 
 def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
-    assert pipe is not None  # pipes for both directions were requested
+    assert pipe is not None  # `Popen` has made this pipe, because pipes for both directions were requested
     return pipe

@@ -70,12 +70,13 @@ def note_holder(descriptor: int, doing: str = "") -> None:
 
 
 def _folder() -> Path:
-    # All users of this computer must find the same file.
+    # The folder must not depend on the user, because all users of this computer must find the same file.
     return SYSTEM_FOLDER if os.access(SYSTEM_FOLDER, os.W_OK | os.X_OK) else Path(tempfile.gettempdir())
 
 
 def _open(path: Path) -> int:
-    # Linux refuses O_CREAT for an existing file of another user in a folder that everybody may write.
+    # First open without O_CREAT: Linux refuses it for another user's file in a folder that everybody may
+    # write.
     flags = os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW
     try:
         try:
@@ -83,7 +84,8 @@ def _open(path: Path) -> int:
         except FileNotFoundError:
             descriptor = os.open(path, flags | os.O_CREAT, 0o666)
             with contextlib.suppress(OSError):
-                # let every user lock the file, whatever the umask is
+                # make the file writable for all users, whatever the umask is, so that each of them can lock
+                # it
                 os.fchmod(descriptor, 0o666)
             return descriptor
     except OSError as error:

@@ -15,7 +15,7 @@ def watched(rig_file: RigFile) -> list[DeviceEntry]:
 
 
 def shared_line(entry: DeviceEntry) -> str:
-    """Return the name of the line to a machine that only one program may use; empty if it is unknown."""
+    """Return the name of a machine's line, which only one program may use, or an empty text if unknown."""
     return "" if entry.spec.guard is None else entry.spec.guard.line(entry.settings)
 
 

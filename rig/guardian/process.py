@@ -185,7 +185,7 @@ def _reach(job: Job) -> dict[str, Guard] | None:
             _tell(messages.REFUSED, [type(error).__name__, *error.args])
             return None
         except Exception as error:
-            # a third party's guard may raise any exception
+            # catch every exception, because a third party's guard may raise any type
             _tell(messages.REFUSED, ["", f"{machine['name']}: {type(error).__name__}: {error}"])
             return None
     return guards

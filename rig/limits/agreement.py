@@ -113,7 +113,8 @@ class Agreement:
             self._noise.interrupt()
             self._rest.clear()
         elif self._step is not None and self._step.holds:
-            # In a hold the specimen creeps or relaxes, and the load frame may correct the load.
+            # Readings of a hold show no noise at rest: the specimen creeps or relaxes, or the load is
+            # corrected.
             self._noise.interrupt()
             self._rest.clear()
         else:

@@ -120,7 +120,7 @@ class Following:
             if self._since(self._ends[-1], reading)[0] >= window_n:
                 self._end_window(reading)
             return
-        # A load cell with noise never repeats a number.
+        # A correct load cell has noise and does not repeat a number, so a repeated number is an error.
         repeated_mm = self._since(self._same_since, shown)[1]
         if repeated_mm > self._travel_mm(window_n / expected_n_mm):
             raise self._stopped_to_follow(shown, step, self._noise_n, 0.0, repeated_mm)

@@ -31,7 +31,7 @@ class Messenger:
     def __init__(self, settings: NewsSettings, about: About) -> None:
         self._timeout_s = settings.notify_timeout_s
         self._command = split_command(settings.notify or "")
-        # Option -P: do not import modules from the current folder.
+        # Option -P prevents Python from importing modules from the current folder.
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "rig.news.messenger"],
             stdin=subprocess.PIPE,

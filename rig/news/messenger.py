@@ -38,7 +38,8 @@ def send(command: list[str], timeout_s: float, message: dict[str, str]) -> str:
     Parameters
     ----------
     command : list of str
-        In each part, ``{subject}``, ``{status}``, ``{run_file}`` and ``{text}`` are replaced.
+        The parts of the command line. In each part, ``{subject}``, ``{status}``, ``{run_file}`` and
+        ``{text}`` are replaced by the values of `message`.
     timeout_s : float
         After this time the command is killed, with everything that it has started in its session.
     message : dict of str to str
@@ -48,7 +49,7 @@ def send(command: list[str], timeout_s: float, message: dict[str, str]) -> str:
     Returns
     -------
     str
-        An error message; empty if the command ended with status 0.
+        An error message, or an empty text if the command ended with status 0.
     """
     message = {name: value.replace("\0", " ") for name, value in message.items()}
     environment = {**os.environ, **{f"OFFAXIS_{name.upper()}": value for name, value in message.items()}}

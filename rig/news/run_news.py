@@ -34,7 +34,7 @@ class NewsOptions:
     ----------
     notify : str or None
     http : int or None
-        As in `NewsSettings`.
+        These settings are described for `NewsSettings`.
     say : callable
         Called with each line about the HTTP interface before the run begins.
     on_continue : callable
@@ -62,7 +62,7 @@ class RunNews:
     run_path : Path
         The run file. The files of news are beside it.
     say : callable
-        As in `NewsOptions`.
+        This parameter is described for `NewsOptions`.
 
     Raises
     ------

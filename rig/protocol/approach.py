@@ -54,7 +54,7 @@ class Approach:
         span = place.of(self.move.quantity)
         start = span.high if self.down else span.low
         steps = self._from(index, start, conditional=not span.is_known)
-        # Without steps even this start is beyond the target. The plan then has one step back to the target.
+        # If there are no steps, even this start is beyond the target. Then plan one step back to the target.
         return steps or [self._back(index, start)]
 
     def follow(self, index: int, place: Place, reading: Reading | None, execute: Execute) -> Reading:
@@ -66,7 +66,7 @@ class Approach:
         if self._is_passed(start):
             reading = self._pass(index + len(self.steps(index, place)) - 1, reading, start, execute)
         if self.every_s < math.inf and steps:
-            # The last step has the number from the plan, even if fewer steps were needed before it.
+            # Give the last step its number from the plan, even if fewer steps were needed before it.
             last = index + len(self.steps(index, place)) - 1
             steps[-1] = replace(steps[-1], index=last)
         readings = [reading]

@@ -7,7 +7,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from drivers.settings import Settings
 
-# Fewer dots are not found as a lattice.
+# Dot finding needs at least this number of dots to recognise a shifted lattice.
 _FEWEST_SHIFTED = 16
 
 

@@ -252,7 +252,7 @@ def _new(unfinished: Path, path: Path) -> int:
             raise FileExistsError(f"{path} is created by another program") from error
         except OSError:  # ignore the error, because this file system has no locks
             pass
-        # Another program may have renamed its file before this program got the lock.
+        # Refuse if another program has renamed this file to its run file before this program got the lock.
         if not os.path.samestat(os.fstat(descriptor), unfinished.stat()):
             raise FileExistsError(f"{path} was created by another program")
         if path.exists():

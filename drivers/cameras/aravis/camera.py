@@ -44,7 +44,7 @@ class _Aside:
     def _run(self) -> None:
         try:
             self._session = self._act()
-        except Exception as error:  # the method `result` raises this exception again
+        except Exception as error:  # keep the exception, which the method `result` raises again
             self._error = error
 
 
@@ -84,7 +84,7 @@ class AravisCamera(FilmingCamera[Session]):
         with self._lock:
             aside, self._aside = self._aside, None
         if aside is not None and aside.is_done(GIVING_UP_S):
-            with contextlib.suppress(DeviceError):  # a camera that could not be reopened is already closed
+            with contextlib.suppress(DeviceError):  # a camera that could not be reopened needs no closing
                 if (session := aside.result()) is not None:
                     session.close()
 

@@ -116,7 +116,7 @@ class Session:
         camera, self._camera = self._camera, None
         stream, self._stream = self._stream, None
         if stream is not None:
-            with contextlib.suppress(AravisError):  # the camera may be disconnected already
+            with contextlib.suppress(AravisError):  # ignore the error of a disconnected camera
                 self._library.call("camera_stop_acquisition", camera)
         self._library.release(stream)
         self._library.release(camera)
@@ -163,7 +163,8 @@ class Session:
         self.seen += 1
         received_s, date_s = self._clock.now_s(), self._date_less_clock_s()
         if abs(date_s - self._date_s) > CLOCK_SET_S:
-            # the timestamps of frames that arrived before the date was changed use the old date
+            # Frames that arrived before this change have timestamps with the old date, so count how many may
+            # remain.
             self._unsettled = self._settings.buffers
         self._date_s = date_s
         # Aravis' timestamp is the date and time at which the first packet arrived
@@ -196,7 +197,7 @@ class Session:
         image = np.zeros((height, width), container)
         if not data or size.value < image.nbytes:
             return image, OTHER_SIZE
-        # a frame whose first packet is missing has no size
+        # compare whole frames only: without its first packet a frame has no size
         if whole and (width, height) != (
             call("buffer_get_image_width", buffer),
             call("buffer_get_image_height", buffer),

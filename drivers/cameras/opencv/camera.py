@@ -119,7 +119,7 @@ class OpencvCamera:
             number = getattr(cv2, f"CAP_PROP_{name}", None)
             if number is None:
                 raise self._fault(f"set {name}", "a property of OpenCV", repr(name), "correct `properties`")
-            # ignore the return value: some backends report a failure for a value that is already set
+            # ignore the return value, because some backends report a failure for a value that is already set
             self._capture.set(number, value)
         for name, value in wanted.items():
             got = self._get(name)
@@ -148,7 +148,7 @@ class OpencvCamera:
         return wanted
 
     def _next(self, asked_s: float, timeout_s: float) -> NDArray[np.uint8]:
-        if not self._clock.now_s() - asked_s <= timeout_s:  # treat a timeout of NaN as 0
+        if not self._clock.now_s() - asked_s <= timeout_s:  # `not <=` treats a timeout of NaN as 0
             raise DeviceTimeout(
                 self._name,
                 "grab",

@@ -92,8 +92,8 @@ class Buffers:
 
     def take(self) -> Filled | None:
         """Dequeue the oldest filled buffer, or return None if no buffer is filled. May raise `OSError`."""
-        # Queue the buffers that the kernel refused before. If it has refused all of them, no `give_back`
-        # follows that could queue them.
+        # Queue the buffers that the kernel refused before. If it has refused all of them, `give_back` is not
+        # called, so it cannot queue them.
         self._offer()
         buffer = self._buffer(0)
         try:

@@ -75,8 +75,8 @@ def _exposure_control(controls: Controls, settings: V4l2Settings) -> tuple[Contr
     control = controls.known.get(ControlId.EXPOSURE_ABSOLUTE)
     if control is not None:
         return control, EXPOSURE_UNIT_US
-    # without V4L2_CID_EXPOSURE_ABSOLUTE the exposure is counted in sensor lines; a data sheet gives their
-    # duration
+    # Without V4L2_CID_EXPOSURE_ABSOLUTE the exposure is counted in sensor lines. A data sheet gives the
+    # duration of a line.
     return controls.known.get(ControlId.EXPOSURE), settings.line_us
 
 

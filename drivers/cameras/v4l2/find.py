@@ -84,7 +84,7 @@ def open_node(wanted: str, system: System, device: str) -> tuple[Node, Identity]
         except DeviceError as error:
             cause = error.__cause__
             if isinstance(cause, OSError) and cause.errno not in _NO_CAMERA:
-                refused = error  # the refused node may belong to the wanted camera
+                refused = error  # keep the error, because this node may belong to the wanted camera
             continue
         node.close()
         if wanted in (BUS + identity.bus, SERIAL + identity.serial):

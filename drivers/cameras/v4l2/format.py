@@ -13,7 +13,7 @@ from drivers.interfaces import Setting
 
 RATE_TOLERANCE = 1e-3
 PROGRESSIVE = 1
-_LARGEST_DENOMINATOR = 1001  # needed for a frame rate of 30000/1001 Hz
+_LARGEST_DENOMINATOR = 1001  # a frame rate of 30000/1001 Hz needs this denominator
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def set_picture(
     try:
         node.ioctl(Request.S_INPUT, ctypes.c_int(input))
     except OSError as error:
-        # ignore the error for input 0: a camera with one input may not support this request
+        # ignore the error for input 0, because a camera with one input may not support this request
         if input or error.errno not in (errno.EINVAL, errno.ENOTTY):
             raise translate(error, device, "choose input", f"input {input}") from error
     wanted = f"{width} x {height} px {code}"

@@ -200,8 +200,8 @@ class Session:
                 f"one exposed {exposed_s - received_s:.3f} s from now",
                 "report it to the maker of the camera's kernel driver",
             )
-        # uncompressed pictures have a fixed size: extra bytes are padding, and missing bytes mean that the
-        # transfer was incomplete
+        # An uncompressed picture has a fixed size. Extra bytes are padding. Missing bytes mean an incomplete
+        # transfer.
         short = SHORT if filled.bytes_used < self._picture.whole_bytes else 0
         flags = filled.flags & BufferFlag.ERROR | short
         return Frame(

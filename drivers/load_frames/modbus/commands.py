@@ -34,8 +34,8 @@ class LoadFrameCommands:
         The rig's clock.
     register_map : RegisterMap
     work, safety : MappedDevice
-        Two ways to the registers of the same machine. `safety` is used for `hold`, which no other request may
-        delay. `safety` has a connection of its own, or its requests go first on the shared connection.
+        Two ways to the registers of the machine. Only `hold` uses `safety`, so that no other request delays a
+        hold. `safety` has a connection of its own, or its requests go first on the shared connection.
     hold_times : StopTimes
     """
 
@@ -130,7 +130,7 @@ class LoadFrameCommands:
             if self._sequence.holds != holds:
                 raise overtaken
         else:
-            # the command may still arrive at the machine
+            # from now on refuse motions, because the command may still arrive at the machine
             self._doubt = "a command that was not confirmed"
             raise DeviceTimeout(
                 self._work.name,

@@ -54,7 +54,7 @@ def _modbus(
             given = settings if unit == 1 else settings | {"unit": unit}
             found.append(_described(place, unit, given, timeout_s))
             if not place.rtu:
-                # on TCP all unit numbers usually reach the same device
+                # try no other unit number, because on TCP they usually all reach the same device
                 break
     return found
 

@@ -27,11 +27,11 @@ class ModbusLoadFrame:
     context : OpenContext
     register_map : RegisterMap
     work, safety : MappedDevice
-        Two ways to the registers of the same machine. `safety` is used for `hold`, which no other request may
-        delay. `safety` has a connection of its own, or its requests go first on the shared connection.
+        Two ways to the registers of the machine. Only `hold` uses `safety`, so that no other request delays a
+        hold. `safety` has a connection of its own, or its requests go first on the shared connection.
     hold_times : StopTimes
     call_time : CallTime
-        The time left in the present call, the same as that of the links.
+        The time left in the present call. The links use the same object.
     """
 
     info: DeviceInfo
@@ -62,7 +62,7 @@ class ModbusLoadFrame:
             simulated=settings.address.startswith("@"),
         )
         self._commands = LoadFrameCommands(settings, context.clock, register_map, work, safety, hold_times)
-        # the machine has the same limits, but rounded to the resolution of its registers
+        # report the limits of the rig file, which the machine rounds to the resolution of its registers
         self.limits = settings.limits
         self._prove_way_for_hold(identity)
 
@@ -99,7 +99,7 @@ class ModbusLoadFrame:
         )
 
     def read_settings(self) -> dict[str, Setting]:
-        """Read limits, watchdog time and all other registers of these two blocks back from the machine.
+        """Read back from the machine all registers of the register map's blocks `limits` and `watchdog`.
 
         Raises
         ------

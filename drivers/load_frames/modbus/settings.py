@@ -124,7 +124,7 @@ class ModbusLoadFrameSettings(Settings):
 
     @property
     def watchdog_off(self) -> str:
-        """The reason why the watchdog is off; empty if it is on."""
+        """The reason why the watchdog is off, or an empty text if it is on."""
         word, _, reason = (self.watchdog or "").partition(":")
         return reason.strip() if word.strip() == "off" else ""
 

@@ -67,6 +67,7 @@ class EspAxis:
         try:
             return self._port.ask("TB?", read_error, attempts=1)
         except DeviceTimeout:
-            # the missing answer may contain the error that ended a home search
+            # the reference may be invalid, because the lost answer may contain the error that ended a home
+            # search
             self._reference.break_off()
             return self._port.ask("TB?", read_error)

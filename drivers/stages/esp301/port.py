@@ -31,7 +31,7 @@ class EspPort(StagePort):
         self._clock = SystemClock()
         self._turn = Turn()
         self._buffer = b""
-        # answers to the questions of an earlier program may still arrive
+        # check the first answer, because answers to the questions of an earlier program may still arrive
         self._suspect = True
         self._owed = False
         self.version = ""

@@ -70,7 +70,8 @@ class Reference:
         referenced : bool
             True if the stage has a valid reference.
         failure : str
-            Causes of all failed motions since the last call of `acknowledge`; empty if no motion failed.
+            Causes of all failed motions since the last call of `acknowledge`, or an empty text without a
+            failure.
         """
         with self._lock:
             if self._on and not on:

@@ -47,7 +47,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
             simulated=self._settings.port.startswith("@"),
         )
         self._configure()
-        # forget what answers to an earlier program have left here
+        # forget a foreign answer that an earlier program may have caused
         self._port.foreign = ""
 
     @one_call
@@ -97,7 +97,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
         ):
             step = f"read {setting}"
             found[name] = self._integer(self._query(f"get {setting}", step), step) / (factor * scale)
-        # older firmware does not have these two settings
+        # leave these two settings out for older firmware, which does not have them
         for name, setting in (
             ("microsteps_per_step", "resolution"),
             ("microsteps_per_turn", "limit.cycle.dist"),

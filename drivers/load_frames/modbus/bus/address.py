@@ -24,7 +24,7 @@ class ModbusAddress:
     stop_bits : int
         Number of stop bits of a serial port.
     relay : str
-        Address ``host:port`` of a guardian's relay to the device; empty without a relay.
+        Address ``host:port`` of a guardian's relay to the device, or an empty text without a relay.
     """
 
     text: str

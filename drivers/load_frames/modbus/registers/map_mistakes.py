@@ -29,8 +29,7 @@ NEEDED: dict[str, dict[str, Unit]] = {
     "watchdog": {"timeout": "s"},
     "heartbeat": {"heartbeat": ""},
 }  # fmt: skip
-# For each optional block: the block that has its registers in maps without the optional block, and these
-# registers.
+# The optional blocks. For each of them: the block that has its registers in maps without it, and their names.
 APART = {
     "status": ("state", ("status", "fault", "executed", "result")),
     "setpoints": ("command", ("displacement", "speed", "load", "load_rate")),
