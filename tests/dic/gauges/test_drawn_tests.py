@@ -10,6 +10,7 @@ def root_mean_square(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+@pytest.mark.timeout(600)
 def test_ten_drawn_tests_give_the_true_properties_and_the_uncorrected_camera_does_not():
     found = [drawn_test(seed, course=SHORT_COURSE) for seed in range(10)]
     corrected = [test.error_percent("E_gpa") for test in found]
