@@ -45,7 +45,8 @@ def test_every_output_tells_the_same(folder, tmp_path):
 
     with (tmp_path / "csv" / "moved.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert list(rows[0]) == ["x_px", "y_px", "u_px", "v_px", "zncc", "status", *STRAIN_KEYS, "local_strain"]
+    last = ["local_strain", "std_u_px", "std_v_px"]
+    assert list(rows[0]) == ["x_px", "y_px", "u_px", "v_px", "zncc", "status", *STRAIN_KEYS, *last]
     good = [row for row in rows if row["status"] == "converged"]
     assert len(good) == summary["converged"]
     for row in good:
