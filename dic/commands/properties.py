@@ -126,9 +126,10 @@ def properties(
         read = gauge_curve(series, gauge, across, kind=choice.strain_kind, camera=choice.camera)
         found = material_properties(read.curve, settings)
         found = with_shared_error(found, read.shared_std, read.shared_transverse)
-        content |= {"strain_kind": read.kind, "images": len(read.curve.strain), "left_out": read.left_out}
+        images = read.curve.measured
+        content |= {"strain_kind": read.kind, "images": images, "left_out": read.left_out}
         content |= {} if joined is None else {"record": joined.as_dict()}
-        say(f"{read.kind} strain of {len(read.curve.strain)} images, {read.left_out} without a reading")
+        say(f"{read.kind} strain of {images} images, {read.left_out} without a reading")
     else:
         _require_no_gauges(curve, field.given, choice, record)
         found = material_properties(columns.read(curve), settings)

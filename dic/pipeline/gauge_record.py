@@ -12,7 +12,7 @@ from dic.gauges.strains import covariance_along
 from dic.properties.curve import Curve
 from dic.records.joining import JOINS, JoinedRecord, join_by_name, join_by_row, join_by_time, times_of
 from dic.records.machine import MachineRecord
-from dic.typing import Float
+from dic.typing import Float, Mask
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,8 @@ class GaugeCurve:
     Attributes
     ----------
     curve : Curve
-        Load and engineering strain at each image that has a reading.
+        Load and engineering strain at each image that has a reading, and the loads after the last reading.
+        `Curve.passed_n` has the loads of other images without a reading.
     shared_std : ndarray, shape (n,)
         Standard deviation of the strain by calibration and motion out of the plane; NaN if it is not known.
     shared_transverse : ndarray, shape (n, 2), or None
@@ -190,9 +191,10 @@ def gauge_curve(
         remedy = "give the machine's record with --record"
         raise CurveError(source, "load", "a load for each image", "none", remedy)
     load_n = np.array([float(each.get("load_n", np.nan)) for each in known])
-    use = np.isfinite(strain) & np.isfinite(load_n)
-    if across is not None:
-        use &= np.isfinite(across)
+    read = np.isfinite(strain) & np.isfinite(load_n)
+    last = int(np.flatnonzero(read)[-1]) if read.any() else len(read)
+    # Images after the last reading keep their loads: the largest load may be among them.
+    use = read | (np.isfinite(load_n) & (np.arange(len(read)) > last))
     time_s = np.array([float(each.get("time_s", np.nan)) for each in known])[use]
     curve = Curve(
         source,
@@ -200,13 +202,24 @@ def gauge_curve(
         strain[use],
         None if across is None else across[use],
         time_s if np.isfinite(time_s).all() else None,
+        _passed(load_n, use),
     )
     # Of the errors of raw strain, only those that the images cause are known.
     shared = np.full(len(use), np.nan) if chosen == "raw" else _shared_std(series, gauge, chosen)
     beside = None if transverse is None else _shared_transverse(series, gauge, transverse, chosen)[use]
     labels = tuple(str(image.known.get("step", image.label)) for image in series.images)
     kept = tuple(label for label, used in zip(labels, use, strict=True) if used)
-    return GaugeCurve(curve, shared[use], beside, chosen, int(np.count_nonzero(~use)), kept)
+    return GaugeCurve(curve, shared[use], beside, chosen, int(np.count_nonzero(~read)), kept)
+
+
+def _passed(load_n: Float, use: Mask) -> Float | None:
+    """Return `Curve.passed_n` for the images where `use` is True; None if no other image has a load."""
+    passed = np.full((np.count_nonzero(use), 2), np.nan)
+    for k in np.flatnonzero(~use & np.isfinite(load_n)):
+        point = int(np.count_nonzero(use[:k]))
+        if point < len(passed):
+            passed[point] = np.fmin(passed[point, 0], load_n[k]), np.fmax(passed[point, 1], load_n[k])
+    return passed if np.isfinite(passed).any() else None
 
 
 def _shared_std(series: GaugeSeries, gauge: str, kind: str) -> Float:
@@ -226,6 +239,10 @@ def _shared_transverse(series: GaugeSeries, gauge: str, transverse: str, kind: s
         readings = [image.readings.get(name, {}).get(kind) for name in (gauge, transverse)]
         parts = [one.shared if isinstance(one, Reading) else None for one in readings]
         if parts[0] is None or parts[1] is None:
+            # Without the covariance of both errors, they count as independent.
+            if isinstance(readings[1], Reading):
+                whole, images = readings[1].strain_std, readings[1].strain_std_images
+                found[k] = 0.0, np.sqrt(max(whole**2 - images**2, 0.0))
             continue
         own, across = parts[0], parts[1]
         variance, both, other = (

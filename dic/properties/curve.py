@@ -24,8 +24,11 @@ class Curve:
     strain : ndarray, shape (n,)
         Engineering strain, without a unit; NaN from the point at which no strain is recorded any more.
     transverse : ndarray, shape (n,), or None
-        Engineering strain across the specimen, negative in tension; NaN where `strain` is NaN.
+        Engineering strain across the specimen, negative in tension; NaN where it was not measured.
     time_s : ndarray, shape (n,), or None
+    passed_n : ndarray, shape (n, 2), or None
+        Smallest and largest load of the instants just before each point that are left out because they have
+        no strain; NaN where none is left out. None if none is left out at all.
 
     Raises
     ------
@@ -38,14 +41,15 @@ class Curve:
     strain: Float
     transverse: Float | None = None
     time_s: Float | None = None
+    passed_n: Float | None = None
 
     def __post_init__(self) -> None:
-        names = ("load_n", "strain", "transverse", "time_s")
+        names = ("load_n", "strain", "transverse", "time_s", "passed_n")
         for name in names:
             given = getattr(self, name)
             if given is not None:
                 object.__setattr__(self, name, np.asarray(given, dtype=np.float64))
-        lengths = {name: getattr(self, name).shape for name in names if getattr(self, name) is not None}
+        lengths = {name: getattr(self, name).shape[:1] for name in names if getattr(self, name) is not None}
         if len(set(lengths.values())) != 1 or self.load_n.ndim != 1:
             raise self._wrong("values", "columns of one length", str(lengths), "give one value per instant")
         if len(self.load_n) < LEAST_POINTS:
@@ -67,22 +71,19 @@ class Curve:
             remedy = "fill in or delete the line"
             raise self._wrong("load", "a number at each point", _missing_at(gaps), remedy)
         end = self.measured
-        for name, values in (("strain", self.strain[end:]), ("transverse strain", self._across[:end])):
-            # Strain may end early, because an extensometer is taken off; it does not begin again.
-            wrong = np.isfinite(values) if name == "strain" else ~np.isfinite(values)
-            if wrong.any():
-                got = f"a gap at point {end + 1}" if name == "strain" else _missing_at(wrong)
-                remedy = "delete the lines without strain, or give the strain there"
-                raise self._wrong(name, "numbers without gaps up to the end of the measurement", got, remedy)
+        # Strain may end early, because an extensometer is taken off; it does not begin again.
+        if np.isfinite(self.strain[end:]).any():
+            expected, got = (
+                "numbers without gaps up to the end of the measurement",
+                f"a gap at point {end + 1}",
+            )
+            remedy = "delete the lines without strain, or give the strain there"
+            raise self._wrong("strain", expected, got, remedy)
         if end < LEAST_POINTS:
             remedy = "name another column of strain"
             raise self._wrong(
                 "strain", f"at least {LEAST_POINTS} numbers from the first point on", str(end), remedy
             )
-
-    @property
-    def _across(self) -> Float:
-        return np.zeros_like(self.strain) if self.transverse is None else self.transverse
 
     def _require_forwards(self) -> None:
         if self.time_s is None:

@@ -151,8 +151,8 @@ def _with_line(
     else:
         values |= _no_plateau(found)
     at = strength_point(record, plateau)
-    values["Rm_mpa"] = tensile_strength(record, settings, at)
-    agt, ag = uniform_elongations(record, elastic, settings, at)
+    values["Rm_mpa"] = tensile_strength(record, settings, at, plateau)
+    agt, ag = uniform_elongations(record, elastic, settings, at, plateau)
     values |= {"Ag_percent": ag, "Agt_percent": agt}
     values["A_percent"] = elongation_at_break(record, elastic, settings)
     curve = true_curve(record, elastic, at)

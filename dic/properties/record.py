@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from dic.properties.curve import Curve
 from dic.typing import Float
@@ -14,6 +15,8 @@ more than the second."""
 JUMP_STRAIN, JUMP_TIMES, JUMP_LOAD_SHARE = 2e-3, 50.0, 0.05
 """A step of strain above the first, and above so many usual steps, with a smaller step of load than the
 third, is the removal of the extensometer."""
+JUMP_NEAR = 5
+"""The usual step before or after a step is the median of so many steps."""
 BROKEN_SHARE, LOOP_SHARE = 0.1, 0.02
 LADDER_TIMES, LADDER_SHARE, LADDER_STEPS = 5.0, 0.7, 4
 
@@ -49,6 +52,17 @@ class Record:
     def strained_stress(self) -> Float:
         """Stress at the points with a valid strain, MPa, shape (end,)."""
         return self.stress[: self.end]
+
+    def passed(self, first: int, stop: int) -> tuple[float, float]:
+        """Return the smallest and the largest stress without strain between two points, MPa.
+
+        Images without a reading have a load and no strain. Without any, the result is (inf, -inf).
+        """
+        passed = self.curve.passed_n
+        if passed is None:
+            return np.inf, -np.inf
+        some = passed[first + 1 : stop] / self.area_mm2
+        return float(np.nanmin(some[:, 0], initial=np.inf)), float(np.nanmax(some[:, 1], initial=-np.inf))
 
     @cached_property
     def top(self) -> int:
@@ -114,7 +128,7 @@ def _valid_strain(curve: Curve) -> tuple[int, str]:
     """Return how many points have a valid strain, and why not all have."""
     end, reason = curve.measured, ""
     if end < len(curve.strain):
-        reason = "extensometer: the column of strain ends before the load"
+        reason = "extensometer: the strain ends before the load"
     strain, load = curve.strain[:end], curve.load_n[:end]
     most = float(curve.load_n.max())
     still = _standing_from(strain)
@@ -123,14 +137,31 @@ def _valid_strain(curve: Curve) -> tuple[int, str]:
     moved = float(np.ptp(load[still:stop])) if still < stop else 0.0
     if stop - still >= STILL_POINTS and moved > STILL_LOAD_SHARE * most:
         end, reason = still + 1, "extensometer: the strain stands still while the load goes on"
+    jumps = _jumps(strain[:end], load[:end], most)
     steps = np.abs(np.diff(strain[:end]))
-    limit = max(JUMP_STRAIN, JUMP_TIMES * float(np.median(steps)))
-    quiet = np.abs(np.diff(load[:end])) < JUMP_LOAD_SHARE * most
-    jumps = np.flatnonzero((steps > limit) & quiet)
     if jumps.size and jumps[0] + 1 >= 10:
         end = int(jumps[0]) + 1
         reason = f"extensometer: the strain jumps by {100 * steps[jumps[0]]:.2f} % while the load does not"
     return end, reason
+
+
+def _jumps(strain: Float, load: Float, most: float) -> np.ndarray:
+    """Return the points before which nothing but the removal of the extensometer explains a step of strain.
+
+    Such a step is far above the usual step before it and after it. Images taken at equal times or loads have
+    much larger steps in the plastic part than in the elastic part, but there every step is large.
+    """
+    steps = np.diff(strain)
+    around = np.pad(np.abs(steps), JUMP_NEAR, constant_values=np.nan)
+    windows = sliding_window_view(around, 2 * JUMP_NEAR + 1)
+    usual = np.zeros(len(steps))
+    for side in (windows[:, :JUMP_NEAR], windows[:, JUMP_NEAR + 1 :]):
+        known = np.isfinite(side).any(axis=1)
+        usual[known] = np.maximum(usual[known], np.nanmedian(side[known], axis=1))
+    quiet = np.abs(np.diff(load)) < JUMP_LOAD_SHARE * most
+    found = np.flatnonzero((np.abs(steps) > np.maximum(JUMP_STRAIN, JUMP_TIMES * usual)) & quiet)
+    # An extensometer is taken off once. Several large steps forwards are the steps of the test itself.
+    return found[:0] if len(found) > 2 and (steps[found] > 0.0).all() else found
 
 
 def _standing_from(strain: Float) -> int:

@@ -14,6 +14,8 @@ from dic.properties.elastic import Elastic
 from dic.properties.properties import Properties, material_properties
 from dic.typing import Float
 
+NECKING = "necking"
+
 
 def with_shared_error(
     found: Properties, shared_std: Float, shared_transverse: Float | None = None
@@ -35,24 +37,31 @@ def with_shared_error(
         Poisson's ratio by (1 + ν) times its share of the strain.
     """
     elastic = found.elastic
-    if elastic is None or not np.isfinite(shared_std).all():
+    curve = found.record.curve
+    if elastic is None or not np.isfinite(shared_std[np.isfinite(curve.strain)]).all():
         return found
-    if shared_transverse is None or not np.isfinite(shared_transverse).all():
-        modes = [(np.asarray(shared_std), np.zeros(len(shared_std)))]
+    shared_std = np.asarray(np.nan_to_num(shared_std), np.float64)
+    known = np.zeros(len(shared_std), np.bool_) if curve.transverse is None else np.isfinite(curve.transverse)
+    modes: list[tuple[Float, Float]]
+    if shared_transverse is None or not np.isfinite(shared_transverse[known]).all():
+        modes = [(shared_std, np.zeros(len(shared_std)))]
     else:
-        modes = [
-            (np.asarray(shared_std), shared_transverse[:, 0]),
-            (np.zeros(len(shared_std)), shared_transverse[:, 1]),
-        ]
+        # Points without a transverse strain have the error of their neighbours.
+        points = np.arange(len(known))
+        beside: list[Float] = [np.zeros(len(points))] * 2
+        if known.any():
+            beside = [np.interp(points, points[known], part[known]) for part in shared_transverse.T]
+        modes = [(shared_std, beside[0]), (np.zeros(len(shared_std)), beside[1])]
     changes = [_changes(found, elastic, *mode) for mode in modes]
     values, parts = {}, {}
-    for name, value in found.values.items():
+    for name, value in (found.values | {NECKING: found.necking}).items():
         values[name] = value
         own = [each[name] for each in changes if name in each]
         if len(own) == len(changes):
             parts[name] = float(np.linalg.norm(own))
             values[name] = replace(value, std=float(np.hypot(value.std or 0.0, parts[name])))
-    return replace(found, values=values, strain_parts=parts)
+    neck = values.pop(NECKING)
+    return replace(found, values=values, necking=neck, strain_parts=parts)
 
 
 def _changes(found: Properties, elastic: Elastic, along: Float, across: Float) -> dict[str, float]:
@@ -71,9 +80,10 @@ def _changes(found: Properties, elastic: Elastic, along: Float, across: Float) -
     for sign in (1.0, -1.0):
         beside = None if curve.transverse is None else curve.transverse + sign * errors[1]
         moved = replace(curve, strain=curve.strain + sign * errors[0], transverse=beside)
-        sides.append(material_properties(moved, settings).values)
+        side = material_properties(moved, settings)
+        sides.append(side.values | {NECKING: side.necking})
     changes = {}
-    for name, value in found.values.items():
+    for name, value in (found.values | {NECKING: found.necking}).items():
         ahead, behind = (side[name].value if name in side else None for side in sides)
         if value.value is not None and value.std is not None and ahead is not None and behind is not None:
             changes[name] = 0.5 * abs(ahead - behind)

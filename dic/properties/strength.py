@@ -7,9 +7,12 @@ import numpy as np
 from dic.properties.elastic import Elastic
 from dic.properties.record import Record
 from dic.properties.settings import PropertySettings
-from dic.properties.value import PropertyValue, missing, root_sum
+from dic.properties.value import PropertyValue, excess_of_extreme, missing, root_sum
 from dic.properties.yielding import Plateau
 
+FLAT_TIMES, HUMP_TIMES, HUMP_SHARE = 4.0, 8.0, 0.005
+"""Stresses below the largest one, in standard deviations of the noise: down to the first, a point may lie at
+the level of the top; below the second, and by the share of the stress, a valley divides two maxima."""
 RM_RULE = "largest stress after yielding"
 AGT_RULE = "strain at Rm, the middle of a flat maximum, after correction of the curve's foot"
 AG_RULE = "Agt minus Rm over the elastic slope"
@@ -18,24 +21,41 @@ A_RULE = "strain at the break minus stress over the elastic slope, after correct
 
 def strength_point(record: Record, plateau: Plateau | None) -> int:
     """Return the point of the largest stress; if there is a plateau, of the largest stress after it."""
-    begin = plateau.last if plateau is not None else 0
+    begin = begin_of(plateau)
     return begin + int(np.argmax(record.stress[begin:]))
 
 
-def tensile_strength(record: Record, settings: PropertySettings, at: int) -> PropertyValue:
+def begin_of(plateau: Plateau | None) -> int:
+    """Return the first point after yielding."""
+    return plateau.last if plateau is not None else 0
+
+
+def tensile_strength(
+    record: Record, settings: PropertySettings, at: int, plateau: Plateau | None = None
+) -> PropertyValue:
     """Return Rm; it needs no strain."""
     stress = float(record.stress[at])
+    noise = record.noise(record.stress)
+    _, without_strain = record.passed(begin_of(plateau), len(record.stress))
+    count = np.count_nonzero(record.stress[begin_of(plateau) :] >= stress - FLAT_TIMES * noise)
     flags = []
-    if at >= len(record.stress) - 2:
+    if without_strain > stress:
+        stress = without_strain
+        flags.append("gap: the image of the largest load has no strain")
+    elif at >= len(record.stress) - 2:
         flags.append("end: the largest stress is the last one, so the record may end before Rm")
-    std = root_sum(stress * settings.stress_share, record.noise(record.stress))
+    # The largest of many noisy values on a flat top is too large.
+    std = root_sum(stress * settings.stress_share, noise, excess_of_extreme(noise, int(count)))
     return PropertyValue(stress, std, "MPa", RM_RULE, {"point": at}, tuple(flags))
 
 
 def uniform_elongations(
-    record: Record, elastic: Elastic, settings: PropertySettings, at: int
+    record: Record, elastic: Elastic, settings: PropertySettings, at: int, plateau: Plateau | None = None
 ) -> tuple[PropertyValue, PropertyValue]:
     """Return Agt and Ag."""
+    if record.passed(begin_of(plateau), len(record.stress))[1] > record.stress[at]:
+        reason = "the image of the largest load has no strain"
+        return missing("%", AGT_RULE, reason), missing("%", AG_RULE, reason)
     if at >= record.end:
         reason = record.end_reason or "the strain ends before Rm"
         reason += "; Rm comes later"
@@ -44,7 +64,15 @@ def uniform_elongations(
         reason = "the largest stress is the last one, so the record may end before Rm"
         return missing("%", AGT_RULE, reason), missing("%", AG_RULE, reason)
     stress = record.strained_stress
-    flat = np.flatnonzero(stress >= stress[at] - 2.0 * record.noise(stress))
+    noise = record.noise(stress)
+    begin = begin_of(plateau)
+    flat = begin + np.flatnonzero(stress[begin:] >= stress[at] - 2.0 * noise)
+    # Between two points of one flat maximum the stress does not fall far.
+    valley = stress < stress[at] - max(HUMP_TIMES * noise, HUMP_SHARE * stress[at])
+    hump = np.cumsum(valley)[flat]
+    if (hump != hump[flat == at]).any():
+        reason = "the record has two maxima whose stresses do not differ by more than the noise"
+        return missing("%", AGT_RULE, reason), missing("%", AG_RULE, reason)
     strain = record.strain[flat]
     low, high = float(strain.min()) - elastic.foot, float(strain.max()) - elastic.foot
     total = 0.5 * (low + high)

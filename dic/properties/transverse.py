@@ -11,6 +11,8 @@ from dic.typing import Float
 
 NU_RULE = "slope of transverse strain over slope of axial strain, both against the load (rule of ASTM E132)"
 R_RULE = "regression of true plastic strain of width against length, constant volume (rule of ISO 10113)"
+LEAST_POINTS, LEAST_SHARE = 5, 0.5
+"""Least number and share of the points that must have a transverse strain."""
 NO_TRANSVERSE = "no transverse strain was given"
 
 
@@ -23,8 +25,9 @@ def poisson_ratio(record: Record, elastic: Elastic) -> PropertyValue:
         return missing("1", NU_RULE, NO_TRANSVERSE)
     line = elastic.line
     part = slice(line.first, line.stop)
-    stress, axial = record.stress[part], record.strain[part]
-    across = record.curve.transverse[part]
+    stress, axial, across = _known(record.stress[part], record.strain[part], record.curve.transverse[part])
+    if len(across) < LEAST_POINTS or len(across) < LEAST_SHARE * (line.stop - line.first):
+        return missing("1", NU_RULE, _too_few(len(across), line.stop - line.first, "the window of E"))
     lines = [fit_line(stress, values, 0, len(stress)) for values in (axial, across)]
     shares = [
         _std_of_slope(stress, values, each) for values, each in zip((axial, across), lines, strict=True)
@@ -45,15 +48,20 @@ def strain_ratio(
     """Return r over a part of the record with uniform plastic strain."""
     if record.curve.transverse is None:
         return missing("1", R_RULE, NO_TRANSVERSE)
-    stress = record.strained_stress[part]
-    along = record.strain[part] - elastic.foot
+    stress, along, across = _known(
+        record.strained_stress[part], record.strain[part] - elastic.foot, record.curve.transverse[part]
+    )
+    whole = part.stop - part.start
+    if len(across) < max(LEAST_POINTS, LEAST_SHARE * whole):
+        return missing("1", R_RULE, _too_few(len(across), whole, "the range of hardening"))
     nu = poisson_ratio(record, elastic).value or 0.3
     # The zero of the transverse strain is the value at stress 0 of a line fitted in the elastic window.
     inside = slice(elastic.line.first, elastic.line.stop)
-    zero = fit_line(
-        record.stress[inside], record.curve.transverse[inside], 0, elastic.line.stop - elastic.line.first
-    )
-    across = record.curve.transverse[part] - zero.intercept
+    low, _, zeros = _known(record.stress[inside], record.strain[inside], record.curve.transverse[inside])
+    if len(zeros) < LEAST_POINTS:
+        number = elastic.line.stop - elastic.line.first
+        return missing("1", R_RULE, _too_few(len(zeros), number, "the window of E"))
+    across = across - fit_line(low, zeros, 0, len(zeros)).intercept
     elastic_part = stress * (1.0 + along) / elastic.line.slope
     length = np.log1p(along) - elastic_part
     width = np.log1p(across) + nu * elastic_part
@@ -69,6 +77,16 @@ def strain_ratio(
     ]
     spread = abs(halves[1] - halves[0]) / 4.0 / (1.0 - share) ** 2
     return PropertyValue(share / (1.0 - share), root_sum(std, spread), "1", R_RULE, window)
+
+
+def _known(stress: Float, axial: Float, across: Float) -> tuple[Float, Float, Float]:
+    """Return the points with a transverse strain."""
+    known = np.isfinite(across)
+    return stress[known], axial[known], across[known]
+
+
+def _too_few(count: int, whole: int, where: str) -> str:
+    return f"few points: {count} of {whole} in {where} have a transverse strain"
 
 
 def _halves(count: int) -> tuple[slice, slice]:

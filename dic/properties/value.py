@@ -1,6 +1,7 @@
 """A material property with its uncertainty, its rule, its window, and its flags."""
 
 from dataclasses import dataclass, field
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,16 @@ class PropertyValue:
 def missing(unit: str, rule: str, reason: str) -> PropertyValue:
     """Return a property that the record does not give."""
     return PropertyValue(None, None, unit, rule, flags=(f"missing: {reason}",))
+
+
+def excess_of_extreme(std: float, count: int) -> float:
+    """Return by how much noise makes the largest of `count` equal values too large, in the mean.
+
+    The formula is that of G. Blom (Statistical Estimates and Transformed Beta-Variables, 1958) for the
+    expected largest of independent normal values.
+    """
+    share = (count - 0.375) / (count + 0.25)
+    return std * max(float(NormalDist().inv_cdf(share)), 0.0)
 
 
 def root_sum(*parts: float) -> float:

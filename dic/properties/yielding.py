@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator
 from dic.properties.elastic import Elastic
 from dic.properties.record import Record
 from dic.properties.settings import PropertySettings
-from dic.properties.value import PropertyValue, missing, root_sum
+from dic.properties.value import PropertyValue, excess_of_extreme, missing, root_sum
 from dic.properties.windows import fit_line
 from dic.typing import Float
 
@@ -20,6 +20,8 @@ DROP_SHARE, QUIET_STRAIN = 0.005, 5e-4
 YIELD_STRAIN = 0.02
 """An upper yield strength lies below this plastic strain; later drops are serrations or necking."""
 REBOUND_SHARE = 0.001
+FLAT_TIMES = 4.0
+"""A point may lie at the level of an extreme if it is within so many standard deviations of noise."""
 HARDENING_STRAIN = 0.002
 """Width of the windows in which the highest slope of hardening is searched."""
 OFFSET_RULE = "intersection with the elastic line shifted by {:g} %, after correction of the curve's foot"
@@ -75,6 +77,8 @@ def offset_strength(
         flags.append(
             "plateau: the intersection lies on the yield plateau; ReH and ReL describe this yielding"
         )
+    if record.passed(at[1] - 1, at[1] + 1)[1] > -np.inf:
+        flags.append("gap: images beside the intersection have no strain")
     window = {"strain_percent": 100 * (offset + at[0] / elastic.line.slope), "point": at[1]}
     return PropertyValue(at[0], std, "MPa", rule, window, tuple(flags))
 
@@ -163,14 +167,26 @@ def upper_yield(
     record: Record, elastic: Elastic, settings: PropertySettings, plateau: Plateau
 ) -> PropertyValue:
     """Return ReH."""
-    return _yield_value(record, elastic, settings, plateau.upper, REH_RULE)
+    stress = record.strained_stress
+    if record.passed(0, plateau.last + 1)[1] > stress[plateau.upper]:
+        return missing(
+            "MPa", REH_RULE, "the image of the largest stress at the beginning of yielding has no strain"
+        )
+    rest = stress[: plateau.last + 1]
+    near = rest >= stress[plateau.upper] - FLAT_TIMES * _local_noise(record)
+    return _yield_value(record, elastic, settings, plateau.upper, REH_RULE, int(np.count_nonzero(near)))
 
 
 def lower_yield(
     record: Record, elastic: Elastic, settings: PropertySettings, plateau: Plateau
 ) -> PropertyValue:
     """Return ReL."""
-    return _yield_value(record, elastic, settings, plateau.lower, REL_RULE)
+    stress = record.strained_stress
+    if record.passed(plateau.upper, plateau.last + 1)[0] < stress[plateau.lower]:
+        return missing("MPa", REL_RULE, "the image of the lowest stress during yielding has no strain")
+    rest = stress[plateau.upper : plateau.last + 1]
+    near = rest <= stress[plateau.lower] + FLAT_TIMES * _local_noise(record)
+    return _yield_value(record, elastic, settings, plateau.lower, REL_RULE, int(np.count_nonzero(near)))
 
 
 def yield_extension(
@@ -203,10 +219,11 @@ def yield_extension(
 
 
 def _yield_value(
-    record: Record, elastic: Elastic, settings: PropertySettings, at: int, rule: str
+    record: Record, elastic: Elastic, settings: PropertySettings, at: int, rule: str, near: int
 ) -> PropertyValue:
-    stress = float(record.stress[at])
-    std = root_sum(stress * settings.stress_share, _local_noise(record))
+    stress, noise = float(record.stress[at]), _local_noise(record)
+    # The extreme of `near` noisy values at one level lies off this level.
+    std = root_sum(stress * settings.stress_share, noise, excess_of_extreme(noise, near))
     window = {"strain_percent": 100 * float(record.strain[at] - elastic.foot), "point": at}
     return PropertyValue(stress, std, "MPa", rule, window)
 

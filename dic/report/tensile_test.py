@@ -11,6 +11,7 @@ from dic.pipeline.gauge_record import GaugeCurve, gauge_curve
 from dic.properties.properties import Properties, material_properties
 from dic.properties.settings import PropertySettings
 from dic.properties.shared_error import with_shared_error
+from dic.typing import Float
 
 SYMBOLS = {
     "E_gpa": ("E", "modulus of elasticity"),
@@ -66,8 +67,8 @@ class TestColumn:
             name: found[name] | ({"symbol": SYMBOLS[name][0]} if name in SYMBOLS else {})
             for name in self.properties.values
         }
-        across = [None] * len(self.labels) if curve.transverse is None else curve.transverse.tolist()
-        rows = zip(self.labels, curve.load_n.tolist(), curve.strain.tolist(), across, strict=True)
+        across = [None] * len(self.labels) if curve.transverse is None else _plain(curve.transverse)
+        rows = zip(self.labels, curve.load_n.tolist(), _plain(curve.strain), across, strict=True)
         names = ("image", "load_n", "strain", "transverse_strain")
         return {
             "camera": self.camera or None,
@@ -77,6 +78,11 @@ class TestColumn:
             **{name: found[name] for name in ("necking", "fits", "not_counted", "flags")},
             "curve": [dict(zip(names, row, strict=True)) for row in rows],
         }
+
+
+def _plain(values: Float) -> list[float | None]:
+    """Return numbers for JSON, with None instead of NaN."""
+    return [None if value != value else value for value in values.tolist()]
 
 
 @dataclass(frozen=True)
