@@ -188,6 +188,22 @@ def of_simulated_camera(pairs: int = 3) -> ImageSet:
     return ImageSet("simulated camera", drawn, truth, {"period_px": 150.0, "strain_amplitude": 0.004})
 
 
+def of_sharp_speckles(pairs: int = 3) -> ImageSet:
+    """Sharp blobs, which the correlation smooths, noise of 3 grey levels, strain of ±0.3 % and 130 px."""
+    truth = wave(130.0, 0.003)
+    clean = _blobs(Speckle(77, (360, 360), (0.7, 1.0), 0.08), truth)
+    told = {"period_px": 130.0, "strain_amplitude": 0.003}
+    return ImageSet("sharp speckles", _noisy(clean, 3.0, pairs), truth, told)
+
+
+def of_much_noise(pairs: int = 3) -> ImageSet:
+    """Blobs with a noise of 9 grey levels, strain of ±2 % and 90 px."""
+    truth = wave(90.0, 0.02)
+    clean = _blobs(Speckle(78, (360, 360)), truth)
+    told = {"period_px": 90.0, "strain_amplitude": 0.02}
+    return ImageSet("much noise", _noisy(clean, 9.0, pairs), truth, told)
+
+
 def of_star(folder: Path) -> ImageSet:
     """The part of the star images of the DIC Challenge 2.0 with periods near 100 px; u is 0."""
     growth, middle = 290.0 / 4000.0, 250.0

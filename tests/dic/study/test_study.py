@@ -106,8 +106,8 @@ def test_region_too_small_for_every_window_is_refused():
         dic.study_settings(reference, region=region, sweep=dic.Sweep((31,), (15,), (5,)))
 
 
-def check(images: ImageSet) -> None:
-    ratios, choice, study = compare(images, dic.Sweep())
+def check(images: ImageSet, sweep: dic.Sweep) -> None:
+    ratios, choice, study = compare(images, sweep)
     print(
         f"\n{images.name}: {len(ratios)} settings, {ratios.min():.3f} to {ratios.max():.3f},"
         f" root mean square {np.sqrt(np.mean((ratios - 1) ** 2)):.3f}; choice {choice:.3f}"
@@ -120,9 +120,15 @@ def check(images: ImageSet) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("name", DRAWN)
 def test_prediction_and_choice_hold_on_drawn_images(name):
-    check(getattr(image_sets, name)())
+    check(getattr(image_sets, name)(), dic.Sweep())
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["of_sharp_speckles", "of_much_noise"])
+def test_prediction_and_choice_hold_on_sharp_and_on_noisy_patterns(name):
+    check(getattr(image_sets, name)(), dic.Sweep((15, 21, 41, 61), (5, 10)))
 
 
 @pytest.mark.long
 def test_prediction_and_choice_hold_on_the_star_images(real_images):
-    check(image_sets.of_star(real_images / "star2"))
+    check(image_sets.of_star(real_images / "star2"), dic.Sweep())
