@@ -39,7 +39,7 @@ class DeviceFault(DeviceError):
 
 
 class ConfigurationError(Exception):
-    """A file written by a person has mistakes; the message lists all mistakes.
+    """A file written by a person has mistakes. The message lists all mistakes.
 
     Parameters
     ----------

@@ -53,9 +53,9 @@ class Frame:
     utc : datetime
         Date and time (UTC) of the start of exposure `exposed_s`.
     sequence : int
-        Number of the frame, from the camera's counter; a gap in the numbers means lost frames.
+        Number of the frame, from the camera's counter. A gap in the numbers means lost frames.
     flags : int
-        Error flags that the driver sets for a damaged frame; 0 for a good frame.
+        Error flags that the driver sets for a damaged frame. A good frame has 0.
     exposure_us, gain : float
         Exposure time in µs and gain in the camera's unit, or NaN if unknown.
     """
@@ -268,9 +268,9 @@ class OpenContext:
     Attributes
     ----------
     name : str
-        The device's name in the rig file; error messages contain this name.
+        The device's name in the rig file. Error messages contain this name.
     clock : Clock
-        The clock of the run; the simulated clock in a simulated rig.
+        The clock of the run. In a simulated rig it is the simulated clock.
     environment : object or None
         The simulated rig, or None for a real rig. The attribute `addresses` of a simulated rig maps the name
         of each simulated server to an address. A rig file refers to such an address as ``@name``. Drivers of

@@ -143,10 +143,10 @@ class DriverSpec:
     Attributes
     ----------
     kind : str
-        Kind of device, which names the interface in `drivers.interfaces`; an ``environment`` is a simulated
+        Kind of device, which names the interface in `drivers.interfaces`. An ``environment`` is a simulated
         rig.
     settings : type of Settings
-        Class that defines the keys of the device in the rig file; unknown keys are refused.
+        Class that defines the keys of the device in the rig file. Unknown keys are refused.
     open : callable
         ``open(settings, context)`` returns the opened device or raises `DeviceError`.
     find : Finder, optional
@@ -155,7 +155,7 @@ class DriverSpec:
         For a stage or a load frame: functions with which a guardian process stops the device when the process
         of the run dies or hangs. If `guard` is missing, every plan and every start of a run prints a warning.
     cautions : callable, optional
-        ``cautions(settings)`` returns warnings about dangerous settings; every plan and every start of a run
+        ``cautions(settings)`` returns warnings about dangerous settings. Every plan and every start of a run
         prints these warnings.
     """
 

@@ -37,7 +37,7 @@ LONGEST_PATH = 1000
 read."""
 
 MOST_BYTES = 2**20
-"""Largest accepted size of a TOML file in bytes; a usual protocol or rig file is a thousand times smaller."""
+"""Largest accepted size of a TOML file in bytes. A usual protocol or rig file is a thousand times smaller."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -17,7 +17,7 @@ def reports_settings(device: object) -> bool:
 
 
 def read_settings(name: str, device: Any) -> dict[str, Setting]:
-    """Return the settings that a device reports; `name` is the device's name in the rig file.
+    """Return the settings that a device reports. `name` is the device's name in the rig file.
 
     Raises
     ------

@@ -8,8 +8,12 @@ from drivers.settings import Settings
 class RigLimits(Settings):
     """Limits of the rig. If the protocol also limits a quantity, the narrower limit applies."""
 
-    load_max_n: float | None = Field(default=None, gt=0.0, description="in tension and in compression")
-    displacement_max_mm: float | None = Field(default=None, gt=0.0, description="in both directions")
+    load_max_n: float | None = Field(
+        default=None, gt=0.0, description="largest load in tension and in compression"
+    )
+    displacement_max_mm: float | None = Field(
+        default=None, gt=0.0, description="largest displacement in both directions"
+    )
     speed_max_mm_s: float | None = Field(default=None, gt=0.0)
     load_rate_max_n_s: float | None = Field(default=None, gt=0.0)
     angle_min_deg: float | None = Field(default=None)

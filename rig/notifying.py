@@ -15,7 +15,7 @@ class NewsSettings(Settings):
     notify_timeout_s : float
         Longest time for that command.
     http : int or None
-        Port on this computer at which the HTTP interface answers during a run; 0 for any free port.
+        Port on this computer at which the HTTP interface answers during a run. With 0 it is any free port.
     """
 
     notify: str | None = Field(default=None, min_length=1, max_length=4000)

@@ -49,7 +49,7 @@ class Plan:
     objections : list of str
         Reasons why the rig cannot execute the protocol. `rig run` starts only if this list is empty.
     cautions : list of str
-        Warnings about dangers that the rig file accepts; every start of a run prints them.
+        Warnings about dangers that the rig file accepts. Every start of a run prints them.
     mounting : Mounting
         The mounting of grid and specimen, as the protocol and the rig file declare it.
     """

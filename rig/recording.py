@@ -18,7 +18,7 @@ class RecordingSettings(Settings):
         Largest number of images of each camera that may wait to be written. If more images arrive, the run
         ends.
     sync_frames : int
-        Number of images after which the file is synchronised; 1 synchronises after every image.
+        Number of images after which the file is synchronised. With 1 this happens after every image.
     sync_s : float
         Longest time in s between a write and the following synchronisation.
     answer_s : float

@@ -57,7 +57,7 @@ class Bounded(DeviceThread, Generic[T]):
         self._values: list[T] = []
 
     def run(self) -> None:
-        """Call `function`; this method runs on the thread."""
+        """Call `function`. This method runs on the thread."""
         try:
             value = self._function()
         except BaseException as error:

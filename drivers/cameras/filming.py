@@ -120,7 +120,7 @@ class FilmingCamera(ABC, Generic[S]):
         Raises
         ------
         DeviceError
-            If the camera fails, or a stream is already open; see `grab`.
+            If the camera fails, or a stream is already open. See `grab`.
         """
         with to_itself(self._lock, self._name, "stream", OPENING_S):
             session = self._ready("stream", self._clock.now_s() + OPENING_S)
@@ -149,7 +149,7 @@ class FilmingCamera(ABC, Generic[S]):
         Raises
         ------
         DeviceError
-            If the camera does not answer, is used by another call, or a stream is open; see `grab`.
+            If the camera does not answer, is used by another call, or a stream is open. See `grab`.
         """
         with to_itself(self._lock, self._name, "read settings", READING_S):
             session = self._ready("read settings", self._clock.now_s() + READING_S)

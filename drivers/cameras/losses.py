@@ -14,7 +14,7 @@ DOUBTED = 128
 Later frames can look early merely because the clocks of camera and computer drift apart.
 """
 OVERTAKEN = 64
-"""If the frame counter steps back by less than this, the frame was delayed; otherwise the counter
+"""If the frame counter steps back by less than this, the frame was delayed. Otherwise the counter
 restarted."""
 
 

@@ -108,7 +108,7 @@ class FrameStream:
         DeviceTimeout
             If no frame arrives within `timeout_s` seconds.
         DeviceError
-            If an error ended the stream; the error is raised after all queued frames were taken.
+            If an error ended the stream. The error is raised after all queued frames were taken.
         """
         with self._news:
             self._news.wait_for(

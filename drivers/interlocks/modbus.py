@@ -75,7 +75,7 @@ class ModbusInputSettings(Settings):
 
 
 class ModbusInput:
-    """One input of a Modbus module; to construct this class, call `open_input`."""
+    """One input of a Modbus module. To construct this class, call `open_input`."""
 
     def __init__(
         self, settings: ModbusInputSettings, context: OpenContext, link: ModbusLink, call_time: CallTime
@@ -94,7 +94,7 @@ class ModbusInput:
 
     @one_call
     def read(self) -> InterlockState:
-        """Read the input; a failed reading is repeated once.
+        """Read the input. A failed reading is repeated once.
 
         Raises
         ------

@@ -29,9 +29,9 @@ class CallTime:
     Parameters
     ----------
     timeout_s : float
-        The rig's deadline of one call; infinite outside a rig.
+        The rig's deadline of one call, which is infinite outside a rig.
     clock : Clock, optional
-        Clock for the deadlines; the default is the system's clock.
+        Clock for the deadlines. The default is the system's clock.
     patience_s : float
         Additional time for each call, and for each answer during opening: `OpenContext.patience_s`.
     """
@@ -115,7 +115,7 @@ class CallTime:
 
     @property
     def half_s(self) -> float:
-        """Half of the time until the end of the call; infinite outside a call."""
+        """Half of the time until the end of the call, which is infinite outside a call."""
         return self.left_s / 2
 
     @property

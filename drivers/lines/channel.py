@@ -34,12 +34,12 @@ class _Port(Protocol):
 
 
 class Channel(ABC):
-    """An open connection; every method may raise one of `CHANNEL_ERRORS` if the connection is lost.
+    """An open connection. Every method may raise one of `CHANNEL_ERRORS` if the connection is lost.
 
     Parameters
     ----------
     port : socket or serial port
-        The opened port; `close` closes it.
+        The opened port. `close` closes it.
     """
 
     def __init__(self, port: _Port) -> None:
@@ -73,7 +73,7 @@ class Channel(ABC):
         deadline_s : float
             End of the wait, in seconds on the system's clock.
         wake : int, optional
-            A file descriptor; the wait ends when this descriptor becomes readable.
+            A file descriptor. The wait ends when this descriptor becomes readable.
 
         Raises
         ------

@@ -17,7 +17,7 @@ def serial_ports(root: Path = Path("/")) -> list[SerialPort]:
     Parameters
     ----------
     root : Path
-        Folder that contains the system's folder ``dev``; tests give another folder.
+        Folder that contains the system's folder ``dev``. Tests give another folder.
     """
     from serial.tools import list_ports
 

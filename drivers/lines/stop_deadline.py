@@ -15,7 +15,7 @@ class StopTimes:
     Attributes
     ----------
     deadline_s : float
-        Time limit for the confirmation, in seconds; afterwards the driver asks for the emergency stop.
+        Time limit for the confirmation, in seconds. Afterwards the driver asks for the emergency stop.
     answer_s : float
         Longest wait for the answer to one stop command, in seconds, even if the rig file allows a longer
         wait.
@@ -41,7 +41,7 @@ class StopDeadline:
     Parameters
     ----------
     clock : Clock
-        The rig's clock; the second clock is the system's clock.
+        The rig's clock. The second clock is the system's clock.
     duration_s : float
         Time from now to the deadline, in seconds.
     """

@@ -25,7 +25,7 @@ class StageTalk(Generic[P]):
     ----------
     baud : int
     ends : bytes
-        The bytes that can end a message to the stage; each byte alone ends a message.
+        The bytes that can end a message to the stage. Each byte alone ends a message.
     open_port : callable
         ``open_port(name, channel, reply_timeout_s)`` returns a port on an open channel.
     stop : callable

@@ -28,11 +28,11 @@ class CameraBench:
     clock : Clock
         The rig's clock, on which `exposed_s` and `received_s` of the frames are measured.
     name : str
-        The camera's name in the rig file; every error message must contain this name.
+        The camera's name in the rig file. Every error message must contain this name.
     interval_s : float
         Time between two frames, in seconds.
     reopen : callable
-        ``reopen()`` opens the camera again with the same settings; the test then closes the camera.
+        ``reopen()`` opens the camera again with the same settings. The test then closes the camera.
     exposure_us, gain : float
         The exposure time in µs and the gain in the settings, or NaN if the camera does not report the value.
     tolerance_s : float

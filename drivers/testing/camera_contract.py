@@ -64,7 +64,7 @@ class CameraContract(StreamContract):
         bench.assert_says_all(closed.value)
 
     def test_tells_exposure_and_gain(self, bench: CameraBench) -> None:
-        """A frame must give exposure time in µs and gain in the camera's unit; an unknown value is NaN."""
+        """A frame must give exposure time in µs and gain in the camera's unit. An unknown value is NaN."""
         frame = bench.grab()
         assert frame.exposure_us == pytest.approx(bench.exposure_us, nan_ok=True)
         assert frame.gain == pytest.approx(bench.gain, nan_ok=True)
@@ -95,7 +95,7 @@ class CameraContract(StreamContract):
         assert not any(np.shares_memory(first.image, frame.image) for frame in later)
 
     def test_a_deadline_that_cannot_be_kept_is_told_in_time(self, bench: CameraBench) -> None:
-        """A timeout that is too short must raise an error in time; the camera must stay usable."""
+        """A timeout that is too short must raise an error in time. The camera must stay usable."""
         for timeout_s in (0.0, -1.0, math.nan, bench.interval_s / 4):
             bench.assert_times_out(timeout_s)
             bench.grab()

@@ -74,7 +74,7 @@ class InterlockContract:
         bench.assert_shows(bench.values[0])
 
     def test_each_reading_is_new(self, bench: InterlockBench) -> None:
-        """The reading after a change must have the new value; a driver must not return a stored value."""
+        """The reading after a change must have the new value. A driver must not return a stored value."""
         show = needed(bench.show, "change the value")
         assert len(set(bench.values)) > 1
         for value in (*bench.values[1:], *bench.values):

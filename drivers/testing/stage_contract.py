@@ -30,7 +30,7 @@ class StageBench:
     clock : Clock
         The clock of the stage's motion.
     angle_min_deg, angle_max_deg : float
-        Limits of the stage in degrees; the limits must allow a move from 0° to 40°.
+        Limits of the stage in degrees. The limits must allow a move from 0° to 40°.
     tolerance_deg : float
         Largest distance of a stopped stage from its target, in degrees.
     speed_deg_s : float, optional

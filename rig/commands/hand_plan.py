@@ -33,8 +33,8 @@ ANGLE_TOLERANCE_DEG = 0.02
 class Wish:
     """The motion that a person asks for. It has a target of one axis, absolute or relative to the reading.
 
-    `rate` is in N/s or mm/s; None means the slow default rate. `travel_max_mm` is the largest travel of the
-    crosshead on the way to a load; None means the travel that is plausible for the load. `free` says that no
+    `rate` is in N/s or mm/s. None means the slow default rate. `travel_max_mm` is the largest travel of the
+    crosshead on the way to a load. None means the travel that is plausible for the load. `free` says that no
     specimen is in the grips.
     """
 

@@ -91,7 +91,7 @@ class Screen:
             self._changed.notify_all()
 
     def on_step(self, record: StepRecord) -> None:
-        """Print a finished step; during a question, print it after the answer."""
+        """Print a finished step. During a question, print it after the answer."""
         with self._changed:
             if self._asking:
                 self._held_back.append(_step_line(record))
@@ -130,7 +130,8 @@ class Screen:
                     self.live.start()
 
     def wait_for_operator(self) -> None:
-        """Wait until a withdrawn question has ended, so that it does not mix with the last lines."""
+        """Wait until a withdrawn question has ended, so that its output does not mix with the run's last
+        lines."""
         with self._changed:
             self._changed.wait_for(lambda: not self._asking, WITHDRAWAL_S)
 
@@ -167,7 +168,7 @@ class Screen:
 
 @contextmanager
 def run_screen(late_news_s: float = LATE_NEWS_S) -> Iterator[Screen]:
-    """Yield the screen of `rig run`; it draws only if `bottom_lines` may draw."""
+    """Yield the screen of `rig run`. It draws only if `bottom_lines` may draw."""
     screen = Screen(late_news_s)
     screen.live = live = bottom_lines(screen.draw, REFRESHES_PER_S)
     if live is None:
@@ -250,7 +251,7 @@ class HandScreen:
 
 @contextmanager
 def hand_screen() -> Iterator[HandScreen]:
-    """Yield the screen of `rig unload` and `rig jog`; it draws only if `bottom_lines` may draw."""
+    """Yield the screen of `rig unload` and `rig jog`. It draws only if `bottom_lines` may draw."""
     screen = HandScreen()
     screen.live = live = bottom_lines(screen.draw, REFRESHES_PER_S)
     try:

@@ -1,4 +1,4 @@
-"""The output of `rig replay`: lines to print, and a table for JSON."""
+"""The output of `rig replay`: the lines to print, and a table for JSON."""
 
 from typing import Any
 

@@ -69,7 +69,7 @@ class Call(Generic[T]):
         self._real_due_s = SystemClock().now_s() + deadline.duration_s + PATIENCE_S
 
     def run(self) -> None:
-        """Call the function; this method runs on the device's thread."""
+        """Call the function. This method runs on the device's thread."""
         if self.cancelled:
             return
         try:
@@ -130,7 +130,7 @@ class Calls:
         self._workers: dict[str, _Worker] = {}
 
     def interrupt(self) -> None:
-        """Wake the engine from a wait, so that it calls `check` at once; any thread may call this method."""
+        """Wake the engine from a wait, so that it calls `check` at once. Any thread may call this method."""
         self._news.set()
 
     def idle(self, device: str) -> bool:

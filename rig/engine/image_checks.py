@@ -2,7 +2,7 @@
 
 The measures use every fourth row of pixels, so an image of 4 megapixels takes a few milliseconds. The
 measures are compared with those of the reference image. `dic.assess_quality` measures the blur in pixels and
-the noise, but takes seconds per image; `rig check` uses it before a run.
+the noise, but takes seconds per image. `rig check` uses it before a run.
 """
 
 import math

@@ -43,7 +43,7 @@ class Unloaded:
     load_max_n : float
         The largest load in N, in tension and in compression.
     remedy : str
-        What to do if the specimen is unloaded but its reading is higher.
+        What to do if the load reading exceeds `load_max_n` although the specimen is unloaded.
     """
 
     load_max_n: float

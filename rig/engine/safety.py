@@ -69,7 +69,7 @@ class SafeState:
 
 
 class _Attempt(DeviceThread):
-    """One command to one device. `failure` says why the device did not confirm; if it did, it is empty."""
+    """One command to one device. `failure` says why the device did not confirm, or is empty."""
 
     def __init__(self, device: str, command: Callable[[], None], deadline_s: float, clock: Clock) -> None:
         super().__init__(f"safe state of {device}")

@@ -27,14 +27,14 @@ class MachineInUse(RigError):
 def machines_locked(rig_file: RigFile, folder: Path | None = None) -> Iterator[list[int]]:
     """Hold the lock of each machine of a rig, and yield the descriptors of the locks.
 
-    A process that inherits the descriptors shares the locks; the locks are released when the last of these
+    A process that inherits the descriptors shares the locks. The locks are released when the last of these
     processes ends.
 
     Parameters
     ----------
     rig_file : RigFile
     folder : Path, optional
-        Folder of the lock files; by default ``/run/lock``, or the folder of temporary files.
+        Folder of the lock files. The default is ``/run/lock``, or else the folder of temporary files.
 
     Raises
     ------

@@ -62,7 +62,7 @@ class _Follower(threading.Thread, ABC):
 class EventFile(_Follower):
     """Appends every event of a bulletin to a file, one JSON object per line.
 
-    New events are appended to an existing file; each line contains the identity of its run.
+    New events are appended to an existing file. Each line contains the identity of its run.
 
     Raises
     ------
@@ -130,7 +130,7 @@ class Heartbeat(_Follower):
         self._ending = threading.Event()
 
     def beat(self) -> None:
-        """Record that the run has made progress; the file is then written again."""
+        """Record that the run has made progress. The file is then written again."""
         self._changed.set()
 
     def end(self) -> None:

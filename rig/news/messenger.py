@@ -1,6 +1,6 @@
 """A separate process that sends the one message about the end of a run.
 
-If the program of the run is killed, the standard input of this process ends without a message; the process
+If the program of the run is killed, the standard input of this process ends without a message. The process
 then sends a message about the killed program. The process never sends two messages. This module imports only
 the standard library, so that the process starts quickly.
 """

@@ -96,7 +96,7 @@ class RunNews:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
-        """End the news; after an exception, the run counts as failed."""
+        """End the news. After an exception, the run counts as failed."""
         if self._engine is not None and self._outcome is None:
             status = self._engine.status
             reason = "" if error is None else str(error) or type(error).__name__
@@ -107,7 +107,7 @@ class RunNews:
             self._place.close()
 
     def begin(self, rig: Rig, header: RunHeader, kind: str) -> None:
-        """Open the news files and the HTTP interface; call this method before the run file is created."""
+        """Open the news files and the HTTP interface. Call this method before the run file is created."""
         about = About(
             run_id=header.run_id,
             run_file=str(self._run_path.absolute()),

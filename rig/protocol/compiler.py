@@ -39,7 +39,7 @@ class Compiler:
     Attributes
     ----------
     course : Course
-        The compiled course; do not use it if `mistakes` is not empty.
+        The compiled course. Do not use it if `mistakes` is not empty.
     mistakes : list of str
     """
 

@@ -52,7 +52,7 @@ class Demand:
         Name of the rig's limit for this value, an attribute of `rig.facts.RigFacts`.
     unit : str
     is_lowest : bool
-        True if the rig's limit is a lower limit; False if it is an upper limit.
+        True if the rig's limit is a lower limit, False if it is an upper limit.
     """
 
     key: str

@@ -131,7 +131,7 @@ class Course:
 def increments(
     start: float, total: float, increment: float, tolerance: float, *, down: bool = False
 ) -> list[float]:
-    """Return the targets from `start` in equal increments; the last target is `total` itself.
+    """Return the targets from `start` in equal increments. The last target is `total` itself.
 
     A remainder of at most `tolerance` is added to the last increment. If `start` is already beyond `total`,
     there are no targets.

@@ -103,7 +103,7 @@ class Until(Settings):
     if_never: str = Field(default="fail", pattern="^(fail|go-on)$")
 
     def criterion(self, carried_n: float) -> Criterion | None:
-        """Return the criterion that the table gives; `carried_n` is described for `LoadDropCriterion`."""
+        """Return the criterion that the table gives. `carried_n` is described for `LoadDropCriterion`."""
         if self.plastic is not None:
             return Plastic(self.plastic)
         return None if self.load_drop is None else LoadDropCriterion(self.load_drop, carried_n)

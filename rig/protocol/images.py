@@ -16,19 +16,33 @@ class Images(Settings):
 
     per_step: int = Field(default=1, ge=1, le=1000)
     timeout_s: float = Field(default=5.0, gt=0.0, le=60.0)
-    attempts: int = Field(default=3, ge=1, le=20, description="images taken until one of them passes")
+    attempts: int = Field(
+        default=3, ge=1, le=20, description="largest number of images taken until one passes"
+    )
     on_bad_image: Literal["stop", "keep"] = Field(
-        default="keep", description="what follows if no image of a camera passed its checks"
+        default="keep", description="what happens if no image of a camera passes its checks"
     )
-    saturated_max: float = Field(default=0.05, ge=0.0, le=1.0, description="fraction of saturated pixels")
+    saturated_max: float = Field(
+        default=0.05, ge=0.0, le=1.0, description="largest fraction of saturated pixels"
+    )
     light_change_max: float = Field(
-        default=0.3, gt=0.0, le=100.0, description="change of the mean grey level, as a fraction"
+        default=0.3, gt=0.0, le=100.0, description="largest change of the mean grey level, as a fraction"
     )
-    sharpness_min: float = Field(default=0.6, ge=0.0, le=1.0, description="fraction of the first sharpness")
+    sharpness_min: float = Field(
+        default=0.6, ge=0.0, le=1.0, description="smallest fraction of the reference image's sharpness"
+    )
     blur_ratio_max: float = Field(
-        default=1.5, gt=1.0, le=100.0, description="change of sharpness in x divided by sharpness in y"
+        default=1.5,
+        gt=1.0,
+        le=100.0,
+        description="largest change of the ratio of sharpness in x to sharpness in y",
     )
-    skew_max_s: float = Field(default=5.0, gt=0.0, le=3600.0, description="between images of all cameras")
+    skew_max_s: float = Field(
+        default=5.0, gt=0.0, le=3600.0, description="longest time between the images of all cameras"
+    )
     camera_return_s: float = Field(
-        default=60.0, ge=0.0, le=3600.0, description="wait for the return of a camera that dropped out"
+        default=60.0,
+        ge=0.0,
+        le=3600.0,
+        description="longest wait for a camera that failed to deliver images again",
     )

@@ -25,8 +25,10 @@ def _at_most_one(table: Settings, *names: str) -> None:
 class LoadImages(Settings):
     """The times of images during a motion to a load. By default they are taken once, at the end."""
 
-    every_n: float | None = Field(default=None, gt=0.0, description="stop and settle after every increment")
-    every_s: float | None = Field(default=None, gt=0.0, description="during the motion, at equal times")
+    every_n: float | None = Field(
+        default=None, gt=0.0, description="increment after which the motion stops and settles"
+    )
+    every_s: float | None = Field(default=None, gt=0.0, description="time between images during the motion")
     never: bool = False
 
     @model_validator(mode="after")
@@ -38,8 +40,10 @@ class LoadImages(Settings):
 class DisplacementImages(Settings):
     """The times of images during a motion to a displacement. By default they are taken once, at the end."""
 
-    every_mm: float | None = Field(default=None, gt=0.0, description="stop and settle after every increment")
-    every_s: float | None = Field(default=None, gt=0.0, description="during the motion, at equal times")
+    every_mm: float | None = Field(
+        default=None, gt=0.0, description="increment after which the motion stops and settles"
+    )
+    every_s: float | None = Field(default=None, gt=0.0, description="time between images during the motion")
     never: bool = False
 
     @model_validator(mode="after")
@@ -51,13 +55,17 @@ class DisplacementImages(Settings):
 class AngleImages(Settings):
     """The times of images during a turn to an angle. By default they are taken once, at the end."""
 
-    every_deg: float | None = Field(default=None, gt=0.0, description="stop and settle after every increment")
+    every_deg: float | None = Field(
+        default=None, gt=0.0, description="increment after which the motion stops and settles"
+    )
 
 
 class HoldImages(Settings):
     """The times of images during a hold. Images are always taken at its end."""
 
-    every_s: float | None = Field(default=None, gt=0.0, description="counted from the start of the hold")
+    every_s: float | None = Field(
+        default=None, gt=0.0, description="time between images, counted from the start of the hold"
+    )
 
 
 class CycleImages(Settings):
@@ -80,7 +88,9 @@ class LoadUntil(Until):
 class CyclesUntil(Settings):
     """The event that ends the cycles before the last cycle."""
 
-    load_drop: float = Field(gt=0.0, lt=1.0, description="of the load at the higher end of a cycle")
+    load_drop: float = Field(
+        gt=0.0, lt=1.0, description="fraction by which the load at the higher end of a cycle must drop"
+    )
     if_never: Literal["fail", "go-on"] = "fail"
 
 
@@ -120,7 +130,9 @@ class Hold(Settings):
     do: Literal["hold"]
     keep: Literal["load", "displacement", "angle"]
     duration_s: float = Field(gt=0.0, le=_SECONDS_MAX)
-    rate_n_s: float | None = Field(default=None, gt=0.0, description="to correct a load that drifts")
+    rate_n_s: float | None = Field(
+        default=None, gt=0.0, description="rate at which a load that drifts is corrected"
+    )
     images: HoldImages = HoldImages()
 
     @model_validator(mode="after")

@@ -19,7 +19,7 @@ class PlasticCriterion(Settings):
     """
 
     stiffness_fraction: float = Field(
-        gt=0.0, lt=1.0, description="plastic below this fraction of the highest stiffness"
+        gt=0.0, lt=1.0, description="an increment is plastic below this fraction of the highest stiffness"
     )
     judged_above_n: float = Field(ge=0.0, description="increments to this load or less are not judged")
 

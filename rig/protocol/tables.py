@@ -17,8 +17,8 @@ class Sample(Settings):
 class Settle(Settings):
     """The times for settling, which are the same for load, displacement and angle."""
 
-    dwell_s: float = Field(gt=0.0, description="how long the value must stay within its tolerance")
-    timeout_s: float = Field(gt=0.0, description="from the command to the end of the dwell")
+    dwell_s: float = Field(gt=0.0, description="time for which the value must stay within its tolerance")
+    timeout_s: float = Field(gt=0.0, description="longest time from the command to the end of the dwell")
     poll_s: float = Field(default=0.1, gt=0.0, le=1.0, description="time between two readings")
 
 
@@ -53,7 +53,7 @@ class Limits(Settings):
     load_max_n: float = Field(gt=0.0)
     displacement_max_mm: float = Field(gt=0.0)
     break_load_drop: float = Field(
-        gt=0.0, lt=1.0, description="a larger drop, as a fraction of the highest load, is a break"
+        gt=0.0, lt=1.0, description="a drop by more than this fraction of the highest load is a break"
     )
 
 

@@ -23,10 +23,12 @@ from rig.protocol.tables import Limits, Sample, TensionSettle, too_fine
 
 
 class Loading(Settings):
-    """Settings for the increments of load; the increments end when plastic deformation is evident."""
+    """Settings for the increments of load. The increments end when plastic deformation is evident."""
 
     increment_n: float = Field(gt=0.0)
-    increments_max: int = Field(ge=2, le=1000, description="the run fails if no increment is plastic")
+    increments_max: int = Field(
+        ge=2, le=1000, description="largest number of increments; the run fails if none of them is plastic"
+    )
     rate_n_s: float = Field(gt=0.0)
     tare_max_n: float = Field(ge=0.0, description="highest load that may be set to zero at the reference")
     plastic: PlasticCriterion
@@ -42,7 +44,7 @@ class Stretching(Settings):
     is not a multiple of the increment."""
 
     increment_mm: float = Field(gt=0.0)
-    total_mm: float = Field(gt=0.0, description="counted from the reference")
+    total_mm: float = Field(gt=0.0, description="largest displacement, counted from the reference")
     speed_mm_s: float = Field(gt=0.0)
 
 

@@ -29,7 +29,7 @@ class Job:
     camera : str or None
         The camera whose image is written.
     size : int
-        Size of the image in bytes; 0 without an image.
+        Size of the image in bytes, or 0 without an image.
     wait_for_disk : bool
         True if the job is done only after the file was synchronised with the disk.
     done : Future
@@ -55,7 +55,7 @@ class Writer(threading.Thread):
     Parameters
     ----------
     file : OpenRunFile
-        The run file; after `start`, only this thread uses it.
+        The run file. After `start`, only this thread uses it.
     settings : RecordingSettings
     clock : Clock
         A clock in real time, also for a simulated run, because the disk is real.

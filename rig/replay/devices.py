@@ -31,7 +31,7 @@ class Readings(Generic[S]):
     ----------
     device : str
     state : callable
-        Function that returns the reading in a row; raises IndexError after the last row.
+        Function that returns the reading in a row. The function raises IndexError after the last row.
     clock : Clock
     ended : callable
         Function that returns the error which ends the replay after the last reading, or None if the run was

@@ -59,7 +59,8 @@ class Replay:
     images, readings, steps : int
         Number of images, readings and steps in the new run file.
     differences : list of str
-        One sentence for each difference between the run and its replay; empty if both are identical.
+        One sentence for each difference between the run and its replay. The list is empty if both are
+        identical.
     """
 
     outcome: Outcome

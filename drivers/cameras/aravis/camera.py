@@ -49,7 +49,7 @@ class _Aside:
 
 
 class AravisCamera(FilmingCamera[Session]):
-    """A `Camera` through Aravis; to construct this class, call `open_camera`.
+    """A `Camera` through Aravis. To construct this class, call `open_camera`.
 
     If `grab` waits for three frame times without a frame, the camera counts as lost. The driver then closes
     the connection, and the next call opens and configures the camera again. A separate thread closes and

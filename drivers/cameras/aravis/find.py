@@ -12,7 +12,7 @@ def vision_cameras(library: Aravis | None = None) -> list[Found]:
     Parameters
     ----------
     library : Aravis, optional
-        The Aravis library; by default the library that is installed on this computer.
+        The Aravis library. The default is the library that is installed on this computer.
 
     Raises
     ------

@@ -72,7 +72,7 @@ _SAFE: dict[str, tuple[Any, tuple[Any, ...]]] = {
 
 
 class Aravis:
-    """Calls functions of the Aravis library by name; functions that can fail raise `AravisError`.
+    """Calls functions of the Aravis library by name. Functions that can fail raise `AravisError`.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class Aravis:
         Raises
         ------
         AravisError
-            If the function reports an error; the exception has the library's message.
+            If the function reports an error. The exception has the library's message.
         """
         name = f"arv_{name}"
         function = getattr(self._library, name)

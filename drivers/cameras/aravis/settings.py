@@ -10,14 +10,14 @@ BITS = {"Mono8": 8, "Mono10": 10, "Mono12": 12, "Mono14": 14, "Mono16": 16}
 
 
 class AravisSettings(DatedFrameSettings):
-    """Settings of a camera; the driver switches off the automatic controls that change grey levels.
+    """Settings of a camera. The driver switches off the automatic controls that change grey levels.
 
     Attributes
     ----------
     camera : str
         Network address of the camera, or its identifier as printed by ``arv-tool-0.8`` (``Maker-SERIAL``).
     format : str
-        GenICam pixel format; only unpacked grey-level formats are supported.
+        GenICam pixel format. Only unpacked grey-level formats are supported.
     offset_x_px, offset_y_px : int
         Offset of the picture on the sensor.
     gain : float, optional
@@ -39,5 +39,5 @@ class AravisSettings(DatedFrameSettings):
 
     @property
     def bits(self) -> int:
-        """Number of significant bits per pixel; used to estimate the amount of data of a run."""
+        """Number of significant bits per pixel, used to estimate the amount of data of a run."""
         return BITS[self.format]

@@ -30,7 +30,7 @@ _NAMES = {"FRAME_WIDTH": "width_px", "FRAME_HEIGHT": "height_px", "FPS": "rate_h
 
 
 class OpencvCamera:
-    """A `Camera` through OpenCV; to construct this class, call `open_camera`.
+    """A `Camera` through OpenCV. To construct this class, call `open_camera`.
 
     Parameters
     ----------

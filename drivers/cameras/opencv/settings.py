@@ -34,7 +34,7 @@ class OpencvCameraSettings(FrameSettings):
         Source of the grey levels in a colour picture: ``grey`` weights all channels, ``green`` takes the
         green channel only.
     buffered_frames : int
-        Number of frames that camera, kernel and OpenCV may buffer; `grab` discards this number plus one.
+        Number of frames that camera, kernel and OpenCV may buffer. `grab` discards this number plus one.
     """
 
     source: int | str
@@ -60,5 +60,5 @@ class OpencvCameraSettings(FrameSettings):
 
     @property
     def bits(self) -> int:
-        """Number of significant bits per pixel; OpenCV delivers 8 bits."""
+        """Number of significant bits per pixel. OpenCV delivers 8 bits."""
         return 8

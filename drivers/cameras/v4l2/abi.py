@@ -26,7 +26,7 @@ class Capability(IntFlag):
 
 
 class BufferFlag(IntFlag):
-    """Flags of a filled buffer; `CLOCK` and `STAMP_PLACE` are masks for clock type and timestamp source."""
+    """Flags of a filled buffer. `CLOCK` and `STAMP_PLACE` are masks for clock type and timestamp source."""
 
     ERROR = 0x40
     CLOCK = 0xE000
@@ -116,7 +116,7 @@ class Format(ctypes.Structure):
 
 
 class CaptureParameters(ctypes.Structure):
-    """Memory layout of ``struct v4l2_streamparm``; numerator / denominator is the frame interval in s."""
+    """Memory layout of ``struct v4l2_streamparm``. The frame interval in s is numerator / denominator."""
 
     _fields_ = (
         ("type", ctypes.c_uint32),

@@ -45,7 +45,7 @@ class Buffers:
     device : str
         Name of the camera, used in error messages.
     count : int
-        Requested number of buffers; the kernel may allocate more or fewer.
+        Requested number of buffers. The kernel may allocate more or fewer.
 
     Raises
     ------

@@ -17,7 +17,7 @@ VIRTUAL = ("vivid", "v4l2 loopback")
 
 
 class V4l2Camera(FilmingCamera[Session]):
-    """A `Camera` on V4L2; to construct this class, call `open_camera`.
+    """A `Camera` on V4L2. To construct this class, call `open_camera`.
 
     When the camera is unplugged, the running call fails with `LinkLost`. The next call searches for the
     camera and configures it again. If the rig file gives the camera by serial number, the camera may be
@@ -68,7 +68,7 @@ def open_camera(settings: V4l2Settings, context: OpenContext, system: System | N
     settings : V4l2Settings
     context : OpenContext
     system : System, optional
-        The system that provides the device nodes; the default is the kernel of this computer.
+        The system that provides the device nodes. The default is the kernel of this computer.
 
     Raises
     ------

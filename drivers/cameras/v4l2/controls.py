@@ -41,7 +41,7 @@ AUTOMATICS: dict[ControlId, int] = {
 
 @dataclass(frozen=True)
 class Control:
-    """Description of one camera control; `name` is spelled as in the output of ``v4l2-ctl``."""
+    """Description of one camera control. `name` is spelled as in the output of ``v4l2-ctl``."""
 
     id: int
     name: str
@@ -93,7 +93,7 @@ class Controls:
         Raises
         ------
         DeviceFault
-            If the camera has no control of this name; the message lists all controls of the camera.
+            If the camera has no control of this name. The message lists all controls of the camera.
         """
         for control in self.known.values():
             if control.name == name:

@@ -44,12 +44,12 @@ def video_nodes(root: Path = Path("/")) -> list[Found]:
     Parameters
     ----------
     root : Path
-        Folder that contains the system's folders ``sys`` and ``dev``; tests give another folder.
+        Folder that contains the system's folders ``sys`` and ``dev``. Tests give another folder.
     """
     lasting = lasting_names(root / "dev/v4l/by-id") | lasting_names(root / "dev/v4l/by-path")
     nodes = []
     for folder in sorted((root / "sys/class/video4linux").glob("video*"), key=_number):
-        # node 0 of a camera delivers pictures; the other nodes of the camera deliver metadata
+        # take node 0, which delivers the pictures of a camera; its other nodes deliver metadata
         if _content(folder / "index") in ("", "0"):
             node = lasting.get(folder.name, f"/dev/{folder.name}")
             nodes.append(Found(_content(folder / "name"), {"device": node}))

@@ -56,7 +56,7 @@ def set_picture(
         Size of the picture in pixels.
     rate_hz : float
     stride : int
-        Requested number of bytes per row; with 0 the camera chooses the number.
+        Requested number of bytes per row. With 0 the camera chooses the number.
 
     Raises
     ------

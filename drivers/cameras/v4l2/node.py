@@ -98,7 +98,8 @@ class KernelSystem:
 
     def usb_facts(self, path: str) -> MutableMapping[str, str]:
         """Read the sysfs attributes of the USB device behind a node. The result is empty for other buses."""
-        # the folder ``device`` belongs to a USB interface; its parent folder belongs to the USB device
+        # take the parent folder, because the folder ``device`` belongs to the USB interface and not to the
+        # device
         folder = Path("/sys/class/video4linux") / Path(path).resolve().name / "device" / ".."
         facts = {}
         for name in ("serial", "manufacturer", "bcdDevice"):

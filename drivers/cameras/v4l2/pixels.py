@@ -53,7 +53,7 @@ def grey_levels(memory: memoryview, grey: Grey, width: int, height: int, stride:
     Parameters
     ----------
     memory : memoryview of bytes
-        The part of the buffer that the camera has filled; missing rows become black in the image.
+        The part of the buffer that the camera has filled. Missing rows become black in the image.
     grey : Grey
     width, height : int
     stride : int

@@ -10,7 +10,7 @@ from drivers.cameras.v4l2.pixels import FORMATS
 
 
 class V4l2Settings(DatedFrameSettings):
-    """Settings of a camera; the driver switches off the automatic controls that change grey levels.
+    """Settings of a camera. The driver switches off the automatic controls that change grey levels.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class V4l2Settings(DatedFrameSettings):
 
     @property
     def bits(self) -> int:
-        """Number of significant bits per pixel; used to estimate the amount of data of a run."""
+        """Number of significant bits per pixel, used to estimate the amount of data of a run."""
         return FORMATS[self.format].bits
 
     @field_validator("device")

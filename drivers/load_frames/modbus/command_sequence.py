@@ -26,7 +26,7 @@ class CommandSequence:
     executed : int
         Sequence number of the last command that the machine executed.
     leap : int, optional
-        Distance of the first number from the number `executed`; random by default.
+        Distance of the first number from the number `executed`. By default it is random.
     """
 
     def __init__(self, executed: int, leap: int | None = None) -> None:

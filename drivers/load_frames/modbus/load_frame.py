@@ -19,7 +19,7 @@ from drivers.registry import DriverSpec
 
 
 class ModbusLoadFrame:
-    """A `LoadFrame` on Modbus; to construct this class, call `open_frame`.
+    """A `LoadFrame` on Modbus. To construct this class, call `open_frame`.
 
     Parameters
     ----------

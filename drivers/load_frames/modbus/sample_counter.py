@@ -16,7 +16,7 @@ class Freshness:
     stale_after_s : float
         Longest time, in seconds, for which the counter may have the same value.
     modulus : int
-        Number of values of the counter; after the largest value the counter continues at 0.
+        Number of values of the counter. After the largest value the counter continues at 0.
     """
 
     def __init__(self, stale_after_s: float, modulus: int) -> None:

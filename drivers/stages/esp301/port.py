@@ -43,7 +43,7 @@ class EspPort(StagePort):
         ----------
         command : str
         permit : callable, optional
-            Function that is called just before the bytes are sent; if the function raises, nothing is sent.
+            Function that is called just before the bytes are sent. If the function raises, nothing is sent.
 
         Raises
         ------

@@ -2,7 +2,7 @@
 
 A command is an axis number, two letters and a value, and ends with CR (carriage return). A question ends with
 ``?``. Messages have no ids and no checksums, and the controller sends no answer to a command. Errors wait in
-a queue of ten entries; the question ``TB?`` returns and removes the oldest error. Source: Newport ESP301
+a queue of ten entries. The question ``TB?`` returns and removes the oldest error. Source: Newport ESP301
 User's Manual, command set, and appendix on error messages.
 """
 

@@ -35,7 +35,7 @@ SETTING_TOLERANCE = 1e-3
 
 
 class EspStage(GuardedStage[EspPort]):
-    """A `RotationStage` on an ESP301; to construct this class, call `open_stage`."""
+    """A `RotationStage` on an ESP301. To construct this class, call `open_stage`."""
 
     def __init__(self, settings: EspSettings, context: OpenContext, stop_times: StopTimes) -> None:
         super().__init__(EspPort, settings.baud, settings, context, stop_times)
@@ -161,7 +161,7 @@ class EspStage(GuardedStage[EspPort]):
         self._reference.break_off()
 
     def _configure(self) -> None:
-        """Check that the controller uses degrees; write limits and speed to the controller, and read them
+        """Check that the controller uses degrees. Write limits and speed to the controller, and read them
         back."""
         unit = self._axis.ask("SN?", read_number)
         if unit != DEGREES:
@@ -197,7 +197,7 @@ class EspStage(GuardedStage[EspPort]):
         self._set("AG", acceleration_deg_s2, "set deceleration")
 
     def _signals_to_home_by(self) -> int:
-        """Return the home mode from the settings or the controller; refuse mode 0, which uses no signal."""
+        """Return the home mode from the settings or the controller. Refuse mode 0, which uses no signal."""
         mode = self._settings.home_mode or self._axis.ask("OM?", read_number)
         if mode < 1:
             raise self._fault(

@@ -1,7 +1,7 @@
 """Serial port to which Zaber devices are connected. Each answer goes to the thread that sent the request.
 
 A separate thread reads the port and assigns every answer to its request by the id of the answer. Therefore a
-stop never waits for the answer to another request. Only one thread at a time writes a message; a message has
+stop never waits for the answer to another request. Only one thread at a time writes a message. A message has
 only a few bytes.
 """
 
@@ -62,9 +62,9 @@ class ZaberPort(StagePort):
         ----------
         address, axis : int
         command : str
-            Command to the device; an empty command asks for the status.
+            Command to the device. An empty command asks for the status.
         permit : callable, optional
-            Function that is called just before the bytes are sent; if the function raises, nothing is sent.
+            Function that is called just before the bytes are sent. If the function raises, nothing is sent.
         at_most_s : float
             Upper limit of the wait for an answer, in seconds, even if the reply timeout is longer.
         attempts : int

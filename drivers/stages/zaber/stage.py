@@ -28,7 +28,7 @@ INTERRUPTED = "NI"
 
 
 class ZaberStage(GuardedStage[ZaberPort]):
-    """A `RotationStage` with the Zaber ASCII protocol; to construct this class, call `open_stage`."""
+    """A `RotationStage` with the Zaber ASCII protocol. To construct this class, call `open_stage`."""
 
     def __init__(self, settings: ZaberSettings, context: OpenContext, stop_times: StopTimes) -> None:
         super().__init__(ZaberPort, BAUD, settings, context, stop_times)

@@ -303,7 +303,7 @@ class ModbusLink:
     def _distrust(self, error: DeviceError) -> DeviceError:
         """Return `error`, and prevent the next request from receiving the late answer to this request.
 
-        On Modbus TCP the connection is closed; on Modbus RTU the next request is delayed.
+        On Modbus TCP the connection is closed. On Modbus RTU the next request is delayed.
         """
         if self._wire is not None and self._wire.numbered:
             self._drop()

@@ -85,7 +85,7 @@ class Request:
         return self.pdu[0]
 
     def registers(self, answer: bytes) -> list[int]:
-        """Check an answer and return its registers; the answer to a write request has no registers.
+        """Check an answer and return its registers. The answer to a write request has no registers.
 
         Raises
         ------

@@ -161,7 +161,7 @@ class RtuWire:
         Baud rate, from which the silent interval between frames is computed. None if a gateway inserts the
         silent interval.
     clock : Clock, optional
-        Clock for deadlines and silent intervals; the default is the system's clock.
+        Clock for deadlines and silent intervals. The default is the system's clock.
     """
 
     numbered = False

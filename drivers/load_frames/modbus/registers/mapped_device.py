@@ -130,7 +130,7 @@ class MappedDevice:
         return DeviceFault(self.name, step, expected, got, remedy)
 
     def unhurried(self) -> "MappedDevice":
-        """Return the same device on the same link, with ordinary instead of urgent requests."""
+        """Return a copy of this device that sends ordinary requests on the same link, and no urgent ones."""
         return MappedDevice(self._link, self._map)
 
     def shares_link(self, other: "MappedDevice") -> bool:

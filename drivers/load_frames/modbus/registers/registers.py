@@ -33,7 +33,7 @@ class Register(Settings):
     Attributes
     ----------
     address : int
-        Address as in the Modbus message; the first register has address 0.
+        Address as in the Modbus message. The first register has address 0.
     type : str
     scale : float
         Scale factor: the value in `unit` is the raw value times `scale`.
