@@ -7,7 +7,7 @@ from enum import Enum
 from drivers.interfaces import Frame
 
 IN_A_ROW = 8
-"""Number of consecutive late frames that prove a loss of frames when the frame counter has no gap."""
+"""This number of consecutive late frames proves a loss of frames, even if the frame counter has no gap."""
 DOUBTED = 128
 """An early frame disproves a `PAUSE` loss only if it comes within this number of frames after the loss.
 

@@ -41,7 +41,7 @@ class Relay:
     open_channel : callable
         ``open_channel()`` opens the channel to the device, at the start and again after a lost connection.
     cut : callable
-        ``cut(data)`` returns the number of bytes in complete messages at the start of `data`.
+        ``cut(data)`` returns how many bytes at the start of `data` form complete messages.
     fresh : bool
         True to open the channel again for every new program, so that a late answer to one program does not
         reach the next program.

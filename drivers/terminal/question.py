@@ -1,4 +1,4 @@
-"""Ask the person at the terminal to type a word, without waiting for ever and without old input."""
+"""Ask the person at the terminal to type a word. Old input is discarded, and the wait can be ended."""
 
 import os
 import select

@@ -23,7 +23,7 @@ SPEED_SHARE = 0.01
 """Default travel of the crosshead per second, as a fraction of the displacement range."""
 LOAD_TOLERANCE_SHARE = 0.002
 OVERSHOOT_SHARE = 0.02
-"""During a motion the load may exceed its start and target by this fraction of the largest load."""
+"""The load may leave the range from start to target by this fraction of the largest load."""
 DISPLACEMENT_TOLERANCE_MM = 0.005
 OVERSHOOT_MM = 0.05
 ANGLE_TOLERANCE_DEG = 0.02

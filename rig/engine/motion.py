@@ -135,7 +135,7 @@ class Motion:
         within : callable
             Returns True if a reading is within its tolerance.
         motion_s : float
-            Planned time of the motion in s, in addition to `settle.timeout_s`.
+            Planned time of the motion in s, by which the wait may be longer than `settle.timeout_s`.
         """
         reading = settle(
             self._around.read,

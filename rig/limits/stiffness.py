@@ -12,8 +12,9 @@ from rig.protocol.phased import PhasesProtocol
 from rig.protocol.tension import TensionProtocol
 
 POLYMER_MPA, COMPOSITE_MPA, STEEL_MPA = 1_000.0, 20_000.0, 250_000.0
-"""Young's moduli: the softest engineering thermoplastics, the softest structural materials that carry more
-than `POLYMER_STRENGTH_MPA` (laminates with glass fibres), and steel with a margin."""
+"""Three Young's moduli. The first is that of the softest engineering thermoplastics. The second is that of
+laminates with glass fibres, the softest materials that carry more than `POLYMER_STRENGTH_MPA`. The third is
+that of steel, with a margin."""
 POLYMER_STRENGTH_MPA = 120.0
 """Tensile strength that no thermoplastic without fibres exceeds (PEEK: 100 MPa, polyetherimide: 105 MPa)."""
 MACHINE_MIN_N_MM = 5_000.0

@@ -116,8 +116,7 @@ class Compiler:
     @property
     def _pull(self) -> Pull:
         rates_n_s = [demand.value for demand in self._demands if demand.fact == "load_rate_max_n_s"]
-        # A protocol may not say up to which load the specimen is elastic, so take at most a tenth of the
-        # limit.
+        # Take at most a tenth of the load limit, because the specimen may not be elastic up to a higher load.
         increment_n = min([*self._increments_n, *self._ranges_n, self._carried_n()])
         return Pull(
             increment_n,

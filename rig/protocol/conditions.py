@@ -1,4 +1,4 @@
-"""The requirements of a protocol for the rig: devices, setting readings to zero, and allowed values."""
+"""What a protocol requires of the rig: devices, conditions for zeroing, and values that must be allowed."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias

@@ -18,8 +18,8 @@ too."""
 
 STEP_REACHED = "reached without images: step"
 PHASE_ENDED = "the event of the phase has happened in step"
-"""Each is the beginning of a message about a step, and the number of the step follows. A run that is
-continued needs these events, because the table of steps does not contain steps without images."""
+"""Each of these texts begins the message of an event about a step. The number of the step follows. A run that
+is continued needs these events, because the table of steps does not contain steps without images."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class RunHeader:
     provenance : str
         The command line, the folder, the computer and the process of the program, as JSON.
     devices : mapping of str to str
-        For each device of the run file (a camera's name, ``stage``, ``load_frame``, or for the interlock door
-        ``interlocks.door``) its settings, as JSON.
+        The settings of each device in the run file, as JSON. A key is a camera's name, ``stage``,
+        ``load_frame``, or such as ``interlocks.door`` for the interlock named door.
     continues : str
         The earlier run that this run continues, as JSON. The text is empty if there is no earlier run.
     mounting : Mounting

@@ -1,4 +1,4 @@
-"""Connection to one Aravis camera: settings are written and read back, then the camera films until closed."""
+"""Connection to one Aravis camera. Settings are written and read back. Then it films until `close`."""
 
 import contextlib
 import ctypes

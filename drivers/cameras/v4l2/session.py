@@ -1,4 +1,4 @@
-"""Connection to one V4L2 camera: settings are written and read back, then the camera films until closed."""
+"""Connection to one V4L2 camera. Settings are written and read back, then the camera films until `close`."""
 
 import errno
 from datetime import datetime, timedelta

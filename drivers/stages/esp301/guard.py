@@ -10,7 +10,7 @@ from drivers.stages.settings import StageSettings
 
 
 def stop_once(axis: int, port: EspPort, answer_s: float) -> str:
-    """Command a stop once. Return an empty text if the stage stands still, otherwise what it does.
+    """Command a stop once. Return an empty text if the stage stands still, otherwise what the stage does.
 
     Raises
     ------

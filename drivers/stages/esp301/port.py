@@ -145,7 +145,7 @@ class EspPort(StagePort):
             self._buffer = b""
             self._channel.drain()
             self.send(question)
-            # from here on exactly one answer is still to come, unless part of it has arrived
+            # the controller owes exactly one answer until `_line` has received it
             self._owed = True
             line = self._line(question, wake, timeout_s, self._clock.now_s() + timeout_s)
             self._owed = False

@@ -24,11 +24,11 @@ class Blocks(Settings):
     ----------
     state, identity, command, limits, watchdog, heartbeat : Block
     status : Block, optional
-        Block with status word, fault, and number and result of the executed command, if these are not in the
-        block `state`.
+        Block with the status word, the fault, and the number and the result of the executed command. It is
+        left out if the block `state` has these registers.
     setpoints : Block, optional
-        Block with targets and rates, if these are not in the block `command`. The driver writes the block
-        `setpoints` and reads it back before it sends a command.
+        Block with targets and rates. It is left out if the block `command` has these registers. The driver
+        writes the block `setpoints` and reads it back before it sends a command.
     """
 
     state: Block
