@@ -39,7 +39,12 @@ class ColumnOptions:
         """Raise an error if an option is given that a result file does not use."""
         from dic import CurveError
 
-        for option, value in {"--strain": self.strain, "--transverse": self.transverse}.items():
+        given = {
+            "--strain": self.strain,
+            "--transverse": self.transverse,
+            "--gauge-length-mm": self.gauge_length_mm,
+        }
+        for option, value in given.items():
             if value is not None:
                 remedy = f"leave out {option}, and name a gauge with --gauge"
                 raise CurveError(str(path), option, "the table of a testing machine", "a result file", remedy)

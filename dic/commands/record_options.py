@@ -27,6 +27,7 @@ class RecordOptions:
     image_times: Path | None
     image_time: str | None
     offset_s: str
+    offset_gauge: str | None
 
     @property
     def files(self) -> list[Path | None]:
@@ -51,7 +52,29 @@ class RecordOptions:
         record = self._read(load, time)
         by_time = self.image_interval_s is not None or self.image_times is not None
         join = self.join or ("time" if by_time else "name" if self.image_column else "row")
-        return join_record(series, record, join, clock=self._clock(), gauge=gauge)
+        self._require_effect(join)
+        return join_record(series, record, join, clock=self._clock(), gauge=self.offset_gauge or gauge)
+
+    def _require_effect(self, join: str) -> None:
+        """Raise an error for an option that this way of joining does not use."""
+        from dic import CurveError
+
+        idle: dict[str, bool] = {}
+        if join in ("name", "row"):
+            times = {"--image-interval-s": self.image_interval_s, "--image-times": self.image_times}
+            idle = {option: value is not None for option, value in times.items()}
+            idle |= {"--offset-s": self.offset_s != "0", "--offset-gauge": self.offset_gauge is not None}
+        if self.image_times is None:
+            idle["--image-time"] = self.image_time is not None
+            idle["--image-column"] = self.image_column is not None and join != "name"
+        idle.setdefault("--offset-gauge", self.offset_gauge is not None and self.offset_s != _FOUND)
+        for option in [option for option, given in idle.items() if given]:
+            needs = {
+                "--offset-gauge": "--offset-s auto and --join time",
+                "--image-time": "--image-times",
+                "--image-column": "--join name or --image-times",
+            }.get(option, "--join time")
+            raise CurveError("settings", option, needs, f"--join {join}", f"leave out {option}")
 
     def _require_record(self, load: str | None, time: str | None) -> None:
         self.require_none("--record beside it", load=load, time=time)
@@ -128,5 +151,10 @@ record_options = option_group(
         show_default=True,
         metavar="NUMBER|auto",
         help="Machine's time minus image's time; auto finds it from load and strain.",
+    ),
+    click.option(
+        "--offset-gauge",
+        metavar="NAME",
+        help="Gauge along the specimen for --offset-s auto. Default: the first that is not transverse.",
     ),
 )

@@ -45,10 +45,13 @@ class AnewOptions:
 
     def of_series(self, known: "Motion") -> "Motion":
         """Return the motion of a series, whose values without an option are in `known`."""
-        from dic import Motion, load_alignment
+        from dic import load_alignment
 
-        if self.motion not in (None, known.kind):
-            known = Motion(self.motion)
+        if self.motion is not None and self.motion != known.kind:
+            # Only rigid motion has an alignment, and only rigid motion has no hinge.
+            alignment = known.alignment if self.motion == "rigid" else None
+            hinge = known.tilt_axis_mm if self.motion != "rigid" else None
+            known = replace(known, kind=self.motion, alignment=alignment, tilt_axis_mm=hinge)
         values = self._values()
         if self.alignments:
             values["alignment"] = load_alignment(Path(self.alignments[-1]))

@@ -87,7 +87,7 @@ class Extensometer(Gauge):
     patch: float
 
     def _checks(self) -> list[Check]:
-        return [*_line_checks(self.start, self.end), _size_check("patch", self.patch)]
+        return [*_line_checks(self.start, self.end), *_patch_checks(self.start, self.end, self.patch)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +119,7 @@ class TransverseExtensometer(Gauge):
         lines = f"a whole number from {LEAST_LINES} to {MOST_LINES}"
         return [
             *_line_checks(self.start, self.end),
-            _size_check("patch", self.patch),
+            *_patch_checks(self.start, self.end, self.patch),
             _size_check("spread", self.spread),
             (good, "lines", lines, self.lines, "give lines = 40"),
         ]
@@ -275,6 +275,18 @@ def _place_check(name: str, place: object) -> Check:
 def _size_check(name: str, size: object) -> Check:
     good = is_number(size) and 0.0 < size < _MOST  # type: ignore[operator]  # it is a number
     return (good, name, "a number above 0", size, f"give {name} = 40, in the gauge's unit")
+
+
+def _patch_checks(start: object, end: object, patch: object) -> list[Check]:
+    checks = [_size_check("patch", patch)]
+    if checks[0][0] and _is_pair(start) and _is_pair(end):
+        length = float(np.hypot(*np.subtract(end, start)))  # type: ignore[call-overload]  # both are pairs
+        good = patch <= length  # type: ignore[operator]  # it is a number
+        expected = f"at most {length:.4g}, the distance between start and end"
+        checks.append(
+            (good, "patch", expected, patch, "make the patch smaller, so that patches do not overlap")
+        )
+    return checks
 
 
 def _angle_check(name: str, angle: object) -> Check:

@@ -12,10 +12,11 @@ from dic.gauges.points import GridPlaces
 from dic.gauges.reading import Reading, SharedPart
 from dic.gauges.strains import along, along_weights, elongation, engineering
 from dic.gauges.sums import covariance_at_points
-from dic.strain.strain import strain_of_gradient, with_shared
+from dic.strain.strain import STRAIN_KEYS, strain_of_gradient, with_shared
 from dic.typing import Float, Indices
 
 LEAST_POINTS = 3
+_VALUES = (*("u", "u_std", "v", "v_std", *STRAIN_KEYS[:3], "rotation_deg", *STRAIN_KEYS[3:]),)
 MOVED, GRADIENT = [0, 3], [1, 2, 4, 5]
 """Places of the displacement and of the gradient among the six sums of a fit."""
 LEAST_SHARE = 0.5
@@ -66,7 +67,8 @@ class PlacedFit:
         position = displacement.position[rows, columns]
         reason = self.reason or _objection(position, declared)
         if reason:
-            return Reading(displacement.unit, points=points, declared=declared, reason=reason)
+            unknown = dict.fromkeys(_VALUES, np.nan)
+            return Reading(displacement.unit, points=points, declared=declared, values=unknown, reason=reason)
         at = self.place @ displacement.position[self.rows, self.columns]
         sums = sums_at(position, at)
         vector = displacement.vector[rows, columns]

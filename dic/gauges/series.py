@@ -107,6 +107,11 @@ class GaugeSeries:
         return np.array([one.strain for one in found]), np.array([one.strain_std for one in found])
 
     def _readings(self, gauge: str, kind: str | None) -> list[Reading]:
+        if not self.kinds:
+            remedy = "measure at least one image"
+            raise GaugeError(
+                self.source or "gauges", "read", "an image that could be measured", "none", remedy
+            )
         names = [one.name for one in self.gauges if one.kind != "cut"]
         checks = ((gauge, names, "gauge"), (kind or self.kinds[0], list(self.kinds), "kind of strain"))
         for value, known, what in checks:

@@ -112,4 +112,17 @@ def _cut_rows(image: GaugeImage, name: str) -> Iterator[dict[str, Any]]:
             for value, values in own[kind].values.items() if kind in own else ():
                 if np.isfinite(values[k]):
                     row[f"{kind}_{value}{_unit_of(value, own[kind].unit)}"] = float(values[k])
-        yield row | {"points": int(first.points[k])}
+        row["points"] = int(first.points[k])
+        if not any(np.isfinite(own[kind].values["exx"][k]) for kind in own):
+            row["problem"] = _problem_at(first, k)
+        yield row
+
+
+def _problem_at(profile: Profile, k: int) -> str:
+    """Return why a place of a cut has no value."""
+    count, declared = int(profile.points[k]), int(profile.declared[k])
+    if not declared:
+        return "no measured point is near, or the place lies off the surface"
+    if count < 0.5 * declared or count < 3:
+        return f"too few points have a displacement: {count} of {declared}"
+    return "the points lie on one line"

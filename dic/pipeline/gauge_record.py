@@ -37,6 +37,12 @@ class ImageClock:
 
     def __post_init__(self) -> None:
         given = self.interval_s
+        if given is not None and self.times_s is not None:
+            expected, remedy = (
+                "an interval or a table of times",
+                "leave out --image-interval-s or --image-times",
+            )
+            raise CurveError("settings", "image times", expected, "both", remedy)
         if given is not None and not (is_number(given) and 0.0 < given < 1e9):
             remedy = "give --image-interval-s 0.5"
             raise CurveError(
@@ -88,7 +94,8 @@ def join_record(
     clock : ImageClock, optional
         The images' times; needed for "time".
     gauge : str, optional
-        The gauge whose strain is compared with the load to find an offset. Default: the first one.
+        The gauge whose strain is compared with the load to find an offset. Default: the first one that is
+        neither a transverse extensometer nor a cut.
 
     Returns
     -------
@@ -112,7 +119,7 @@ def join_record(
         times_s, source = clock.of(series.images)
         strain = None
         if clock.offset_s is None:
-            strain, _ = series.strain(gauge or _first_scalar(series))
+            strain, _ = series.strain(gauge or _first_along(series, record))
         joined = replace(join_by_time(record, labels, times_s, clock.offset_s, strain), image_times=source)
     # The machine's time replaces that of the image.
     own = {"time_s", "time_source"} if joined.time_s is not None else set()
@@ -276,5 +283,12 @@ def _require_joinable(series: GaugeSeries, record: MachineRecord, join: str) -> 
         raise record.wrong(f"join by {join}", expected, got, remedy)
 
 
-def _first_scalar(series: GaugeSeries) -> str:
-    return next((gauge.name for gauge in series.gauges if gauge.kind != "cut"), "")
+def _first_along(series: GaugeSeries, record: MachineRecord) -> str:
+    """Return the first gauge whose strain can rise with the load."""
+    names = [gauge.name for gauge in series.gauges if gauge.kind not in ("cut", "transverse")]
+    if not names:
+        expected = "an extensometer, an area or a point along the specimen"
+        got = f"{', '.join(sorted({gauge.kind for gauge in series.gauges}))} only"
+        remedy = "declare such a gauge, or give the offset with --offset-s"
+        raise record.wrong("find the offset", expected, got, remedy)
+    return names[0]

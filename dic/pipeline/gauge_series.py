@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.calibration.calibration import Calibration
-from dic.errors import GaugeError, require_kind
+from dic.errors import GaugeError, RunFileError, require_kind
 from dic.files.reading import opened
 from dic.files.writing import write_figure
 from dic.gauges.declared import Gauge
@@ -143,18 +143,28 @@ def use_results(
     RunFileError
         If the file is neither, or is damaged.
     """
+    if not Path(path).exists():
+        expected = "a result file of `dic correlate -o` or `dic process`"
+        raise RunFileError(str(path), "read results", expected, "no such file", "name another file")
     if is_series_result(path):
         return use_series_result(path, use, local_strain=local_strain)
     return use_run_result(path, use, local_strain=local_strain)
 
 
 def is_results(path: PathLike) -> bool:
-    """Return True if a file begins with the signature of HDF5, so that it is not a table."""
+    """Return True if a file begins with the signature of HDF5, so that it is not a table.
+
+    Raises
+    ------
+    RunFileError
+        If the file cannot be read.
+    """
     try:
         with opened(path) as content:
             return content[: len(_SIGNATURE)] == _SIGNATURE
-    except OSError:
-        return False
+    except OSError as error:
+        got, remedy = error.strerror or str(error), "name another file"
+        raise RunFileError(str(path), "read", "a table or a result file", got, remedy) from error
 
 
 def reader_of(

@@ -46,12 +46,20 @@ def fields_on_file(
     ------
     RunFileError
         If the user named a file whose fields are of another measurement, or cannot be used.
+    OutputError
+        If the file at the place of the results is damaged or no result file, and must not be replaced.
     """
     if place.fields_from is None:
         try:
             result = load(place.path)
             return None if _difference(result, fields, images, begun) else result
-        except RunFileError:
+        except RunFileError as error:
+            if place.path.exists() and not place.replace:
+                got = f"one that exists and cannot be used: {error.step}: {error.got}"
+                remedy = "name another place, or replace it with --force"
+                raise OutputError(
+                    str(place.path), "write results", "a file of its own", got, remedy
+                ) from error
             return None
     result = load(place.fields_from)
     different = _difference(result, fields, images, begun)

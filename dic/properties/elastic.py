@@ -62,9 +62,17 @@ class Elastic:
         return PropertyValue(slope / 1e3, std / 1e3, "GPa", self.rule, self.window, self.flags)
 
 
-def elastic_line(record: Record, settings: PropertySettings) -> Elastic | PropertyValue:
-    """Fit the elastic line of a test; a `PropertyValue` that is missing says why there is none."""
+def elastic_line(
+    record: Record, settings: PropertySettings, points: tuple[int, int] | None = None
+) -> Elastic | PropertyValue:
+    """Fit the elastic line of a test; a `PropertyValue` that is missing says why there is none.
+
+    With `points`, the first one and the one after the last, the line is fitted to these points.
+    """
     strain, stress = record.strain, record.strained_stress
+    if points is not None:
+        line = fit_line(strain, stress, *points)
+        return _elastic(record, line, 0.0, RULE, {}, ())
     if settings.window_mpa is not None:
         return _in_fixed_window(record, settings.window_mpa)
     found = objective_slope(strain, stress)

@@ -105,7 +105,9 @@ class Properties:
         }
 
 
-def material_properties(curve: Curve, settings: PropertySettings) -> Properties:
+def material_properties(
+    curve: Curve, settings: PropertySettings, points: tuple[int, int] | None = None
+) -> Properties:
     """Compute the properties that a laboratory reports of a tensile test.
 
     Parameters
@@ -114,6 +116,9 @@ def material_properties(curve: Curve, settings: PropertySettings) -> Properties:
         Load and strain, such as from `read_curve`.
     settings : PropertySettings
         The area and the declared uncertainties.
+    points : tuple of int, optional
+        First point of the window of the elastic slope, and the point after its last one. Default: the window
+        of the settings, or the objective window.
 
     Returns
     -------
@@ -124,7 +129,7 @@ def material_properties(curve: Curve, settings: PropertySettings) -> Properties:
     require_kind("curve", curve, Curve, "read it with dic.read_curve")
     require_kind("settings", settings, PropertySettings, "give dic.PropertySettings(area_mm2=120.0)")
     record = record_of(curve, settings.area_mm2)
-    found = elastic_line(record, settings)
+    found = elastic_line(record, settings, points)
     if isinstance(found, PropertyValue):
         return _without_line(record, settings, found)
     plateau = find_plateau(record, found)

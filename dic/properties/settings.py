@@ -58,18 +58,21 @@ class PropertySettings:
             checks.append(
                 (good, text, "at least 0", std, "give a small number, such as 0.5, or leave it out")
             )
-        for offset in self.offsets_percent:
+        given = self.offsets_percent
+        listed = isinstance(given, tuple | list) and len(given) > 0
+        remedy = "give a tuple of at least one offset, such as (0.2,)"
+        checks.append((listed, "offsets", "plastic strains in %", given, remedy))
+        for offset in given if listed else ():
             good = _within(offset, 0.0, 10.0)
             checks.append((good, "offset", "above 0 % and below 10 %", offset, "give --offset-percent 0.2"))
         window = self.window_mpa
-        good = window is None or (len(window) == 2 and -1.0 < window[0] < window[1] < np.inf)
+        good = window is None or (_is_pair(window) and -1.0 < window[0] < window[1] < np.inf)
         remedy = "give the lower and the upper stress, such as 40 160"
         checks.append((good, "window", "a lower and a higher stress in MPa", window, remedy))
-        low, high = self.hardening_percent
+        span = self.hardening_percent
+        good = _is_pair(span) and 0.0 < span[0] < span[1] < 100.0
         remedy = "give the lower and the upper strain, such as 10 20"
-        checks.append(
-            (0.0 < low < high < 100.0, "range of hardening", "two strains in %", (low, high), remedy)
-        )
+        checks.append((good, "range of hardening", "two strains in %", span, remedy))
         require_all(CurveError, "settings", checks)
 
     @property
@@ -92,6 +95,10 @@ class PropertySettings:
             STRAIN: self.strain_std_percent,
         }
         return [name for name, std in names.items() if std is None]
+
+
+def _is_pair(values: object) -> bool:
+    return isinstance(values, tuple | list) and len(values) == 2 and all(map(is_number, values))
 
 
 def _within(value: object, low: float, high: float) -> bool:

@@ -74,13 +74,12 @@ def _changes(found: Properties, elastic: Elastic, along: Float, across: Float) -
         error[:end] = error[end - 1] * curve.load_n[:end] / curve.load_n[end - 1]
         errors.append(error)
     # Both curves have the same window, so that the choice of a window is no part of the difference.
-    low, high = elastic.window["stress_mpa"]
-    settings = replace(found.settings, window_mpa=(low, high))
+    window = elastic.line.first, elastic.line.stop
     sides = []
     for sign in (1.0, -1.0):
         beside = None if curve.transverse is None else curve.transverse + sign * errors[1]
         moved = replace(curve, strain=curve.strain + sign * errors[0], transverse=beside)
-        side = material_properties(moved, settings)
+        side = material_properties(moved, found.settings, window)
         sides.append(side.values | {NECKING: side.necking})
     changes = {}
     for name, value in (found.values | {NECKING: found.necking}).items():

@@ -65,18 +65,10 @@ def join_by_name(record: MachineRecord, images: Sequence[str]) -> JoinedRecord:
         raise record.wrong(
             "join by name", "a column of image names", "none", "name it, such as --image-column Image"
         )
-    places: dict[str, list[int]] = {}
-    for k, name in enumerate(record.images):
-        for key in {_file_name(name), _stem(name)}:
-            places.setdefault(key, []).append(k)
-    rows = []
-    for image in images:
-        found = places.get(_file_name(image)) or places.get(_stem(image)) or []
-        if len(found) != 1:
-            got = f"{len(found)} lines for {_file_name(image)}"
-            remedy = "complete the record, or join by row or time"
-            raise record.wrong("join by name", "one line for each image", got, remedy)
-        rows.append(found[0])
+    rows, problem = lines_of(images, record.images)
+    if problem:
+        remedy = "complete the record, name images with their folders, or join by row or time"
+        raise record.wrong("join by name", "one line for each image", problem, remedy)
     return _at_rows(record, rows, "name")
 
 
@@ -169,17 +161,53 @@ def times_of(images: Sequence[str], times_s: Mapping[str, float], source: str) -
     Raises
     ------
     CurveError
-        If an image has no time.
+        If an image has no time, or its name belongs to several lines.
     """
-    known = {key: value for name, value in times_s.items() for key in (_stem(name), _file_name(name))}
-    found = []
+    values = list(times_s.values())
+    rows, problem = lines_of(images, list(times_s))
+    if not problem:
+        found = np.array([values[row] for row in rows], np.float64)
+        gaps = np.flatnonzero(~np.isfinite(found))
+        if not gaps.size:
+            return found
+        problem = f"no time for {images[gaps[0]]}"
+    problem = problem.replace("0 lines", "none", 1) if problem.startswith("0 lines") else problem
+    remedy = "add its line, or name the images with their folders"
+    raise CurveError(source, "image times", "a time for each image", problem, remedy)
+
+
+def lines_of(images: Sequence[str], names: Sequence[str]) -> tuple[list[int], str]:
+    """Return the line that names each image, and what is wrong: "" if each image has a line of its own.
+
+    Names with the same ending are better than names without it. Of these, the line is chosen that has the
+    most folders in common with the image, counted from the file name upwards.
+    """
+    places: dict[str, list[int]] = {}
+    for k, name in enumerate(names):
+        places.setdefault(_stem(name), []).append(k)
+    rows: list[int] = []
+    owners: dict[int, str] = {}
     for image in images:
-        time = known.get(_file_name(image), known.get(_stem(image)))
-        if time is None or not np.isfinite(time):
-            got, remedy = f"none for {_file_name(image)}", "add its line"
-            raise CurveError(source, "image times", "a time for each image", got, remedy)
-        found.append(time)
-    return np.array(found)
+        near = places.get(_stem(image), [])
+        alike = [_likeness(image, names[k]) for k in near]
+        best = [k for k, each in zip(near, alike, strict=True) if each == max(alike)]
+        if len(best) != 1:
+            return [], f"{len(best)} lines for {_file_name(image)}"
+        if owners.setdefault(best[0], image) != image:
+            return [], f"one line for both {owners[best[0]]} and {image}"
+        rows.append(best[0])
+    return rows, ""
+
+
+def _likeness(image: str, name: str) -> tuple[bool, int]:
+    """Return whether two file names have the same ending, and how many of their folders agree."""
+    ways = [PurePath(each.replace("\\", "/")).parts[::-1] for each in (image, name)]
+    agreeing = 0
+    for one, other in zip(ways[0][1:], ways[1][1:], strict=False):
+        if one != other:
+            break
+        agreeing += 1
+    return ways[0][0] == ways[1][0], agreeing
 
 
 def _at_rows(record: MachineRecord, rows: list[int], join: str) -> JoinedRecord:

@@ -33,6 +33,14 @@ class MachineRecord:
     images: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
+        counts = {
+            name: len(value)
+            for name in ("load_n", "displacement_mm", "time_s", "images")
+            if (value := getattr(self, name)) is not None
+        }
+        if len(set(counts.values())) > 1:
+            got = ", ".join(f"{name} {count}" for name, count in counts.items())
+            raise self.wrong("values", "columns of one length", got, "give one value of each per line")
         for name, step in (("load_n", "load"), ("displacement_mm", "displacement"), ("time_s", "time")):
             values = getattr(self, name)
             if values is None:

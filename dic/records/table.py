@@ -18,6 +18,8 @@ MOST_BYTES = 256 * 2**20
 _SEPARATORS = (";", "\t", "|", ",", " ")
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _BRACKETS = re.compile(r"\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]$")
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
+_UP_TO_999 = re.compile(r"[+-]?\d{1,3}")
 _SAMPLE = 60
 
 
@@ -67,7 +69,26 @@ class Table:
         if commas and any("." in text for text in texts):
             got, remedy = "both", "export the file without thousands separators"
             raise self._wrong(f"column '{column.name}'", "a decimal point or a decimal comma", got, remedy)
+        self._require_no_thousands(column, texts)
         return column.factor * np.array([float(text.replace(",", ".")) if text else np.nan for text in texts])
+
+    def _require_no_thousands(self, column: ColumnUnit, texts: Sequence[str]) -> None:
+        """Raise an error if points or commas may separate thousands: 999 is followed by 1,001.
+
+        Machines write a fixed number of decimals, or drop zeros at the end. In the first case no number is
+        whole, in the second case the number of decimals varies.
+        """
+        filled = [text for text in texts if text]
+        marked = [text for text in filled if "," in text or "." in text]
+        whole = [text for text in filled if "," not in text and "." not in text]
+        if not marked or not whole or not all(map(_THOUSANDS.fullmatch, marked)):
+            return
+        if all(_UP_TO_999.fullmatch(text) for text in whole):
+            got = (
+                f"{whole[0]!r} and {marked[0]!r}, which may be {marked[0].replace(',', '').replace('.', '')}"
+            )
+            remedy = "export the file without thousands separators, or with a fixed number of decimals"
+            raise self._wrong(f"column '{column.name}'", "numbers whose decimals are certain", got, remedy)
 
     def texts(self, column: ColumnUnit) -> list[str]:
         """Return the text of a column in each line of numbers.
@@ -219,7 +240,10 @@ def _separator(sample: Sequence[str], least: float) -> str | None:
         width, count = Counter(map(len, rows)).most_common(1)[0] if rows else (0, 0)
         if width < 2 or count < 0.5 * len(rows):
             continue
-        share = float(np.mean([_numeric_share(row) for row in rows if len(row) == width]))
+        shares = [_numeric_share(row) for row in rows if len(row) == width]
+        # In a short table, headings are many of the lines.
+        numeric = next((k for k, share in enumerate(shares) if share > least), 0)
+        share = float(np.mean(shares[numeric if 2 * numeric <= len(shares) else 0 :]))
         if share > best_share:
             best, best_share = separator, share
     return best

@@ -173,11 +173,39 @@ def test_properties_of_a_result_file_are_those_of_its_table(folder, found, tmp_p
             [*("--declare", AXIAL, "--record", "{machine}", "--load", "Force:kN", "--kind", "corrected")],
             "choose a kind of strain: expected one of raw, got 'corrected'",
         ),
+        (["--declare", AXIAL, "--gauge-length-mm", "-5"], "the table of a testing machine, got a result"),
+        *(
+            ([*("--declare", AXIAL, "--record", "{machine}", "--load", "Force:kN"), *idle], words)
+            for idle, words in (
+                (["--join", "row", "--image-interval-s", "7"], "--image-interval-s: expected --join time"),
+                (["--join", "row", "--offset-s", "33"], "--offset-s: expected --join time, got --join row"),
+                (["--join", "name", "--image-column", "Image", "--offset-s", "50"], "expected --join time"),
+                (["--join", "row", "--image-column", "Image"], "--image-column: expected --join name"),
+                (["--join", "time", "--image-interval-s", "1", "--offset-gauge", "a"], "--offset-s auto"),
+            )
+        ),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_refused_in_one_sentence(folder, arguments, words):
     given = [str(one).format(machine=folder / "machine.csv") for one in arguments]
     assert words in refusal("properties", folder / "r.h5", *given, "--area-mm2", AREA_MM2)
+
+
+def test_a_file_that_does_not_exist_is_named_as_missing(folder, tmp_path):
+    missing = tmp_path / "none.csv"
+    words = refusal("properties", missing, "--declare", AXIAL, "--area-mm2", AREA_MM2)
+    assert "none.csv: read: expected a table or a result file, got No such file" in words
+    assert "got no such file; name another file" in refusal("gauges", missing, "--gauge", AXIAL)
+
+
+def test_a_damaged_file_in_the_place_of_results_is_called_damaged(folder, tmp_path):
+    damaged = tmp_path / "damaged.h5"
+    damaged.write_bytes((folder / "r.h5").read_bytes()[:20_000])
+    images = sorted(folder.rglob("*.png"))[:2]
+    words = refusal("correlate", *images, "-o", damaged)
+    assert "one that exists and cannot be used" in words
+    assert "--force" in words
+    assert damaged.stat().st_size == 20_000
 
 
 def test_a_table_takes_no_gauges(folder):

@@ -8,6 +8,8 @@ import h5py
 import numpy as np
 import pytest
 
+from dic import Motion
+from dic.commands.strain import AnewOptions
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
 from simulators.scene.render import render
@@ -222,3 +224,12 @@ def test_settings_that_make_no_sense_are_refused(pulled, tmp_path):
     assert "name a calibration file, such as --calibration cal.h5" in refusal(*files, "--motion", "rigid")
     unsolved = refusal(*calibrated, "--motion", "tension", "--save-alignment", tmp_path / "a.json")
     assert "expected --motion rigid, got tension" in unsolved
+
+
+def test_settings_stay_when_the_motion_is_changed_and_changed_back():
+    known = Motion("tension", poisson_ratio=0.4, shift_std_um=20.0, tilt_axis_mm=(1.0, 2.0))
+    for kind in ("free", "tension"):
+        known = AnewOptions(None, None, kind, None, None, None, ()).of_series(known)
+    assert known == Motion("tension", poisson_ratio=0.4, shift_std_um=20.0, tilt_axis_mm=(1.0, 2.0))
+    rigid = AnewOptions(None, None, "rigid", None, None, None, ()).of_series(known)
+    assert rigid == Motion("rigid", poisson_ratio=0.4, shift_std_um=20.0)

@@ -1,11 +1,12 @@
 """Gauges beside cracks and edges: an opening is no strain, and clipped subsets have their own errors."""
 
+import csv
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from dic import Extensometer, GaugeError, LineCut, PointGauge, StrainGauge, measure_gauges
+from dic import Extensometer, GaugeError, LineCut, PointGauge, StrainGauge, measure_gauges, write_gauge_table
 from dic.correlation.settings import CorrelationSettings
 from dic.gauges.points import GridPlaces
 from dic.gauges.sums import covariance_at_points
@@ -49,6 +50,20 @@ def test_a_place_in_a_slit_has_no_value():
     in_slit = (x >= SLIT.start) & (x < SLIT.stop)
     assert (np.isnan(cut.values["exx"]) == in_slit).all()
     np.testing.assert_allclose(cut.values["exx"][~in_slit], STRAIN + STRAIN**2 / 2, atol=1e-9)
+
+
+def test_the_table_of_a_cut_says_why_a_place_has_no_value(tmp_path):
+    region = np.ones(SHAPE, bool)
+    region[:, SLIT] = False
+    cut = LineCut(name="c", start=(110, 200), end=(190, 200), places=41)
+    series = measure_gauges(exact_series(replace(exact_field(opened), region=region)), [cut])
+    write_gauge_table(series, tmp_path / "g.csv")
+    with (tmp_path / "g.c.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    empty = [row for row in rows if not row["raw_exx"]]
+    assert len(empty) == 3
+    assert all("off the surface" in row["problem"] for row in empty)
+    assert not any(row["problem"] for row in rows if row["raw_exx"])
 
 
 def test_patches_end_at_a_slit_and_an_extensometer_across_it_reads_the_opening():
@@ -136,3 +151,18 @@ def test_clipped_subsets_have_the_covariance_of_the_sum_over_their_pixels(monkey
     np.testing.assert_allclose(found, theory, rtol=1e-4, atol=1e-4 * np.abs(theory).max())
     whole = covariance_at_points(rows, columns, weights, replace(noise, clipped=None))
     assert np.abs(whole - theory).max() > 0.02 * np.abs(theory).max()
+
+
+def test_a_patch_is_no_wider_than_the_gauge():
+    with pytest.raises(GaugeError, match="patch: expected at most 270, the distance between start and end"):
+        Extensometer(name="e", start=(100, 50), end=(100, 320), patch=800)
+
+
+def test_an_area_without_a_reading_has_the_same_keys_as_one_with():
+    whole, left = readings(
+        StrainGauge(name="both", centre=(150, 200), size=(160, 80)),
+        StrainGauge(name="left", centre=(90, 200), size=(60, 80)),
+    )
+    assert whole.as_dict().keys() == left.as_dict().keys()
+    assert whole.as_dict()["exx"] is None
+    assert "extension" not in whole.as_dict()

@@ -74,3 +74,21 @@ def test_record_without_elastic_line_stays_as_it_is():
     settings = PropertySettings(AREA_MM2, window_mpa=(900.0, 950.0))
     found = material_properties(replace(record()), settings)
     assert with_shared_error(found, np.full(400, 1e-5)) is found
+
+
+def test_a_record_with_a_loop_keeps_its_window_when_the_error_is_added():
+    rise = np.linspace(0.0, 0.0018, 80), np.linspace(0.0018, 0.0003, 60), np.linspace(0.0003, 0.02, 600)
+    strain = np.concatenate(rise)
+    rng = np.random.default_rng(3)
+    stress = np.minimum(70e3 * strain, 250 + 2000 * (strain - 250 / 70e3)) + rng.normal(0, 0.3, len(strain))
+    found = material_properties(
+        Curve("t", AREA_MM2 * stress, strain + rng.normal(0, 2e-5, len(strain))), PropertySettings(AREA_MM2)
+    )
+    share = 0.01
+    judged = with_shared_error(found, share * np.abs(found.record.curve.strain))
+    line = found.elastic.line
+    same = material_properties(found.record.curve, found.settings, (line.first, line.stop))
+    assert same.elastic.line.slope == pytest.approx(line.slope, rel=1e-12)
+    # The error grows with the load to its size at the end of the window, and divides the slope by 1 ± share.
+    error = share * found.record.curve.strain[line.stop - 1] / stress[line.stop - 1] * line.slope
+    assert judged.strain_parts["E_gpa"] == pytest.approx(error * found.values["E_gpa"].value, rel=0.02)
