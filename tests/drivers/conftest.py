@@ -1,4 +1,4 @@
-"""What the driver tests share: a virtual clock, a context, and a watch over threads and file descriptors."""
+"""Fixtures for all tests of drivers: a virtual clock, a context, and a check for open threads and files."""
 
 import threading
 from collections.abc import Iterator

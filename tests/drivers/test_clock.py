@@ -1,4 +1,4 @@
-"""Simulated time: it passes only while all work sleeps or waits, and always in the same order."""
+"""Simulated time passes only while all activities sleep or wait, and their order is always the same."""
 
 import math
 import threading

@@ -1,4 +1,4 @@
-"""Random faults on every line: nothing hangs, nothing false is believed, nothing is done twice.
+"""With random faults on every line, no call hangs, no wrong value is accepted, and no command is repeated.
 
 Each round puts one to three random faults of the line on a standing device, reads it, perhaps moves it,
 perhaps stops it, then clears them. Whatever is read of a standing device must be true, every error must be

@@ -1,4 +1,4 @@
-"""Drivers of other packages: installed beside ours, found by their names, refused in one sentence."""
+"""Drivers of other packages are found by their names, or refused with a message of one sentence."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What a rig file may say about a stage or a load frame, driver by driver."""
+"""The settings of a stage or a load frame that each driver accepts and refuses."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""From the call of stop or hold to its bytes on the wire, while another request waits for its answer.
+"""The time from the call of stop or hold to its bytes on the wire, while another request waits.
 
 The bound is 5 ms for the median of fifteen, which stays below 3 ms beside four busy programs on two cores.
 The answer that is waited for never comes, so a stop that queued behind it would take as long as an answer

@@ -1,4 +1,4 @@
-"""Files in TOML, read and written."""
+"""Tests of reading and writing TOML files."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""A rig of fakes on a virtual clock: small devices that behave well until a test tells them not to."""
+"""A rig of simple simulated devices on a virtual clock, which have no faults unless a test sets them."""
 
 import tomllib
 from collections.abc import Callable, Iterator

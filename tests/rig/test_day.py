@@ -1,4 +1,4 @@
-"""A whole day of a run in simulated time: nothing is lost, nothing grows, the machine is always watched."""
+"""In a run of one simulated day, no data are lost, memory does not grow, and the machine is watched."""
 
 import resource
 import tomllib

@@ -1,4 +1,4 @@
-"""The narrower limits of rig and protocol, which the machine is given to keep by itself."""
+"""The machine gets the narrower limits of rig and protocol, and enforces them itself."""
 
 import tomllib
 

@@ -1,4 +1,4 @@
-"""Calls of a third party's driver that never return, in whole programs: the machine stands, the program ends.
+"""If a call of a third party's driver never returns, the machine stops and the program ends.
 
 `rig simulate` is the machine, in a program of its own; its log says when the machine stood. The times are
 those of the campaign, which the long test asserts: 1 s from the hang to standstill.

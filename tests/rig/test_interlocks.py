@@ -1,4 +1,4 @@
-"""Interlocks on the virtual rig: an open one refuses the start, and ends a run in the safe state."""
+"""An open interlock of the virtual rig prevents a start, and ends a run in the safe state."""
 
 import json
 import math

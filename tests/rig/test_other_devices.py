@@ -1,4 +1,4 @@
-"""Whole experiments on the virtual rig with drivers that no example names: only the rig file changes."""
+"""Whole experiments on the virtual rig with drivers that no example uses. Only the rig file changes."""
 
 import pytest
 

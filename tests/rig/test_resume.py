@@ -1,4 +1,4 @@
-"""Going on with a run that ended early, in a new run file."""
+"""A run that ended early is continued in a new run file."""
 
 import json
 import signal

@@ -1,4 +1,4 @@
-"""What a run records of its two files is what it ran, whatever becomes of the files meanwhile."""
+"""A run records the protocol and the rig file that it used, even if the files change during the run."""
 
 import tomllib
 from collections.abc import Callable
@@ -27,7 +27,7 @@ def files(tmp_path) -> tuple[Path, Path]:
 
 @pytest.fixture
 def replaced_once_open(monkeypatch) -> Callable[[Path], list[Path]]:
-    """Have a file replaced by another as soon as it is opened; what is open still reads the first."""
+    """Replace a file by another one as soon as it is opened. The open file still has the first content."""
     open_path = Path.open
 
     def arrange(path: Path) -> list[Path]:

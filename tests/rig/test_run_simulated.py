@@ -1,4 +1,4 @@
-"""A whole experiment in one program with the devices of another: `rig run` against `rig simulate`."""
+"""A whole experiment in which `rig run` uses the devices that another program, `rig simulate`, simulates."""
 
 import itertools
 import json

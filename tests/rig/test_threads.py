@@ -1,4 +1,4 @@
-"""How a program ends although a thread hangs in a driver."""
+"""A program can end although a thread hangs in a driver."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Aravis' library as it behaves, behind the driver: with a camera that films on the virtual clock.
+"""A simulated Aravis library for the tests of the driver, with a camera that films on the virtual clock.
 
 Each picture's grey level is its number.
 """
@@ -97,7 +97,7 @@ class FakeLibrary:
         self.begun_s, self.taken = self.clock.now_s(), -1
 
     def stream_try_pop_buffer(self, stream: int) -> int:
-        """Frames are taken in their order; this library holds one, the newest."""
+        """Return the next frame. This library keeps only the newest frame."""
         newest = int((self.clock.now_s() - self.begun_s) / INTERVAL_S) - 1
         if self.silent or newest <= self.taken:
             return 0

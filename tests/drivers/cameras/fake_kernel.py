@@ -1,4 +1,4 @@
-"""A camera behind the seam `drivers.cameras.v4l2.node`: the kernel's answers, with every fault it can have.
+"""A simulated kernel with a camera, for the interface `drivers.cameras.v4l2.node`, with all possible faults.
 
 It films on the virtual clock. Each picture shows its own number, so that a test can see which frames it got.
 """
@@ -25,7 +25,7 @@ from drivers.clock import VirtualClock
 
 @dataclass
 class FakeControl:
-    """One control; `keeps` is what a camera makes of every value that is written."""
+    """One control. `keeps` returns the value that the camera keeps when a value is written."""
 
     name: str
     value: int
@@ -38,7 +38,7 @@ class FakeControl:
 
 
 def uvc_controls() -> dict[int, FakeControl]:
-    """The controls of a usual USB camera as it is plugged in: everything automatic."""
+    """The controls of a usual USB camera after it was plugged in. All automatic controls are on."""
     return {
         ControlId.AUTO_WHITE_BALANCE: FakeControl("White Balance, Automatic", 1),
         ControlId.GAIN: FakeControl("Gain", 20, 0, 100),
@@ -53,7 +53,7 @@ def uvc_controls() -> dict[int, FakeControl]:
 
 @dataclass
 class FakeCamera:
-    """A plugged-in camera and its kernel driver; what goes wrong is set by its attributes.
+    """A plugged-in camera and its kernel driver. The attributes set its faults.
 
     `frame_faults` maps the number of a picture to what happens to it: ``lost``, ``damaged``, ``short`` or
     ``unpadded``, without the last row's padding;
@@ -105,7 +105,7 @@ class FakeCamera:
         return 1 if self.code == "GREY" else 2
 
     def picture(self, number: int) -> bytes:
-        """The picture of that number: rows of one grey level, the padding full of rubbish."""
+        """Return the picture with a number. Its rows have one grey level, and the padding has other bytes."""
         level = (number * 37 + 11) & self.level_mask
         if self.code == "YUYV":
             row = bytes([level & 0xFF, 128] * self.width)

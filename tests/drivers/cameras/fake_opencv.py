@@ -1,4 +1,4 @@
-"""A camera as OpenCV shows it: what waits comes at once, without number, stamp or flag."""
+"""A simulated OpenCV camera. Buffered frames come at once, without frame number, timestamp or error flag."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ WAITING = 4
 
 
 class FakeCapture:
-    """What OpenCV gives of a camera: frames that waited come at once, the oldest first, each with its age."""
+    """A simulated `VideoCapture`. Buffered frames come at once, the oldest first, and show their numbers."""
 
     def __init__(self, clock: VirtualClock, *, coloured: bool = True) -> None:
         self.clock = clock

@@ -1,4 +1,5 @@
-"""Every camera driver of ours keeps the contract; on cameras by others it does so in `guest_contract.py`."""
+"""Every camera driver of this project passes the contract tests. `guest_contract.py` tests other authors'
+cameras."""
 
 import sys
 import threading

@@ -1,4 +1,4 @@
-"""What docs/cameras.md shows of a rig file is what the drivers take."""
+"""The drivers accept the parts of rig files that docs/cameras.md shows."""
 
 import re
 import tomllib

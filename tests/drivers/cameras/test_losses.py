@@ -1,4 +1,4 @@
-"""The account of a stream of frames, by numbers and times that are given."""
+"""Tests of `LossAccount` with given frame numbers and frame times."""
 
 from datetime import UTC, datetime
 
@@ -17,7 +17,8 @@ def frame(sequence: int, exposed_s: float) -> Frame:
 
 
 def account(delays: list[float], first: int = 0) -> tuple[LossAccount, list[bool]]:
-    """Frames counted without a gap, each late by so many intervals."""
+    """Return the account of frames without a gap in their numbers, each late by the given number of
+    intervals."""
     losses = LossAccount(INTERVAL_S)
     numbers = range(first, first + len(delays))
     return losses, [

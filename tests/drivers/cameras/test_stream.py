@@ -1,4 +1,4 @@
-"""Streams of the faked kernel's camera, whose pictures show their numbers: it is known which are missing."""
+"""Streams of the simulated kernel's camera. Its pictures show their numbers, so lost ones are known."""
 
 import threading
 
@@ -25,12 +25,12 @@ def opened(plugged: FakeCamera, context: OpenContext) -> V4l2Camera:
 
 
 def take(stream: FrameStream, count: int) -> list[int]:
-    """The numbers of the pictures that came."""
+    """Return the numbers of the received pictures."""
     return [(int(stream.next(DEADLINE_S).image[0, 0]) - 11) // 37 for _ in range(count)]
 
 
 def lost(stream: FrameStream, *kinds: LossKind) -> set[int]:
-    """The sequence numbers that are reported missing."""
+    """Return the sequence numbers that the stream reports as missing."""
     losses = [loss for loss in stream.report().losses if loss.kind in kinds]
     return {number for loss in losses for number in range(loss.first, loss.first + loss.count)}
 

@@ -1,4 +1,4 @@
-"""The interlock's driver keeps the contract for contacts and registers, on every line."""
+"""The interlock driver passes the contract tests for contacts and registers, on every kind of line."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -39,7 +39,7 @@ class Module(InputModule):
 
 @pytest.mark.parametrize("line", LINES)
 class Lines(InterlockContract, ABC):
-    """The contract on one line; the subclasses say which input is read."""
+    """The contract tests on one line. The subclasses choose the input that is read."""
 
     settings: ClassVar[dict[str, object]]
     values: tuple[float, ...]

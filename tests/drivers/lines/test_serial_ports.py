@@ -1,4 +1,4 @@
-"""The serial ports of a system folder made by hand."""
+"""The search finds the serial ports in a simulated system folder."""
 
 import serial.tools.list_ports
 from serial.tools.list_ports_common import ListPortInfo

@@ -1,4 +1,4 @@
-"""Modbus servers by others, pyModbusTCP, modbus-tk and libmodbus, with the simulated machine behind them.
+"""Modbus servers of other authors (pyModbusTCP, modbus-tk, libmodbus) that serve the simulated machine.
 
 Everything on the wire is theirs, the parsing of requests and the making of answers too; `answer` only says
 what stands in the registers, or that the machine refuses.
@@ -118,7 +118,7 @@ class PyModbusTcpServer(ForeignServer):
 
 
 class _TkServer(ForeignServer):
-    """What modbus-tk's servers share: memory that asks the machine."""
+    """Base class of modbus-tk's servers. Their memory is read from the machine."""
 
     def _begin(self, server) -> None:
         from modbus_tk import defines, hooks, modbus
@@ -138,7 +138,7 @@ class _TkServer(ForeignServer):
                     raise modbus.ModbusError(refusal.code) from refusal
 
             def __setitem__(self, place: int, word: int) -> None:
-                """Do nothing: the machine got the request whole."""
+                """Do nothing, because the machine has received the whole request."""
 
         def written(arguments) -> None:
             slave, request = arguments
@@ -227,7 +227,7 @@ def libmodbus() -> ctypes.CDLL | None:
 
 
 class _LibmodbusServer(ForeignServer):
-    """What libmodbus' servers share: an answer to one request."""
+    """Base class of libmodbus' servers, which answers one request."""
 
     trailer = 0
 
@@ -243,7 +243,7 @@ class _LibmodbusServer(ForeignServer):
         """Overridden by each kind."""
 
     def _respond(self) -> bool:
-        """Receive one request and answer it; False when the client has gone."""
+        """Receive one request and answer it. Return False when the client has disconnected."""
         query = (ctypes.c_uint8 * 260)()
         size = self._library.modbus_receive(self._context, query)
         if size <= 0:

@@ -1,4 +1,4 @@
-"""The load frame's driver keeps the contract on every line and map: on our simulator, and others' servers."""
+"""The load frame driver passes the contract tests with every line, map and server, also of other authors."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""The console operator at a real pseudo-terminal, at a pipe, and with nobody there."""
+"""Tests of the console operator at a pseudo-terminal, at a pipe, and without any input."""
 
 import os
 import pty

@@ -1,4 +1,4 @@
-"""A simulated stage on a pty and the driver opened on it: of every driver, unless a folder names one."""
+"""Fixtures with a simulated stage and its opened driver, for every driver unless a folder chooses one."""
 
 from collections.abc import Iterator
 from typing import Any

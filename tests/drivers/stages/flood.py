@@ -1,4 +1,4 @@
-"""A peer that sends without end."""
+"""A simulated device that never stops sending."""
 
 import socket
 from collections.abc import Iterator

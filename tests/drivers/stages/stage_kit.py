@@ -1,4 +1,4 @@
-"""A stage driver with the simulated line it is tested on, so that one test can serve for every driver."""
+"""A stage driver with its simulated line, so that one test can be used for every driver."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Every stage driver of ours keeps the contract, on every line the simulators offer."""
+"""Every stage driver of this project passes the contract tests, on every line of the simulators."""
 
 import re
 from collections.abc import Callable, Iterator

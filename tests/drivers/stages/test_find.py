@@ -1,4 +1,4 @@
-"""Simulated stages at pseudo-terminals are found by who they say they are, and nothing moves."""
+"""Simulated stages at pseudo-terminals are found by the identity that they report, and nothing moves."""
 
 from contextlib import closing
 

@@ -1,4 +1,4 @@
-"""A stage that another program, or a knob, moves: noticed at the next reading, and no motion follows."""
+"""If another program or a knob moves a stage, the next reading shows it, and motions are refused."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The guard of a stage, of every driver: it passes the driver's messages, and stops the stage alone."""
+"""With every driver, the guard of a stage passes the driver's messages on, and can stop the stage alone."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What stage drivers inherit from `GuardedStage`: motions sent once, stops confirmed, lost links told."""
+"""Tests of `GuardedStage`: a motion is sent once, a stop is confirmed, and a lost link is reported."""
 
 import socket
 import struct

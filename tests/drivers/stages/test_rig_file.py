@@ -1,4 +1,4 @@
-"""Mistakes in a stage's table of the rig file are refused before anything is opened, all of them together."""
+"""All mistakes in a stage's table of the rig file are reported together, before any device is opened."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""`rig devices` with simulated devices at real ports, and a system folder made by hand."""
+"""`rig devices` with simulated devices at real ports, and with a simulated system folder."""
 
 import tomllib
 from collections.abc import Callable

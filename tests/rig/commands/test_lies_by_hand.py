@@ -1,4 +1,4 @@
-"""`rig unload` and `rig jog` with a lying load cell on the virtual rig, which knows the truth."""
+"""`rig unload` and `rig jog` with a wrong load cell on the virtual rig, which knows the true load."""
 
 import random
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""What the two lines of a run say, and that a question has the terminal for itself."""
+"""The two lines on the screen of a run have the right text. During a question nothing else is printed."""
 
 import io
 import re

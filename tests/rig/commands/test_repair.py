@@ -1,4 +1,4 @@
-"""Run files that do not open any more, and do after `rig repair`, with every image unchanged."""
+"""After `rig repair`, run files that HDF5 refused to open can be opened, with every image unchanged."""
 
 import shutil
 import stat

@@ -1,4 +1,4 @@
-"""A whole run as a person sees it: the rig is simulated in one program and run in another, on a terminal."""
+"""A whole run on a terminal, as a person sees it. Another program simulates the rig."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""A terminal that takes no output, as after Ctrl-S or with a dead connection, does not hold up a run."""
+"""A terminal that accepts no output, for example after Ctrl-S, does not delay a run."""
 
 import os
 import signal

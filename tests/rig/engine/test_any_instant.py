@@ -1,4 +1,4 @@
-"""Signals at any line of the engine: whatever it was doing, the rig is safe and the file is closed."""
+"""After a signal at any line of the engine, the rig is safe and the run file is closed."""
 
 import signal
 import sys

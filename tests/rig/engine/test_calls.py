@@ -1,4 +1,4 @@
-"""Calls of drivers: what hangs is given up at its deadline, and everything else is watched meanwhile."""
+"""A driver's call that hangs is given up at its deadline, and until then the other devices are watched."""
 
 import threading
 from collections.abc import Callable, Iterator

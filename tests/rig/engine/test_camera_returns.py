@@ -1,4 +1,4 @@
-"""Bad images are taken again within limits, and a camera that comes back is used again."""
+"""Bad images are repeated a limited number of times, and a camera that returns is used again."""
 
 from dataclasses import dataclass, replace
 

@@ -1,4 +1,4 @@
-"""A driver's call that never returns: the run ends in its safe state, whichever call it is and whenever."""
+"""If any call of a driver never returns, at any time, the run ends in its safe state."""
 
 import threading
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Each check of an image: against theory, dic's own measure of blur, and the simulator's faults."""
+"""Each check of an image agrees with theory, with dic's measure of blur, and with simulated faults."""
 
 import math
 from dataclasses import replace

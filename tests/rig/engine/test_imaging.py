@@ -1,4 +1,4 @@
-"""Images that prove nothing are not recorded: stale ones, flagged ones, and those of another format."""
+"""Old images, images with error flags and images of another format are not recorded."""
 
 from dataclasses import replace
 

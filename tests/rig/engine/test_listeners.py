@@ -1,4 +1,4 @@
-"""What the listeners of a run are told, and that none of them can hurt it."""
+"""The listeners of a run get the right reports, and no listener can harm the run."""
 
 import threading
 

@@ -1,4 +1,4 @@
-"""What the engine sees at the machine before it asks the operator, and after the end of a run."""
+"""The engine reads the machine before it asks the operator, and after the end of a run."""
 
 import math
 import threading

@@ -1,4 +1,4 @@
-"""One lost answer is survived within the deadline of a call, with the defaults of every driver."""
+"""With the default settings of every driver, a call succeeds within its deadline if one answer is lost."""
 
 from collections.abc import Iterator
 from contextlib import closing, nullcontext

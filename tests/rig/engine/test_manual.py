@@ -1,4 +1,4 @@
-"""Motions by hand on fake devices: each ends with a hold, and none leaves its envelope."""
+"""Each motion by hand on simulated devices ends with a hold, and stays within its permitted range."""
 
 import threading
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The event that ends a phase is noticed at the readings, and a replay and a continued run agree with it."""
+"""The event that ends a phase is noticed at a reading. A replay and a continued run give the same result."""
 
 import tomllib
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Runs of phases on a rig of fakes: holds of hours, cycles, images during a motion, breaks and no breaks."""
+"""Runs with phases on simple simulated devices: long holds, cycles, images during a motion, and breaks."""
 
 import tomllib
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A run on the virtual rig repeats bit by bit, although devices are watched while others take their time."""
+"""A run on the virtual rig gives the same bits in every repetition, although several threads are at work."""
 
 import h5py
 import numpy as np

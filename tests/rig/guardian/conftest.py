@@ -1,4 +1,4 @@
-"""One simulated rig for all tests of a module, because it starts more slowly than most of them end."""
+"""One simulated rig for all tests of a module, because starting it takes longer than most of the tests."""
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack

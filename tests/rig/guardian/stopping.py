@@ -1,4 +1,4 @@
-"""How fast machines stand after something went wrong: `rig run` on `rig simulate`, judged by its log."""
+"""Measure how fast machines stop after a failure of `rig run`, by the log of `rig simulate`."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""What a rig file accepts although it is dangerous is said in every plan and at every start."""
+"""Every plan and every start of a run warn of dangers that the rig file accepts."""
 
 import tomllib
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A run and its guardian: each notices the end of the other, and both leave the machines at rest."""
+"""A run and its guardian each notice if the other one ends, and then bring the machines to rest."""
 
 import os
 import signal
@@ -40,7 +40,7 @@ def test_a_run_without_its_guardian_ends_with_its_machine_at_rest(how, machine, 
 
 @pytest.mark.parametrize(("lines", "machine"), CASES)
 def test_a_run_that_was_frozen_finds_its_machine_at_rest_and_ends(machine, lines, bench_on):
-    """After the stop by the guardian nothing that the run had in mind may be executed."""
+    """After the guardian's stop, no later command of the run may be executed."""
     measured = bench_on(*lines)
     with closing(measured.started(machine)) as run:
         run.process.send_signal(signal.SIGSTOP)

@@ -1,4 +1,4 @@
-"""One master: whoever opens a machine holds its lock, and the next one is told who that is."""
+"""A program that opens a machine holds its lock, and another program's error message names the first one."""
 
 import os
 import subprocess

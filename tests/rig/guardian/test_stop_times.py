@@ -1,4 +1,4 @@
-"""How long a machine moves on after a signal, a hang and a death, measured by the simulator's own log.
+"""Measure by the simulator's log how long a machine still moves after a signal, a hang or a kill.
 
 The times are real: the programs, the lines and the system's scheduling are what is measured. The test command
 takes the median of three, which a busy computer hardly moves; the long campaign takes the worst of thirty.

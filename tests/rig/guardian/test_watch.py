@@ -1,4 +1,4 @@
-"""What the guardian makes of the signs, and of the silence, of a run."""
+"""The guardian reacts correctly to signs of progress and to their absence."""
 
 import os
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Tension tests on the virtual rig with a lying load cell; the truth comes from the simulated machine."""
+"""Tension tests on the virtual rig with a wrong load cell. The simulated machine knows the true load."""
 
 import random
 import tomllib
@@ -26,7 +26,7 @@ MATERIALS = {
 }
 
 FRACTURE_BEYOND = 0.05
-"""A specimen breaks at a strain by so much above that at its ultimate stress."""
+"""A specimen breaks at its strain at the ultimate stress plus this strain."""
 
 
 @dataclass
@@ -166,7 +166,8 @@ class Case:
 
 
 def draw(rng: random.Random) -> Case:
-    """Draw a specimen, a machine and an increment; the frame of 50 kN must be able to make it yield."""
+    """Draw a specimen, a machine and an increment. A load frame of 50 kN must be able to make the specimen
+    yield."""
     while True:
         case = Case(
             material=rng.choice(sorted(MATERIALS)),
@@ -187,7 +188,7 @@ def draw(rng: random.Random) -> Case:
 
 @dataclass
 class Result:
-    """What the machine knows: true load and displacement, and the commands that it executed."""
+    """The machine's records: true load, true displacement, and the commands that it executed."""
 
     outcome: Outcome
     increment_n: float
@@ -198,14 +199,14 @@ class Result:
 
     @property
     def over(self) -> float:
-        """True load above the last target, as a part of the increment; NaN after the increments of load."""
+        """True load above the last target, as a fraction of an increment, or NaN after load increments."""
         return nan if self.stretched else (self.highest_n - self.target_n) / self.increment_n
 
 
 def drive(
     case: Case, folder: Path, monkeypatch, lie: str = "", when: Callable[[float], bool] = bool
 ) -> Result:
-    """Run a test; the load cell begins to lie when `when(true load)` is first true after the tare."""
+    """Run a test. After the tare, the load cell becomes wrong when `when(true load)` is first true."""
     folder.mkdir(exist_ok=True, parents=True)
     (folder / "protocol.toml").write_text(case.protocol())
     (folder / "rig.toml").write_text(case.rig())

@@ -1,4 +1,4 @@
-"""The load must follow the motion of the crosshead: honest specimens, and load cells that are stuck."""
+"""The load must follow the crosshead. This check passes correct specimens and finds stuck load cells."""
 
 import math
 from collections.abc import Callable
@@ -26,7 +26,7 @@ def pull(
     seed: int = 0,
     stuck_from_n: float = math.inf,
 ) -> float:
-    """Pull through an increment at a constant rate of load, with noise; return the highest true load in N."""
+    """Pull through an increment at a constant rate of load, with noise. Return the highest true load in N."""
     rng = np.random.default_rng(seed)
     for load_n in np.arange(0.0, 1.2 * increment_n, 0.003 * increment_n):
         shown_n = min(load_n, stuck_from_n) + NOISE_N * rng.standard_normal()

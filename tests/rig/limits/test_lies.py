@@ -1,4 +1,4 @@
-"""A load cell that lies must not break a specimen: materials, machines and increments drawn at random."""
+"""A wrong load cell must not break a specimen, for random materials, machines and increments."""
 
 import random
 

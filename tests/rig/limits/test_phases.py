@@ -1,4 +1,4 @@
-"""In a test of phases, a load cell that lies must not break a specimen either."""
+"""A wrong load cell must not break a specimen in a test with phases."""
 
 import random
 import tomllib

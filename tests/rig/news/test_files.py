@@ -1,4 +1,4 @@
-"""The file of events and the heartbeat: what stands in them, and that no reader or disk delays a run."""
+"""The file of events and the heartbeat have the right content, and no reader or disk delays a run."""
 
 import json
 import os
@@ -110,7 +110,7 @@ def test_the_heartbeat_is_replaced_whole_and_ends_with_the_last_state(tmp_path):
 
 
 def test_a_run_that_makes_no_progress_has_no_heartbeat(tmp_path):
-    """A thread of its own that beats by itself would say that a hanging run is alive."""
+    """A heartbeat from a separate thread would report a hanging run as alive."""
     beats = []
     heartbeat = Heartbeat(tmp_path / "run.heartbeat.json", lambda: beats.append(1) or {})
     heartbeat.start()

@@ -1,4 +1,4 @@
-"""The HTTP interface: what it tells, whom it refuses, and that an abort waits for nothing."""
+"""The HTTP interface gives the right answers, refuses foreign requests, and executes an abort at once."""
 
 import json
 import socket
@@ -26,7 +26,7 @@ ABOUT = About("run-1", "/data/run.h5", "A test", "tension", True, ("left", "righ
 
 @dataclass
 class Served:
-    """A served run that does not exist, and what was asked of it."""
+    """A served run without an engine, which records the requested aborts."""
 
     place: HttpPlace
     bulletin: Bulletin
@@ -52,7 +52,7 @@ class Served:
         return self.ask("POST", "/v1/abort", **{"Authorization": token, **headers})[0]
 
     def raw(self, text: str) -> socket.socket:
-        """Send something and read nothing."""
+        """Send bytes and read no answer."""
         line = socket.create_connection(("127.0.0.1", self.place.port), 60.0)
         line.sendall(text.replace("\n", "\r\n").encode())
         return line
@@ -176,7 +176,7 @@ def test_the_interface_is_bound_to_this_computer_alone(served):
 
 
 def test_an_abort_is_behind_nothing(served):
-    """Not behind clients that do not read, half a request, a body that never comes, or slow pictures."""
+    """Clients that do not read, half a request, a missing body and slow pictures do not delay an abort."""
     host = f"Host: 127.0.0.1:{served.place.port}"
     for place in range(3000):
         served.bulletin.add({"event": "log", "message": "x" * 500, "place": place})

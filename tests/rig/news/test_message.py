@@ -1,4 +1,4 @@
-"""One message at the end of a run and never two, by whatever end the run comes to."""
+"""However a run ends, exactly one message is sent."""
 
 import os
 import signal
@@ -22,7 +22,7 @@ FRAME = LoadFrameState(7001.2, 0.61234, False, True, True, 9, (), 3.0)
 
 @pytest.fixture
 def command(tmp_path) -> str:
-    """A command that notes each call: its argument, a variable, and its standard input."""
+    """A command that records its argument, a variable and its standard input at each call."""
     script = tmp_path / "note"
     script.write_text(
         f'#!/bin/sh\n{{ echo "$1"; echo "$OFFAXIS_STATUS"; cat; echo ---; }} >> \'{tmp_path}/notes\'\n'

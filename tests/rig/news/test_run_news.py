@@ -1,4 +1,4 @@
-"""The news of whole runs: files, message and HTTP together, to whatever end the run comes."""
+"""The news of whole runs (files, message and HTTP together), however the run ends."""
 
 import json
 import signal

@@ -1,4 +1,4 @@
-"""Protocols that are lists of phases: what they plan, how they follow the specimen, what they refuse."""
+"""Tests of protocols with phases: their plans, their decisions from readings, and their refusals."""
 
 import math
 import tomllib

@@ -1,4 +1,4 @@
-"""A disk that becomes full, or a limit on the size of files: one sentence, and a closed file."""
+"""If the disk is full or a file too large, the run ends with a one-sentence error and a closed file."""
 
 import random
 import resource
@@ -152,7 +152,7 @@ def test_limit_at_a_hundred_random_places(enough, tmp_path):
 
 
 def test_file_whose_writes_failed_is_left_as_it_is(tmp_path):
-    """Not the reservation fails here but a write, as on a broken disk."""
+    """Here a write fails and not the reservation, as on a broken disk."""
     path = tmp_path / "run.h5"
     file = OpenRunFile(path, HEADER, CAMERAS, {})
     with no_file_larger_than(path.stat().st_size):

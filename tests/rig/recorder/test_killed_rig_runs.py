@@ -1,4 +1,4 @@
-"""kill -9 of `rig run` at random moments: its file opens after at most `rig repair`, with all that was told.
+"""After kill -9 of `rig run` at a random moment, the file opens after `rig repair` with all reported data.
 
 A run tells of a finished step twice: by a line on standard output, and by a line in its file of events. The
 virtual rig gives the same images in every run, so a changed image differs from that of another run.

@@ -1,4 +1,4 @@
-"""kill -9 at random moments: every file opens after at most a repair, and no acknowledged image is lost."""
+"""After kill -9 at a random moment, every file opens after a repair, and has all acknowledged images."""
 
 import random
 from collections.abc import Iterator

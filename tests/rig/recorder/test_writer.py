@@ -1,4 +1,4 @@
-"""The writer's thread gathers readings, and writes at once what somebody waits for."""
+"""The writer's thread collects readings, but writes at once the data for which the engine waits."""
 
 import threading
 

@@ -1,4 +1,4 @@
-"""A library of the tests' own in place of libaravis, with a camera that films on the virtual clock."""
+"""Fixtures with a simulated Aravis library, whose camera films on the virtual clock."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The Aravis driver opened on a library of the tests' own, with the settings that its tests share."""
+"""Open the Aravis driver on a simulated library, with the settings that all its tests use."""
 
 from drivers.cameras.aravis.camera import AravisCamera
 from drivers.cameras.aravis.settings import AravisSettings
@@ -6,7 +6,7 @@ from drivers.interfaces import OpenContext
 from tests.drivers.cameras.fake_aravis import HEIGHT, INTERVAL_S, WIDTH, FakeLibrary
 
 DEADLINE_S = 20.0
-"""Of the machine's clock, for what happens aside; nothing waits so long unless it is wrong."""
+"""Deadline in s of the system's clock for work on other threads. Only a failing test waits so long."""
 
 
 def settings(**changes: object) -> AravisSettings:

@@ -1,4 +1,5 @@
-"""Finding cameras through Aravis, on a fake library; `tests/real_cameras/gige` finds a real camera."""
+"""Tests of the search for cameras with a simulated Aravis library. `tests/real_cameras/gige` finds a real
+one."""
 
 import pytest
 
@@ -15,7 +16,7 @@ FACTS = ("id", "vendor", "model", "serial_nbr", "protocol", "address")
 
 
 class Library:
-    """Knows cameras once it was told to look."""
+    """A library that knows its cameras only after it was told to search for them."""
 
     def __init__(self) -> None:
         self.cameras: list[tuple[str, ...]] = []

@@ -1,4 +1,4 @@
-"""The Aravis driver's frames: fresh, counted on beyond 16 bits, and flagged where they are not whole."""
+"""The Aravis driver delivers new frames, counts them beyond 16 bits, and flags incomplete ones."""
 
 from datetime import timedelta
 

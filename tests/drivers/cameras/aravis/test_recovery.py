@@ -1,4 +1,4 @@
-"""Aravis cameras that fall silent: given up only if they must be, opened anew aside, within the deadlines."""
+"""An Aravis camera that sends no frames is reopened on a separate thread, and calls keep their deadlines."""
 
 import math
 import threading
@@ -12,7 +12,7 @@ from tests.drivers.cameras.fake_aravis import INTERVAL_S, FakeLibrary
 
 
 def given_up_and_slow_to_open(library: FakeLibrary, camera: AravisCamera) -> threading.Event:
-    """Let a camera fall silent, so that it is opened anew: which takes until the event is set."""
+    """Let a camera stop sending frames, so that it is reopened. Reopening takes until the event is set."""
     library.silent = True
     with pytest.raises(DeviceTimeout, match="got none"):
         camera.grab(0.5)

@@ -1,4 +1,4 @@
-"""What the Aravis driver writes to a camera: all read back, and refused where it is or becomes otherwise."""
+"""The Aravis driver reads back all settings that it writes, and refuses a camera that has other values."""
 
 import math
 

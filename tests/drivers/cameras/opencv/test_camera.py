@@ -1,4 +1,4 @@
-"""The fallback through OpenCV: with a camera that is faked behind OpenCV's own methods, and OpenCV itself."""
+"""Tests of the OpenCV camera driver, with a simulated `VideoCapture` and with OpenCV itself."""
 
 import threading
 from collections.abc import Iterator
@@ -110,7 +110,7 @@ def test_a_call_does_not_wait_for_another_beyond_its_deadline(camera, capture):
 
 
 def test_opencv_itself_reads_a_film(tmp_path: Path):
-    """OpenCV's own reader stands in for a camera: its frames come in order, none waits."""
+    """OpenCV reads a film file in place of a camera. The frames come in order, and no frame is buffered."""
     film = tmp_path / "film.avi"
     writer = cv2.VideoWriter(str(film), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (64, 48))
     for level in range(0, 200, 10):

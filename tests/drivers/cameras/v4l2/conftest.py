@@ -1,4 +1,5 @@
-"""A camera at a faked kernel, which must get everything back, and the V4L2 driver that films with it."""
+"""Fixtures with a simulated kernel's camera and the V4L2 driver. The driver must release everything at the
+end."""
 
 from collections.abc import Iterator
 

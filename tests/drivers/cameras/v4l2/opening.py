@@ -1,4 +1,4 @@
-"""The V4L2 driver opened on a camera behind a faked kernel, with the settings that its tests share."""
+"""Open the V4L2 driver on a simulated kernel's camera, with the settings that all its tests use."""
 
 from drivers.cameras.v4l2.camera import V4l2Camera, open_camera
 from drivers.cameras.v4l2.settings import V4l2Settings

@@ -1,4 +1,4 @@
-"""The memory layout of the kernel's camera interface, held to what a C compiler makes of its header."""
+"""The memory layout of the kernel's camera interface is that which a C compiler gives the kernel's header."""
 
 import ctypes
 import shutil

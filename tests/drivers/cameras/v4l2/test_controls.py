@@ -1,4 +1,4 @@
-"""The V4L2 driver's controls: automatics off, exposure and gain in effect, read back, and unchanged since."""
+"""The V4L2 driver switches automatic controls off, sets exposure and gain, and notices changes of both."""
 
 import errno
 

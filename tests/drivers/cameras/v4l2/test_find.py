@@ -1,4 +1,4 @@
-"""The video nodes of a system folder made by hand."""
+"""The driver finds the video nodes in a simulated system folder."""
 
 from pathlib import Path
 

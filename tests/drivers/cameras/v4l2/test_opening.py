@@ -1,4 +1,4 @@
-"""Which camera the V4L2 driver opens, and what each of its refusals to open one says."""
+"""The V4L2 driver opens the wanted camera, or refuses with a clear message."""
 
 import errno
 

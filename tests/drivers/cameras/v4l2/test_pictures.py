@@ -1,4 +1,4 @@
-"""Pictures by the V4L2 driver: whole rows at full depth of the format asked for, else flagged or refused."""
+"""The V4L2 driver delivers whole pictures at full bit depth, and flags or refuses all others."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from tests.drivers.cameras.v4l2.opening import opened
 
 
 def number_of(image: np.ndarray, mask: int = 0xFFF, most: int = 5000) -> int:
-    """Which picture a frame shows."""
+    """Return the number of the picture that a frame shows."""
     levels = {(number * 37 + 11) & mask: number for number in range(min(most, mask // 37))}
     assert image.min() == image.max()
     return levels[int(image[0, 0])]

@@ -1,4 +1,4 @@
-"""V4L2 cameras that are unplugged, stall or break: given up at the deadline, and taken again."""
+"""The V4L2 driver reports cameras that are unplugged, stall or break in time, and uses them again later."""
 
 import errno
 import os

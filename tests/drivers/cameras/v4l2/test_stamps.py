@@ -1,4 +1,4 @@
-"""When the V4L2 driver says that a frame was exposed: never later than it was, and after the call."""
+"""The start of exposure that the V4L2 driver reports is never too late, and never before the call."""
 
 import numpy as np
 import pytest

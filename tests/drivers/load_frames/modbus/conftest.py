@@ -1,4 +1,4 @@
-"""A simulated load frame, the port it answers on, and the driver that is tested on it."""
+"""Fixtures with a simulated load frame, the port at which it answers, and the opened driver."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""What needs very many commands to show."""
+"""Behaviour that only a very large number of commands shows."""
 
 from collections.abc import Mapping
 
@@ -11,7 +11,7 @@ from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 
 
 class Listener:
-    """A machine that takes everything and remembers its heartbeats as they stand in the register."""
+    """A machine that accepts every request and records the values of its heartbeat register."""
 
     name = "frame"
 
@@ -32,7 +32,7 @@ class Listener:
 
 
 def test_the_heartbeat_goes_round_and_always_changes():
-    """A night has more of them than 16 bits can count."""
+    """A run over night has more heartbeats than 16 bits can count."""
     machine = Listener()
     settings = ModbusLoadFrameSettings(address="host:502", load_max_n=100.0, displacement_max_mm=1.0)
     commands = LoadFrameCommands(settings, VirtualClock(), load_map("generic"), machine, machine, STOP_TIMES)  # type: ignore[arg-type]

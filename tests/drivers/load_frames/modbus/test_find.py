@@ -1,4 +1,4 @@
-"""Simulated load frames at every kind of Modbus address: the map that fits is found, and nothing moves."""
+"""At every kind of Modbus address the search finds the register map that fits, and no machine moves."""
 
 import socket
 
@@ -10,7 +10,7 @@ from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameServer
 from tests.tcp_servers import load_frame_rtu_on_tcp
 
 GENERIC_STATE = b"\x04\x00\x00"
-"""How a request for the block `state` of the map `generic` begins: function 4, address 0."""
+"""First bytes of a request for the block `state` of the map `generic`: function 4, address 0."""
 
 
 @pytest.mark.parametrize("name", LAYOUTS)

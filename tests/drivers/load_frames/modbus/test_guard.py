@@ -1,4 +1,4 @@
-"""The guard of a load frame on every line: it reaches the machine without the driver, and holds it."""
+"""On every kind of line, the guard of a load frame reaches and holds the machine without the driver."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, closing

@@ -1,4 +1,4 @@
-"""Hold queues behind nothing, is repeated until it is confirmed, and keeps motion back until then."""
+"""A hold waits for no other request. It is repeated, and motions are refused, until it is confirmed."""
 
 import struct
 import threading
@@ -147,7 +147,7 @@ def test_a_hold_that_is_acknowledged_but_not_executed_is_repeated(frame, port, d
 
 
 def test_a_hold_is_repeated_before_a_long_answer_would_have_come(port, device, context):
-    """If one try waited a minute for its answer, the engine would give up first."""
+    """If one attempt waited for a minute, the engine would give up before the second attempt."""
     frame = open_frame(settings(port.address, reply_timeout_s=60.0), context)
     frame.go_to_displacement(1.0, 0.1)
     lost = iter([True])

@@ -1,4 +1,4 @@
-"""A command whose answer is lost is proven by its number, and never executed twice."""
+"""If the answer to a command is lost, its number shows its execution. No command is executed twice."""
 
 import pytest
 
@@ -32,7 +32,7 @@ def test_a_connection_that_ends_with_a_command_leaves_it_to_be_proven(frame, por
 
 
 def test_an_answer_lost_behind_a_gateway_is_a_lost_answer(frame, port, device):
-    """Exceptions 10 and 11 are the gateway's own: the machine may have done what it was told."""
+    """Exceptions 10 and 11 come from the gateway, so the machine may have executed the command."""
     lost = iter([True])
 
     def lose(request: bytes, answer: Answer) -> bytes | None:
@@ -64,7 +64,7 @@ def test_a_command_that_never_arrives_is_a_timeout(frame, port, device):
 
 
 def test_after_a_command_that_was_not_confirmed_motion_waits_for_a_hold(frame, port, device):
-    """It may still be under way, and come when nobody expects it."""
+    """The command may still be on its way, and arrive unexpectedly."""
     lost: list[bytes] = []
 
     def delay(request: bytes, answer: Answer) -> bytes | None:

@@ -1,4 +1,4 @@
-"""A link that was lost: what is survived, and what has to be held before anything moves again."""
+"""After a lost link, readings continue on a new link, but a motion first needs a confirmed hold."""
 
 import pytest
 
@@ -73,7 +73,7 @@ def test_another_machine_at_the_address_is_noticed_after_a_lost_connection(frame
 
 @pytest.mark.parametrize(("connections", "after_a_pause"), [(2, 2), (1, 1)])
 def test_the_connection_for_hold_is_kept_in_use(port, clock, context, connections, after_a_pause):
-    """Switches and machines forget what is idle for hours, and a hold would be the first to find out."""
+    """Switches and machines drop connections that are idle for hours, and only a hold would notice this."""
     frame = open_frame(settings(port.address, connections=connections), context)
     asked: list[bytes] = []
 

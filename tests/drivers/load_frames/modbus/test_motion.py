@@ -1,4 +1,4 @@
-"""Going to a load or a displacement within the limits, the tare, and what the machine refuses."""
+"""Tests of motions to a load or a displacement within the limits, of the tare, and of refusals."""
 
 import math
 import struct

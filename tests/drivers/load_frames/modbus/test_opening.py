@@ -1,4 +1,4 @@
-"""Opening a load frame: who it is, the limits it takes, and every mistake in its settings."""
+"""Tests of opening a load frame: its identity, its limits, and every mistake in its settings."""
 
 import dataclasses
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Readings that must not be trusted are refused: stale, invalid, of a machine that restarted."""
+"""The driver refuses readings that are stale, invalid or from a restarted machine."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Two programs that command one load frame, as from two computers: each notices the other and holds."""
+"""If two programs command one load frame, as from two computers, each notices the other and holds."""
 
 import struct
 from collections.abc import Iterator

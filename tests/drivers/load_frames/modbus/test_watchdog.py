@@ -1,4 +1,4 @@
-"""The machine's watchdog: set on opening, fed by readings, and it holds when nobody reads."""
+"""Opening sets the machine's watchdog, and readings reset it. It holds the machine when readings stop."""
 
 import re
 from contextlib import closing

@@ -1,4 +1,4 @@
-"""A load frame behind a port whose every message a test may see, change, lose or delay."""
+"""A load frame behind a port at which a test can see, change, lose or delay every message."""
 
 import struct
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The stage of these tests is one on a Newport ESP301."""
+"""The tests of this folder use a stage on a Newport ESP301."""
 
 import pytest
 

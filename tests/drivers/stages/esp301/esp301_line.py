@@ -1,4 +1,4 @@
-"""A simulated Newport ESP301 whose line a test may watch and tamper with."""
+"""A simulated Newport ESP301. A test can read and change the messages on its line."""
 
 from drivers.clock import VirtualClock
 from drivers.stages.esp301.settings import EspSettings

@@ -1,4 +1,4 @@
-"""An ESP301's answers, which carry no number and no checksum, are never taken for another question's."""
+"""An answer of an ESP301 has no number and no checksum, but is never taken for that to another question."""
 
 from concurrent.futures import ThreadPoolExecutor
 

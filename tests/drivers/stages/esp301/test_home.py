@@ -1,4 +1,4 @@
-"""When an ESP301's home search counts as done, and when it does not."""
+"""Conditions under which a home search of an ESP301 counts as successful."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""An ESP301 refuses a motion with its reason, and a fault or a reset is told until homing acknowledges it."""
+"""An ESP301's refusal of a motion is reported with its reason, and faults are reported until `home`."""
 
 import pytest
 

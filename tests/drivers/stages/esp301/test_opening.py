@@ -1,4 +1,4 @@
-"""What an ESP301 is told and asked when it is opened, and what is refused then."""
+"""Commands, questions and refusals while an ESP301 is opened."""
 
 import pytest
 

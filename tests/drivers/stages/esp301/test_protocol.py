@@ -1,4 +1,4 @@
-"""Lines of the ESP301's protocol: the answers of its manual are understood, and what is none is told."""
+"""The driver understands the answers in the ESP301's manual, and refuses lines that are not answers."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""A stop of an ESP301 waits for nobody and is done when the controller itself says that the stage stands."""
+"""A stop of an ESP301 waits for no other request, and ends when the controller reports standstill."""
 
 import threading
 from concurrent.futures import ThreadPoolExecutor

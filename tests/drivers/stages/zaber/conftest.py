@@ -1,4 +1,4 @@
-"""The stage of these tests is a Zaber."""
+"""The tests of this folder use a Zaber stage."""
 
 import pytest
 

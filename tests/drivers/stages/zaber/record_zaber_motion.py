@@ -1,4 +1,4 @@
-"""Record what the vendor's client says to a stage, and what the stage answers.
+"""Record the messages between the vendor's client and a stage.
 
     python -m tests.drivers.stages.zaber.record_zaber_motion INTERPRETER
 

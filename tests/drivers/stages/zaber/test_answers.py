@@ -1,4 +1,4 @@
-"""A Zaber stage's answers that are damaged, late, missing or another device's are never taken for good."""
+"""Damaged, late and missing answers of a Zaber stage, and those of other devices, are never accepted."""
 
 import threading
 from concurrent.futures import ThreadPoolExecutor

@@ -1,4 +1,4 @@
-"""When a Zaber stage's reference position counts as found, and what takes it away again."""
+"""Conditions under which a Zaber stage gains and loses its reference position."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""A Zaber stage moves once for each command, where the limits allow it, and says when it did not."""
+"""A Zaber stage moves once for each command within its limits, and a missing motion is reported."""
 
 import pytest
 

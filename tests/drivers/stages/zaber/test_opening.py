@@ -1,4 +1,4 @@
-"""What a Zaber stage is told and asked when it is opened, and what is refused then."""
+"""Commands, questions and refusals while a Zaber stage is opened."""
 
 from dataclasses import replace
 

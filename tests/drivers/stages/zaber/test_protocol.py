@@ -1,4 +1,5 @@
-"""Lines of the Zaber ASCII protocol: ours are the vendor's client's, and damaged ones are told apart."""
+"""The driver's lines of the Zaber ASCII protocol equal those of the vendor's client. Damaged lines are
+refused."""
 
 import pytest
 

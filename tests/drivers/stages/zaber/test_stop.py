@@ -1,4 +1,4 @@
-"""A stop of a Zaber stage waits for nobody and is done when the stage itself says that it stands."""
+"""A stop of a Zaber stage waits for no other request, and ends when the stage reports standstill."""
 
 import threading
 from concurrent.futures import ThreadPoolExecutor

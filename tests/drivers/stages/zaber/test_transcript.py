@@ -1,4 +1,4 @@
-"""Our side of the line against a conversation of the vendor's own client, byte for byte, both directions."""
+"""The driver's messages equal a recorded exchange of the vendor's client, byte for byte."""
 
 import ast
 import re

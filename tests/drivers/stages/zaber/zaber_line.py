@@ -1,4 +1,4 @@
-"""A simulated Zaber stage whose line a test may watch and tamper with."""
+"""A simulated Zaber stage. A test can read and change the messages on its line."""
 
 from drivers.stages.zaber.protocol import lrc
 from drivers.stages.zaber.settings import ZaberSettings

@@ -1,4 +1,4 @@
-"""Modbus RTU: frames of the specification, and what a line without numbered answers can do to a driver."""
+"""Tests of Modbus RTU: the frames of the specification, and the problems of answers without numbers."""
 
 import math
 import os
@@ -23,7 +23,7 @@ LONG_S, SHORT_S = 10.0, 0.2
 
 
 class Slave:
-    """The far end of a serial line, which answers as a test says; a frame comes in one piece."""
+    """The other end of a serial line, which answers as a test wants. A frame arrives in one piece."""
 
     def __init__(self, answer: Callable[[bytes], bytes]) -> None:
         self.answer = answer
@@ -41,7 +41,7 @@ class Slave:
             os.write(self._near, self.answer(request))
 
     def say(self, data: bytes) -> None:
-        """Send what nobody asked for."""
+        """Send bytes without a request."""
         os.write(self._near, data)
 
     def close(self) -> None:
@@ -152,7 +152,7 @@ def test_an_answer_of_another_unit_function_or_length_is_not_believed(slave, has
 
 
 def answers_one_late(times: int) -> Callable[[bytes], bytes]:
-    """Each answer comes only with the next request, so many times; then all are in time again."""
+    """Send each answer only after the next request, for a number of times. Then send all answers in time."""
     late: list[bytes] = []
     left = iter(range(times))
 
@@ -187,7 +187,7 @@ def test_a_device_that_loses_the_check_while_it_is_busy_is_checked_by_fewer_regi
 
 
 def test_answers_that_are_always_one_late_are_never_believed(slave, hasty):
-    """Without quiet and proof each would be one behind for ever."""
+    """Without a silent line and a check, each answer would belong to the request before, for ever."""
     hasty.prove_by("input", 32, [1, 2, 3])
     slave.answer = answers_one_late(100)
     with pytest.raises((DeviceTimeout, LinkLost)):
@@ -195,7 +195,7 @@ def test_answers_that_are_always_one_late_are_never_believed(slave, hasty):
 
 
 def test_a_pseudo_terminal_is_opened_as_often_as_needed(slave):
-    """It has no parity bit, and the system refuses to set one on it for the second time."""
+    """A pseudo-terminal has no parity bit, and the system refuses to set its parity a second time."""
     slave.answer = lambda request: framed("01 04 02 000A")
     for _ in range(3):
         link = ModbusLink("frame", ModbusAddress(slave.path, parity="E"), unit=1, reply_timeout_s=LONG_S)
@@ -260,7 +260,7 @@ def test_a_baud_rate_over_tcp_is_told():
 
 
 class ScriptedWire:
-    """A line without numbered answers that does as it is told, and what was asked of it."""
+    """A line with given answers that have no numbers. It records the requests."""
 
     numbered = False
 
@@ -285,7 +285,7 @@ class ScriptedWire:
 
 @pytest.mark.parametrize("trouble", [SilenceError("none"), DamagedError("half"), OvertakenError()])
 def test_after_a_missing_answer_the_line_is_quiet_and_proven_before_anything_else(monkeypatch, trouble):
-    """An answer that comes late belongs to nobody then."""
+    """Then a late answer is not taken for the answer to another request."""
     proof, answer = bytes.fromhex("04 02 0009"), bytes.fromhex("04 02 0007")
     wire = ScriptedWire(trouble, proof, answer, answer)
     monkeypatch.setattr(ModbusAddress, "open", lambda address, timeout_s: wire)
@@ -299,7 +299,7 @@ def test_after_a_missing_answer_the_line_is_quiet_and_proven_before_anything_els
 
 
 def test_connecting_never_takes_as_long_as_an_answer_may(monkeypatch):
-    """A hold waits for it on a link that is shared."""
+    """On a shared link, a hold waits until connecting has ended."""
     timeouts_s: list[float] = []
 
     def unreachable(address: ModbusAddress, timeout_s: float) -> None:
@@ -316,7 +316,7 @@ def test_connecting_never_takes_as_long_as_an_answer_may(monkeypatch):
 
 
 class Babble:
-    """A channel with so many pieces to come, and a clock that goes on by 10 ms with each."""
+    """A channel that delivers a number of pieces. With each piece the clock advances by 10 ms."""
 
     def __init__(self, pieces: int) -> None:
         self.pieces = pieces
@@ -338,7 +338,7 @@ def test_quiet_is_waited_for_but_not_for_ever():
 
 
 class Recorder:
-    """A channel that answers everything, and when each frame was sent."""
+    """A channel that answers every request, and records the time at which each frame was sent."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self.sent_s: list[float] = []
