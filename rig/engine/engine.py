@@ -168,7 +168,7 @@ class Engine:
             an outcome. The engine raises any other exception again after it has made the rig safe and closed
             the run file. A note on this exception names the devices that did not confirm their safe state.
         """
-        # Announce this thread first, so that simulated time does not pass before its first reading.
+        # Announce this thread first, so that no simulated time passes before this thread takes a reading.
         with self._rig.clock.activity():
             try:
                 require_devices(self._protocol, self._rig)
