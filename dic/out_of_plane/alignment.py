@@ -16,15 +16,15 @@ from dic.typing import Float, PathLike
 
 _FORMAT = "offaxis-alignment"
 _SMALL = 1e-6
-"""Step of the slope for numerical derivatives."""
+"""Step in the slopes by which numerical derivatives are computed."""
 
 
 @dataclass(frozen=True)
 class Alignment:
     """The alignment of a rotation stage: slopes of the specimen and of the stage's axis.
 
-    The slopes are relative to the calibration grid. The slopes belong to the fixture of a specimen, so they
-    can be used for other runs with the same fixture.
+    All slopes are relative to the calibration grid. They depend on the fixture that holds the specimen, so
+    they can be used for other runs with the same fixture.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class Alignment:
 
     @classmethod
     def from_lists(cls, lists: Mapping[str, Any]) -> "Alignment":
-        """Return the alignment of which `as_lists` made lists."""
+        """Return the alignment from the lists that `as_lists` returned."""
         return cls(**{name: np.array(values, np.float64) for name, values in lists.items()})
 
 

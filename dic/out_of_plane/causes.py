@@ -1,15 +1,16 @@
 """The possible causes of a displacement field in tension, each as the field that one camera measures.
 
-Each cause has one or several fields. A field is the displacement in the specimen's plane that a unit of the
-cause gives, to first order. Let C be the camera's centre and m the point of the grid's plane that a ray hits.
-A height h of the surface moves the point where the ray meets the surface by -h (m - C)/Cz, so each cause out
-of the plane has fields of this form.
+Each cause has one or several fields. A field is the displacement in the specimen's plane that one unit of the
+cause gives, to first order. Let C be the camera's centre, and let m be the point at which a ray meets the
+grid's plane. If the surface has the height h, the ray meets it at another point, which is displaced by -h (m
+- C)/Cz. So the fields of all causes out of the plane have this form.
 
-The causes in the plane are affine motion, bending and a gradient of the strain. Bending has the displacement
-(-(y² + ν x²)/2, x y) κ, and the same with x and y exchanged. The gradient is taken along one direction, with
-the strain e. If the coordinate s runs along this direction and t across it, the gradient e g gives the
-displacement (s²/2, -ν s t) e g. A taper of the specimen also shears it; the shear adds the displacement
-(t², 0).
+The causes in the plane are affine motion, bending and a gradient of the strain. Bending with the curvature κ
+has the displacement (-(y² + ν x²)/2, x y) κ, and bending along the other axis has the same displacement with
+x and y exchanged. The gradient of the strain has one given direction. Let s be the coordinate along this
+direction, t the coordinate across it, e the strain along it, and g the relative gradient. The gradient then
+gives the displacement (s²/2, -ν s t) e g. If the specimen is tapered, it is also sheared, and the shear adds
+a multiple of the displacement (t², 0).
 """
 
 from collections.abc import Mapping
@@ -21,10 +22,10 @@ from dic.out_of_plane.plane import Plane
 from dic.typing import Float
 
 _SMALL = 1e-6
-"""Step of slopes and heights (mm) for numerical derivatives."""
+"""Step in slopes and heights (mm) by which numerical derivatives are computed."""
 
 _PLASTIC = 0.01
-"""From this strain on, the measured lateral contraction is used instead of Poisson's ratio."""
+"""Above this strain, the measured lateral contraction is used instead of Poisson's ratio."""
 
 SIZES = {
     "affine": 6,
@@ -40,7 +41,7 @@ SIZES = {
 """The causes in the order of their fields, and the number of fields of each cause."""
 
 OUT_OF_PLANE = ("tilt", "mounted tilt", "gap", "shift", "curvature")
-"""The causes of false strain."""
+"""The causes out of the plane, which give false strain."""
 
 
 def places() -> Mapping[str, slice]:
@@ -76,7 +77,7 @@ class Sight:
 
     @property
     def ray(self) -> Float:
-        """Displacement per height of the deformed specimen, towards the foot of the camera, shape (n, 2)."""
+        """Shift (n, 2) of calibrated positions by a height of 1 mm, away from the point below the camera."""
         return np.asarray((self.after_mm - self.centre_mm[:2]) / self.centre_mm[2])
 
 
@@ -89,7 +90,7 @@ def fields(
     ----------
     sight : Sight
     plane : Plane
-        Plane of the deformed specimen, about which the causes out of the plane are linear.
+        Plane of the deformed specimen. The causes out of the plane are linearised about this plane.
     gradient : ndarray, shape (2, 2)
         Mean displacement gradient.
     poisson_ratio : float
@@ -97,7 +98,7 @@ def fields(
     along : ndarray, shape (2,)
         Direction of the gradient of the strain, a unit vector.
     per_slope_mm : ndarray, shape (2,)
-        Shift towards the camera, above the grid's centre, that a unit of each slope of the tilt causes.
+        Shift towards the camera that a unit of each slope of the tilt causes at the grid's centre.
 
     Returns
     -------
@@ -108,8 +109,8 @@ def fields(
     F = gradient + np.eye(2)
     by_after = by_plane(sight.after_mm, sight.centre_mm, plane)
     by_before = by_plane(sight.before_mm, sight.centre_mm, Plane())
-    # A plane that was there before, unchanged, moves the reference positions too; the specimen's own strain
-    # carries this motion along.
+    # A tilt or a gap that existed in the reference and did not change displaces the reference positions too.
+    # The specimen's strain and rotation then act on this displacement.
     mounted = by_after - np.einsum("ij,njk->nik", F, by_before)
     on_plane = plane.within(sight.after_mm, sight.centre_mm)
     X, Y = (on_plane - on_plane.mean(axis=0)).T
@@ -131,7 +132,7 @@ def fields(
 
 
 def curved(sight: Sight, plane: Plane, curvatures: Float) -> Float:
-    """Return the displacement field (n, 2) of three curvatures: along X, mixed, along Y; 1/mm."""
+    """Return the displacement field (n, 2) that three curvatures (along X, mixed, along Y; 1/mm) cause."""
     on_plane = plane.within(sight.after_mm, sight.centre_mm)
     X, Y = (on_plane - on_plane.mean(axis=0)).T
     height = np.stack([X * X / 2, X * Y, Y * Y / 2], axis=-1) @ curvatures
@@ -153,7 +154,7 @@ def by_plane(calibrated_mm: Float, centre_mm: Float, plane: Plane) -> Float:
 
 
 def main_direction(gradient: Float) -> Float:
-    """Return the direction (2,) of the principal strain of largest size; `gradient` has shape (2, 2)."""
+    """Return the direction (2,) of the largest absolute principal strain, for a gradient (2, 2)."""
     strains, directions = np.linalg.eigh(_strain(gradient))
     return np.asarray(directions[:, int(np.argmax(np.abs(strains)))])
 

@@ -46,9 +46,9 @@ class Motion:
     Raises
     ------
     CorrelationError
-        If `kind` is none of the three motions, if Poisson's ratio is not between 0 and 0.5, if the shift's
-        standard deviation is negative, if the hinge is no pair of numbers or is given for the motion "rigid",
-        or if an alignment is given for another motion than "rigid".
+        If `kind` is not one of the three motions; if Poisson's ratio is not between 0 and 0.5; if the shift's
+        standard deviation is negative; if the hinge is not a pair of numbers; if a hinge is given for the
+        motion "rigid"; or if an alignment is given for the motion "free" or "tension".
     """
 
     kind: str = "free"
@@ -96,7 +96,7 @@ class Motion:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> "Motion":
-        """Return the motion of which `as_dict` made values for JSON."""
+        """Return the motion from the values that `as_dict` returned."""
         alignment, hinge_mm = values["alignment"], values["tilt_axis_mm"]
         return cls(
             values["kind"],
@@ -108,7 +108,7 @@ class Motion:
 
 
 def poisson_check(poisson_ratio: float) -> Check:
-    """Return the check of a Poisson's ratio in the form that `require_all` takes."""
+    """Return the check of a Poisson's ratio in the form that `require_all` needs."""
     return (
         is_number(poisson_ratio) and 0.0 <= poisson_ratio <= 0.5,
         "Poisson's ratio",
@@ -122,7 +122,7 @@ def poisson_check(poisson_ratio: float) -> Check:
 class Corrections:
     """The corrections of one camera's images, in order, and the rotation stage's alignment, or None.
 
-    The correction of an image may be computed, or read from a file, when it is used.
+    A correction may be computed, or read from a file, only when it is used.
     """
 
     images: Sequence[Correction]
@@ -147,7 +147,7 @@ def correct(measurements: Sequence[Measurement], calibration: Calibration, motio
     Returns
     -------
     Corrections
-        The correction of each image is computed when it is used, from its measurement.
+        Each correction is computed from the measurement of its image when the correction is used.
     """
 
     def rotated(k: int) -> Correction:

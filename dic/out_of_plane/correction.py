@@ -23,10 +23,10 @@ from dic.strain.strain import (
 from dic.typing import Float
 
 _CLEARLY_BETTER = 0.95
-"""The bicubic map is used only if its cross-validation error is below this fraction of the pinhole's."""
+"""The bicubic map is used only if its cross-validation error is below this share of the pinhole model's."""
 
 _STEP = 1e-3
-"""Step of numerical derivatives by the position of the camera's centre, as a fraction of its distance."""
+"""Step of the camera's centre for numerical derivatives, as a fraction of the camera's distance."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +89,12 @@ class Correction:
         uncertainty: Mapping[str, float] | None = None,
         shared: Float | None = None,
     ) -> "Correction":
-        """Return the result if a measurement cannot be corrected: its calibrated values and the reason.
+        """Return the result for a measurement that cannot be corrected: its calibrated values and the reason.
 
-        The argument `mean` is the calibrated mean strain with standard deviations that contain the motion out
-        of the plane, `uncertainty` their parts, and `shared` the covariance of the errors that all points
-        share. Without these arguments the standard deviations are not known.
+        The argument `mean` is the calibrated mean strain; its standard deviations contain the motion out of
+        the plane. The argument `uncertainty` gives the parts of these standard deviations, and `shared` is
+        the covariance of the errors that all points share. Without these arguments the standard deviations
+        are not known.
         """
         if measurement.calibrated is None or measurement.calibrated_mean is None:
             raise ValueError("only calibrated measurements can be corrected")
@@ -154,10 +155,11 @@ class Correction:
 
 
 def stated(measurement: Measurement, correction: Correction) -> Measurement:
-    """Return a measurement whose calibrated strain has standard deviations with motion out of the plane.
+    """Return the measurement; the standard deviations of its calibrated strain contain motion out of the
+    plane.
 
-    If the strain was corrected, the applied correction counts as the error of the calibrated strain.
-    Otherwise the error is that of the motion that a specimen is expected to make.
+    If the strain was corrected, the size of the correction counts as the error of the calibrated strain.
+    Otherwise the error follows from the motion that is expected of a specimen.
     """
     calibrated, found = measurement.calibrated_mean, correction.mean
     if calibrated is None:
@@ -175,11 +177,11 @@ def points_of(
     """Return the points of a measurement inside the calibrated area, mapped by the better calibration model.
 
     The pinhole model is used unless the bicubic map is clearly better. The maps of the two models differ by
-    up to 0.01 px, which matters if points move far. The corrections also use the camera's centre, which comes
-    from the pinhole model and agrees only with the pinhole model's map.
+    up to 0.01 px, which matters if points move far. The corrections also use the camera's centre. The centre
+    comes from the pinhole model and is consistent only with the map of the pinhole model.
 
-    If `surface` is given, it is the plane of the specimen's surface in the reference, and displacements are
-    along this plane. Then `centre_mm` may give the camera's centre, if it is known better than from the
+    The argument `surface` is the plane of the specimen's surface in the reference; displacements are along
+    this plane. The argument `centre_mm` is the camera's centre, if the centre is known better than from the
     calibration.
     """
     best, field = calibration.using(_mapped_by(calibration)), measurement.field

@@ -27,8 +27,8 @@ class Sensitivity:
     off_axis_deg : float
         Angle between the grid's normal and the line from the grid's centre to the camera's centre.
     per_mdeg : float
-        False strain in the direction in which the camera is tilted, if the specimen tilts by 0.001° in this
-        direction.
+        False strain that a tilt of the specimen by 0.001° causes. Tilt and false strain are in the direction
+        in which the camera is tilted.
     per_um, per_um_std : float
         False isotropic strain for a shift of 1 µm towards the camera, and the standard deviation of this
         strain.

@@ -4,10 +4,10 @@ All models have the same linear equations, y = A θ + noise of unit variance. Th
 prior standard deviations of the parameters; a parameter with the prior standard deviation 0 is absent. The
 posterior probability of a model is its prior probability times its evidence. The evidence is the probability
 density of y under the model, integrated over all parameters (MacKay, *Bayesian interpolation*, 1992). A model
-with more freedom spreads its density over more possible values of y, so its evidence is the largest only if
-no simpler model explains y.
-The estimates of the models are averaged with these probabilities (Hoeting et al., *Bayesian model averaging*,
-1999). So the uncertainty contains the disagreement of the models that the data do not exclude.
+with more freedom spreads its probability density over more possible values of y. Its density at the measured
+y is therefore smaller than that of a simpler model, if the simpler model explains y too. The estimates of the
+models are averaged with the posterior probabilities as weights (Hoeting et al., *Bayesian model averaging*,
+1999). So the uncertainty contains the differences between all models that the data do not exclude.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ import numpy as np
 from dic.typing import Float
 
 _IGNORED = float(np.log(1e-4))
-"""Models whose evidence is smaller than that of the best one by more than this factor are left out."""
+"""Models whose evidence is smaller than that of the best model by more than this factor are left out."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class Model:
     index : int
         Index of the model in the list of prior standard deviations.
     log_evidence : float
-        Logarithm of prior probability times evidence, up to a constant that all models with the same data and
-        the same free parameters share.
+        Logarithm of (prior probability times evidence), without a constant term. This term is the same for
+        all models with the same data and the same free parameters.
     estimate : ndarray, shape (k,)
         Estimate of the parameters; the prior mean for free parameters.
     gain : ndarray, shape (k, p)
@@ -66,15 +66,15 @@ def weigh(data: Float, columns: Float, prior_std: Float, prior_mean: Float, log_
     Returns
     -------
     list of Model
-        The models in the order of `prior_std`, without improbable ones.
+        The models in the order of `prior_std`, without improbable models.
     """
     free = np.isinf(prior_std[0])
-    # Free parameters are integrated out by projecting data and columns away from their columns. Their
-    # estimates are not needed.
+    # Free parameters are integrated out: data and matrix are projected perpendicular to the columns of the
+    # free parameters. The estimates of the free parameters are not needed.
     across = np.eye(len(data)) - _projection(columns[:, free])
     left, seen = across @ (data - columns @ prior_mean), across @ np.where(free, 0.0, columns)
-    # In units of their prior standard deviations, the parameters of all models have well-conditioned
-    # equations, and an absent parameter needs no special case.
+    # Express the parameters in units of their prior standard deviations. The equations of all models are then
+    # well-conditioned, and an absent parameter needs no special case.
     units = np.where(free, 0.0, prior_std)
     normal = units[:, :, None] * (seen.T @ seen) * units[:, None, :] + np.eye(len(free))
     inverse = np.linalg.inv(normal)

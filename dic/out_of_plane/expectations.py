@@ -1,9 +1,10 @@
-"""What is expected of a specimen in tension before it is measured: prior standard deviations of all causes.
+"""The expectations for a specimen in tension before the measurement: prior standard deviations of all causes.
 
-One camera cannot distinguish all causes of `dic.out_of_plane.causes`. What the images do not determine comes
-from these expectations, and enters the standard deviations. The expectations are those of a flat specimen in
-ordinary grips. For tilts, bending, curvature and strain gradient there are several levels, from practically
-none to large. Each combination of levels is one model; `dic.out_of_plane.evidence` weighs the models.
+One camera cannot distinguish all causes of `dic.out_of_plane.causes`. If the images do not determine a cause,
+its size comes from these expectations, and the uncertainty of the cause enters the standard deviations. The
+expectations are those of a flat specimen in ordinary grips. For tilts, bending, curvature and strain gradient
+there are several levels, from practically none to large. Each combination of levels is one model;
+`dic.out_of_plane.evidence` weighs the models.
 """
 
 from dataclasses import dataclass, replace
@@ -15,13 +16,13 @@ from dic.out_of_plane.causes import SIZES, places
 from dic.typing import Float, Mask
 
 TILT_STD = float(np.tan(np.radians(0.1)))
-"""Standard deviation of each slope of the specimen, mounted and under load; typical for grips."""
+"""Standard deviation of each slope of the specimen in the reference, and of its change; typical for grips."""
 
 GAP_STD_MM = 0.3
 """Standard deviation of the distance between the specimen's surface and the grid's plane, mm."""
 
 CURVATURE_STD_PER_MM = 1e-5
-"""Standard deviation of the curvature where it is not measured: a radius of 100 m."""
+"""Standard deviation of the curvature if it is not measured. It corresponds to a radius of 100 m."""
 
 _TILTS = {TILT_STD / 100: 0.15, TILT_STD / 10: 0.25, TILT_STD: 0.6}
 """Levels of the tilt since the reference, and their prior probabilities."""
@@ -62,7 +63,7 @@ class Expectations:
 
     @classmethod
     def of(cls, shift_std_mm: float, half_width_mm: float) -> "Expectations":
-        """Return the expectations for a strain of 1 and for the half width of the field of points."""
+        """Return the expectations for a strain of 1, for a field of points with the given half width."""
         at, rows, logs, curved, graded = places(), [], [], [], []
         levels = product(_TILTS, _BENDINGS_PER_MM, _CURVATURES_PER_MM, _GRADIENTS, (0.0, _TAPER_SHARE))
         for tilt, bending, curvature, gradient, taper in levels:
@@ -97,7 +98,7 @@ class Expectations:
         return replace(self, std=std)
 
     def wide(self) -> "Expectations":
-        """Return the expectations with a hundredfold curvature, and a hundredfold gradient of the strain."""
+        """Return the expectations with a hundred times larger curvature and gradient of the strain."""
         std, at = self.std.copy(), places()
         for name in ("tilt", "curvature", "gradient", "taper"):
             std[:, at[name]] *= _WIDE

@@ -20,12 +20,12 @@ _SMALL = 1e-6
 
 @dataclass(frozen=True)
 class JointSystem:
-    """Both cameras in one step of a test: eleven estimated values, and the errors of these estimates.
+    """The measurements of both cameras in one step of a test: eleven estimates, and their errors.
 
     The eleven estimates are the four elements of the displacement gradient for the first camera, the four
     elements for the second camera, and the slope x, slope y and shift of the specimen's plane. The surface
-    may also be curved: the curvatures follow from the heights, and their false strain is taken away. The
-    gradients belong to the points that both cameras see.
+    may also be curved. The curvatures are computed from the heights, and the false strain that they cause is
+    subtracted. The gradients are means over the points that both cameras see.
 
     For a camera that looks straight at the grid, the calibration hardly determines the distance to the grid.
     With a wrong distance, the two cameras measure different strains at the same points. So both calibrations
@@ -145,7 +145,7 @@ class JointSystem:
             first, second = (np.concatenate(self.centres_mm) + of_centres @ shift).reshape(2, 3)
             current = JointSystem(self.pairs, (first, second))
             estimates = current.estimates(current.centres_mm) + of_maps @ shift
-        # Errors affect the estimates directly, and also through the adjustment. The adjustment removes only a
+        # Errors change the estimates directly, and also through the adjustment. The adjustment removes only a
         # part of the calibration errors.
         gain = by_shift @ left @ slopes.T @ certain
         direct, still_open = np.eye(11) - gain @ apart, by_shift @ left

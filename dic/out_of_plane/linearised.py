@@ -1,4 +1,4 @@
-"""Solve the causes of a displacement field by equations that are linear about a plane of the specimen."""
+"""Find the causes of a displacement field, by equations that are linearised about a plane of the specimen."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ PARTS = {
     "model": ("bending", "tilt", "curvature", "gradient", "taper"),
     "shift": ("shift",),
 }
-"""The parts of the standard deviation beside "images", and the causes that belong to each part."""
+"""The causes that belong to each part of the standard deviation. The part "images" has no cause here."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Outcome:
     curved, graded : bool
         True if the model allows a curvature out of the plane, and a gradient of the strain.
     misfit : float
-        Misfit of the model; about 14 if it holds.
+        Misfit of the model; about 14 if the model is right.
     slopes, slope_std : ndarray, shape (2,)
         Slopes of the specimen's plane since the reference.
     curvatures : ndarray, shape (3,)
@@ -58,14 +58,14 @@ class Outcome:
     relative_gradient: float
 
     def stretched_along(self, along: Float) -> bool:
-        """Return True if the strain along a direction (2,) is larger by size than across it."""
+        """Return True if the absolute strain along a direction (2,) is larger than the one across it."""
         strain, across = strain_along(self.gradient.reshape(2, 2), along)
         return abs(strain) > abs(across)
 
 
 @dataclass(frozen=True)
 class Linearised:
-    """The equations of all causes, linear about a plane.
+    """The equations of all causes, linearised about a plane.
 
     Attributes
     ----------
@@ -105,10 +105,10 @@ class Linearised:
         return cls(plane, polynomial, data, columns, strain_along(gradient, along)[0])
 
     def models(self, expected: Expectations) -> list[Model]:
-        """Return the probable models of `expected`, with gains by the coefficients of the polynomial."""
+        """Return the probable models; their gains are derivatives by the polynomial's coefficients."""
         white = _whitening(self._noise)
-        # The expected slope is that of the reference, so the expected change of the plane found so far is its
-        # opposite.
+        # The slopes since the reference are expected to be 0. So the expected change of the present plane is
+        # minus its slopes.
         mean = np.zeros(self.columns.shape[1])
         mean[places()["tilt"]] = -self.plane.slope_x, -self.plane.slope_y
         models = weigh(
@@ -121,7 +121,7 @@ class Linearised:
         return [replace(model, gain=model.gain @ white) for model in models]
 
     def mean_step(self, models: Sequence[Model]) -> Float:
-        """Return the change (2,) of the plane's slopes that the models find on average."""
+        """Return the mean change (2,) of the plane's slopes, averaged over the models."""
         share = probabilities(np.array([model.log_evidence for model in models]))
         return np.asarray(share @ np.array([model.estimate[places()["tilt"]] for model in models]))
 
@@ -138,7 +138,8 @@ class Linearised:
         at, gain = places(), model.gain
         out = np.concatenate([np.arange(len(std))[at[name]] for name in OUT_OF_PLANE])
         false, tilt = self.columns[GRADIENT, out], at["tilt"]
-        # A cause that the estimate misses stays in it; a cause taken for another one enters the other one.
+        # An estimate has two kinds of errors: the part of its own cause that it misses, and the part of other
+        # causes that it mistakes for its own.
         known = np.where(np.isinf(std), 0.0, std)
         missed = (gain @ self.columns[COEFFICIENTS] - np.eye(len(std))) * known
         slope_std = np.sqrt(

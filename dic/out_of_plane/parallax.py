@@ -27,9 +27,9 @@ class Pairs:
     """Material points that both cameras see.
 
     Points of the two cameras whose rays meet the specimen's surface at the same place in the reference images
-    are the same material point. If the surface's place is not known, it is taken to lie in the grid's plane.
-    A gap g between the surface and the assumed plane pairs points that are about g tan θ apart, where θ is
-    the angle between the cameras.
+    are the same material point. If the position of the surface is not known, the surface is assumed to lie in
+    the grid's plane. If there is a gap g between the true surface and the assumed plane, the paired points
+    are about g tan θ apart, where θ is the angle between the cameras.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Pairs:
         return self.first.after_mm[self.chosen], start + self.partner @ moved
 
     def rises(self, centres_mm: tuple[Float, Float]) -> tuple[Float, Float]:
-        """Return how far a height of 1 mm shifts the calibrated positions, shape (n, 2), for each camera.
+        """Return the shift of the calibrated positions by a height of 1 mm, shape (n, 2), for each camera.
 
         The difference between both cameras' shifts is the parallax vector e.
         """

@@ -45,7 +45,7 @@ class Plane:
 
     @property
     def axes(self) -> Float:
-        """Axes within the plane, unit vectors (2, 3): X and Y, turned into it by the smallest rotation."""
+        """Axes within the plane, unit vectors (2, 3): X and Y after the smallest rotation into the plane."""
         normal = self.normal
         across = np.array([-normal[1], normal[0], 0.0])
         sine = np.hypot(normal[0], normal[1])
@@ -56,7 +56,7 @@ class Plane:
         return np.array([turned(v, k, float(sine), float(normal[2])) for v in (X, Y)])
 
     def to_axes(self, points_mm: Float) -> Float:
-        """Return points (…, 3), given in the grid's axes, in coordinates along `axes` and `normal`."""
+        """Return the coordinates along `axes` and `normal` of points (…, 3) in the grid's axes."""
         return np.asarray((points_mm - [0.0, 0.0, self.shift_mm]) @ np.vstack([self.axes, self.normal]).T)
 
     def met(self, calibrated_mm: Float, centre_mm: Float) -> Float:
@@ -79,7 +79,8 @@ class Plane:
         Returns
         -------
         ndarray, shape (…, 2)
-            Coordinates in mm. The origin is the point of the plane above the grid's centre.
+            Coordinates in mm. The origin is the point of the plane that lies above or below the grid's
+            centre.
         """
         met = self.met(calibrated_mm, centre_mm)
         return np.asarray((met - [0.0, 0.0, self.shift_mm]) @ self.axes.T)
@@ -113,7 +114,7 @@ def _in_space(calibrated_mm: Float) -> Float:
 
 def turned(v: Float, k: Float, sine: float, cosine: float) -> Float:
     """Return the vector `v` (3,), turned anticlockwise about the unit vector `k` by Rodrigues' formula."""
-    # `np.cross` needs ten times as long for two single vectors.
+    # Do not use `np.cross`, which takes ten times as long for two single vectors.
     (a, b, c), (x, y, z) = k, v
     across = np.array([b * z - c * y, c * x - a * z, a * y - b * x])
     return np.asarray(v * cosine + across * sine + k * (k @ v) * (1.0 - cosine))

@@ -15,7 +15,7 @@ _DEGREE = 3
 
 COEFFICIENTS = slice(0, 20)
 GRADIENT = slice(20, 24)
-"""The rows of a `Polynomial`: coefficients, ten for each component, and elements of the mean gradient."""
+"""The rows of a `Polynomial`: ten coefficients for each component, then the elements of the mean gradient."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,8 @@ class Polynomial:
     weights : ndarray, shape (n, 2, 24)
         Weights of the displacements in the 24 rows.
     noise, by_calibration : ndarray, shape (24, 24)
-        Covariances that the images and the calibration cause.
+        Covariance of the 24 rows that the noise of the images causes, and covariance that the calibration
+        causes.
     """
 
     points: Points
@@ -41,7 +42,7 @@ class Polynomial:
 
     @classmethod
     def of(cls, points: Points, centre_mm: Float, smooth_px: float | None = None) -> "Polynomial":
-        """Return the weights and the errors; `smooth_px` is the size of errors that vary smoothly."""
+        """Return the polynomial's weights and errors; `smooth_px` is the size of smooth errors."""
         terms = np.linalg.pinv(polynomial_terms(points.before_mm)).T
         none = np.zeros_like(terms)
         coefficients = np.stack([np.hstack([terms, none]), np.hstack([none, terms])], axis=1)

@@ -1,4 +1,4 @@
-"""Tell why a displacement field or a rotation cannot be corrected, and which part of the rig to look at."""
+"""Texts that say why a field or a rotation cannot be corrected, and which part of the rig to check."""
 
 import numpy as np
 
@@ -10,20 +10,20 @@ from dic.strain.fit import slopes_of
 from dic.typing import Float
 
 _CLEARLY = 10.0
-"""A cause explains a field if it makes the misfit smaller by this factor, and smaller than the others."""
+"""A cause explains a field if it divides the misfit by this factor, and more than other causes do."""
 
 _ACROSS_SHARE = 0.15
-"""Largest share of strain across the camera's tilt, if tilts cause the strain."""
+"""If tilts cause the strain, the share of strain across the camera's tilt is at most this."""
 
 _GRIPS_DEG = 0.3
-"""Grips hardly tilt a specimen by more than this."""
+"""Grips seldom tilt a specimen by more than this angle."""
 
 _SAME_SHARE = 0.05
-"""Largest difference of two motions that count as the same, as a fraction."""
+"""Two motions count as equal if their relative difference is at most this."""
 
 _FEWEST_STEPS = 4
 _LEAST_TANGENT = 0.1
-"""Fewest steps and least tangent of the camera's angle for which tilts and strain can be told apart."""
+"""With fewer steps or a smaller tangent of the camera's angle, tilts and strain cannot be distinguished."""
 
 
 def uneven_reason(misfit: float, limit: float, suspicion: Suspicion, half_width_mm: float, local: str) -> str:
@@ -38,7 +38,7 @@ def uneven_reason(misfit: float, limit: float, suspicion: Suspicion, half_width_
     half_width_mm : float
         Half width of the field of points.
     local : str
-        Text about residuals that no smooth field explains, or "" if there are none.
+        Text about residuals that no smooth field explains; "" without such residuals.
     """
     bent, graded = suspicion.misfit_bent, suspicion.misfit_graded
     if local:
@@ -67,11 +67,11 @@ def uneven_reason(misfit: float, limit: float, suspicion: Suspicion, half_width_
 
 
 def turned_camera_reason(points: Points, slopes: Float, centre_mm: Float) -> str | None:
-    """Return the reason if a tilt and a motion in the plane are together those of a camera that turned.
+    """Return the reason if tilt and motion in the plane together look like a camera that turned.
 
-    A camera that turns about its own centre C sees a specimen that turns about C. With the slopes a, b the
-    specimen then slides by (a, b) Cz below the camera. No other cause combines a tilt with exactly this
-    slide. Grips hardly tilt a specimen by as much, so only large tilts are suspected.
+    A camera that turns about its own centre C sees a specimen that turns about C. If the slopes of this tilt
+    are a and b, the specimen also seems to slide by (a, b) Cz. No other cause combines a tilt with exactly
+    this slide. Only large tilts are suspected, because grips seldom cause them.
 
     Parameters
     ----------
@@ -99,10 +99,11 @@ def turned_camera_reason(points: Points, slopes: Float, centre_mm: Float) -> str
 
 
 def uncertain_mounting(points: Points, centre_mm: Float) -> str:
-    """Return a text about the motion that makes a tilt in the reference the main uncertainty.
+    """Return a text about the motion because of which a tilt in the reference is the main uncertainty.
 
-    Such a tilt causes false strain if the specimen slides or stretches. The false strain of a slide s is
-    about s/Cz times the tilt, and that of a strain e is e tan θ times the tilt.
+    A tilt in the reference causes false strain if the specimen slides or stretches. A slide s causes a false
+    strain of about s/Cz times the tilt. A strain e causes a false strain of e tan θ times the tilt, where θ
+    is the camera's off-axis angle.
     """
     slide_mm = float(np.hypot(*(points.after_mm - points.before_mm).mean(axis=0)))
     strain = float(np.abs(slopes_of(points.before_mm, points.after_mm - points.before_mm)).max())
@@ -122,9 +123,10 @@ def not_rigid_reason(
 ) -> str:
     """Return the reason why strain remains in a rotation of a rigid specimen.
 
-    A tilt of the specimen in a step causes false strain along the direction in which the camera is tilted,
-    and none across it. A tilt in the reference causes strain across it that changes with the rotation in a
-    known way. If there is no other strain in that direction, the axis tilted differently in each step.
+    If the specimen tilts in a step, the false strain is along the direction in which the camera is tilted,
+    and there is none across this direction. If the specimen is tilted in the reference, the false strain
+    across this direction changes with the rotation in a known way. If there is no other strain across this
+    direction, the stage's axis tilted differently in each step.
 
     Parameters
     ----------
@@ -144,7 +146,7 @@ def not_rigid_reason(
     x, y = centre_mm[:2] / np.hypot(*centre_mm[:2])
     to_across = np.array([y * y, x * x, -2 * x * y])
     across = in_grid_axes(angles_deg, calibrated) @ to_across
-    # The strains that unit slopes of the specimen in the reference cause, up to a factor.
+    # The strains that unit slopes of the specimen in the reference cause, apart from a constant factor.
     by_slope = np.column_stack(
         [
             in_grid_axes(angles_deg, np.tile(unit, (len(angles_deg), 1))) @ to_across

@@ -1,11 +1,11 @@
 """Find the plane of a specimen's surface in the reference images of two cameras, by parallax.
 
-A calibration describes the plane of the grid. The surface of the specimen may lie elsewhere: behind the
-plate that carries the grid, or tilted. If the second camera's reference image is correlated with the first
-camera's, each material point has a position in both images. The difference of its two calibrated positions
-is z e, where z is the point's height and e is the parallax per height (`dic.out_of_plane.parallax`). The
-vector e depends on the distances of the cameras, which a calibration may hardly determine. So errors of both
-calibrations are solved together with the plane.
+A calibration describes the plane of the grid. The surface of the specimen may lie elsewhere: behind the plate
+that carries the grid, or tilted. If the second camera's reference image is correlated with the first
+camera's, each material point has a position in both images. The difference of its two calibrated positions is
+z e, where z is the point's height and e is the parallax per height (`dic.out_of_plane.parallax`). The vector
+e depends on the distances of the cameras from the grid. A calibration may determine these distances badly. So
+the errors of both calibrations are estimated together with the plane.
 """
 
 from dataclasses import dataclass
@@ -22,14 +22,14 @@ _STEPS = 12
 _CLOSE_MM = 1e-7
 
 _ERROR_PX = 0.01
-"""Errors of a point beside noise, because the two cameras see the pattern from different directions."""
+"""Errors of a point in addition to noise. The cameras see the pattern from different directions."""
 
 _OUTLIER = 6.0
 """Points whose residual is larger than this many times the median residual are left out."""
 
 _AGREE_PX = 0.1
 _IMPROBABLE = 6.0
-"""Largest accepted rms residual, and adjustment of the calibrations in standard deviations."""
+"""Largest accepted values: rms residual, and adjustment of the calibrations in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -129,14 +129,15 @@ class _View:
         return np.asarray((self.at_mm - self.centre_mm[:2]) / self.centre_mm[2])
 
     def slopes(self, height_mm: Float) -> Float:
-        """Derivative of the position without the height's shift by the errors, shape (n, 2, q)."""
+        """Derivative of the true position (position minus the height's shift) by the errors, shape (n, 2,
+        q)."""
         toward = self.of_centre[:2] + self.rise[:, :, None] * self.of_centre[2]
         away = (self.of_map - toward) / self.centre_mm[2]
         return np.asarray(self.of_map - height_mm[:, None, None] * away)
 
 
 def _solve(views: list[_View], error_mm: float, mm_per_px: float) -> ReferenceSurface:
-    """Solve the plane and the errors of both calibrations by Gauss-Newton steps, without outliers."""
+    """Estimate the plane and the errors of both calibrations by Gauss-Newton steps; leave out outliers."""
     counts = [view.of_centre.shape[1] for view in views]
     values, use = np.zeros(3 + sum(counts)), np.ones(len(views[0].at_mm), bool)
     prior = np.concatenate([np.zeros(3), np.ones(sum(counts))])
@@ -158,8 +159,8 @@ def _solve(views: list[_View], error_mm: float, mm_per_px: float) -> ReferenceSu
     problem = _disagreement(float(np.linalg.norm(values[3:])), float(np.median(size)) / mm_per_px)
     if problem:
         return ReferenceSurface(problem=problem)
-    # The heights belong to positions that the height has shifted by its rise. The slopes of the plane follow
-    # from heights at the places of the points themselves.
+    # A height shifts the calibrated position of its point. The plane must be fitted at the true positions of
+    # the points, so this shift is subtracted first.
     place = first.at_mm - first.rise * height[:, None]
     plane = np.linalg.lstsq(np.column_stack([place, np.ones(len(place))])[use], height[use], rcond=None)[0]
     return ReferenceSurface(Plane(*map(float, plane)), (first.centre_mm, second.centre_mm))

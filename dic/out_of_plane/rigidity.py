@@ -1,6 +1,6 @@
 """Correct the strains of a rotated specimen with the alignment of the rotation stage.
 
-The alignment is given, or it is solved from the steps of the rotation.
+The alignment is either given, or solved from the steps of the rotation.
 """
 
 from collections.abc import Iterator, Sequence
@@ -102,7 +102,7 @@ def correct_rotation(
 def _usable_points(
     measurements: Sequence[Measurement], calibration: Calibration, usable: list[int]
 ) -> Iterator[Points]:
-    """Yield the points of each measurement with enough points, and append its index to `usable`."""
+    """Yield the points of each measurement that has enough points, and append its index to `usable`."""
     for k, measurement in enumerate(measurements):
         mean = measurement.calibrated_mean
         if mean is not None and mean.points >= _FEWEST_POINTS and np.isfinite(mean.exx):
@@ -172,8 +172,8 @@ class _Solved:
         if solution is None:
             return None
         slopes, gain, by_slope = solution
-        # Errors of the slopes come from the measured strains. If the strains do not determine a slope, its
-        # error is that of the prior.
+        # The errors of the slopes come from the measured strains. If the strains do not determine a slope,
+        # the prior gives its error.
         by_step = -np.swapaxes(gain.reshape(4, -1, 3), 0, 1) @ to_strain
         by_prior = gain @ by_slope - np.eye(4)
 
@@ -228,14 +228,14 @@ def _to_strain(gradients: Float) -> Float:
 
 @dataclass(frozen=True)
 class _SlopeErrors:
-    """How errors of the input become errors of the four slopes.
+    """The effect of errors of the input on the four slopes.
 
     Attributes
     ----------
     by_step : ndarray, shape (steps, 4, 4)
         Derivative of the slopes by the measured gradient of each step.
     prior : ndarray, shape (4, 4)
-        Covariance of the slopes by errors that the steps do not have.
+        Covariance of the slopes that comes from the prior and not from errors of the steps.
     """
 
     by_step: Float
@@ -247,8 +247,8 @@ class _SlopeErrors:
         """Return the covariance of each corrected gradient (steps, 4, 4), and that of the slopes (4, 4).
 
         The corrected gradient of a step has the error of its measured gradient, and the error of the slopes,
-        to which all steps contribute. The argument `of_centre` has the effect of calibration errors on all
-        gradients and on the slopes by way of the camera's centre, shape (4 steps + 4, q).
+        to which all steps contribute. The argument `of_centre`, shape (4 steps + 4, q), is the effect of
+        calibration errors through the camera's centre, on all gradients and on the slopes.
         """
         own, by_step = noise.own, self.by_step
         by_slope = np.stack(
@@ -258,7 +258,7 @@ class _SlopeErrors:
             ],
             axis=-1,
         ).reshape(len(own), 4, 4) / (2 * _SMALL)
-        # Independent errors: those of the step itself also act by way of the slopes.
+        # Independent errors of a step change its gradient directly, and also through the slopes.
         through = by_step @ own
         of_slopes = (through @ np.swapaxes(by_step, 1, 2)).sum(axis=0)
         both = by_slope @ through

@@ -1,4 +1,4 @@
-"""Solve the tilts of the specimen and of the stage's axis from a rotation that one camera records.
+"""Estimate the tilts of the specimen and of the stage's axis from a rotation that one camera records.
 
 A rotation about the grid's normal keeps the height of every point. So the calibrated motion between two steps
 is exactly affine, and a tilt of the specimen looks the same as strain. However, a rigid specimen has no
@@ -22,12 +22,12 @@ from dic.typing import Float
 PRIOR_SLOPE = np.tan(np.radians(1.0))
 """Prior standard deviation of the four slopes, which corresponds to 1°.
 
-The prior matters only if the images do not determine the slopes, such as for a camera that looks straight at
-the grid.
+The prior matters only if the images do not determine the slopes, for example with a camera that looks
+straight at the grid.
 """
 
 _SYSTEMATIC = 0.3e-6
-"""Standard deviation of strain errors that are not modelled, such as interpolation errors of the spline."""
+"""Standard deviation of strain errors without a model, such as interpolation errors of the spline."""
 
 _STEPS = 10
 _SMALL = 1e-6
@@ -46,8 +46,8 @@ class Steps:
     noise : ndarray, shape (steps, 4, 4)
         Covariance of the mean displacement gradient of each step that image noise causes.
     of_maps, of_centre : ndarray, shapes (steps, 4, q) and (3, q)
-        Effect of q independent calibration errors with variance 1 on the gradients, and on the camera's
-        centre (mm).
+        Effect of q independent calibration errors with variance 1: on the gradients (`of_maps`), and on the
+        camera's centre in mm (`of_centre`).
     angles_deg : ndarray, shape (steps,)
         Rotation of the specimen in each step since the reference image.
     pivot_mm : ndarray, shape (2,)
@@ -83,10 +83,10 @@ class Steps:
         return cls(motions, *errors, *_turns_and_pivot(motions), systematic)
 
     def seen_on(self, slopes: Float, centre_mm: Float) -> "Steps":
-        """Return the same steps; measure the angles and the centre of rotation in the specimen's plane.
+        """Return the same steps, with the angles and the centre of rotation measured in the specimen's plane.
 
-        The argument `slopes` gives the slopes of the specimen's plane. Angles from calibrated motions have
-        errors because of false strain. Errors of the rotation angles would cause strain errors of about 1e-6.
+        The argument `slopes` gives the slopes of the specimen's plane. Angles from motions in the grid's
+        plane have errors because of false strain. These errors would cause strain errors of about 1e-6.
         """
         angles_deg, pivot_mm = _turns_and_pivot(self._motions(slopes, centre_mm))
         return replace(self, angles_deg=angles_deg, pivot_mm=pivot_mm)
@@ -152,15 +152,15 @@ def by_gradient(gradient: Float) -> Float:
 
 @dataclass(frozen=True)
 class StepErrors:
-    """Errors of values of all steps: an independent part for each step, and a part that all steps share.
+    """Errors of the values of all steps: an independent part for each step, and a part that all steps share.
 
     The covariance matrix of all values would grow with the square of the number of steps. The two parts grow
-    with their number.
+    only in proportion to this number.
 
     Attributes
     ----------
     own : ndarray, shape (steps, m, m)
-        Covariance of the m values of each step by the errors that no other step has.
+        Covariance of the m values of each step, caused by errors that no other step has.
     shared : ndarray, shape (steps, m, q)
         Effect of q independent errors of variance 1, which are the same in all steps.
     """
@@ -188,8 +188,8 @@ def gradient_errors(steps: Steps) -> StepErrors:
     """Return the errors of the mean displacement gradients of all steps by noise and systematic errors.
 
     Half of each step's noise variance comes from the reference image. Noise of the reference image shifts the
-    material points that all steps follow. So half of the noise variance is common to all steps, and the
-    common noise rotates with the specimen. Errors of the calibration are not included.
+    material points whose motion all steps measure. So half of the noise variance is common to all steps, and
+    this common noise rotates with the specimen. Errors of the calibration are not included.
     """
     turns = np.kron(_turns(steps.angles_deg), np.eye(2))
     own = steps.noise / 2
@@ -240,8 +240,8 @@ def solve_alignment(
         )
         weighted = errors.solve(by_slope).T
         gain = np.linalg.inv(weighted @ by_slope + prior) @ weighted
-        # The prior expects slopes near 0. So it must act on the slopes themselves and not only on their
-        # change in an iteration.
+        # The prior expects slopes near 0. So it must act on the slopes themselves, and not on their change in
+        # an iteration.
         step = gain @ (by_slope @ slopes - strains) - slopes
         slopes = slopes + step
         if np.abs(step).max() < _CLOSE:

@@ -22,10 +22,10 @@ One camera cannot see the shift. Grips and load trains move specimens by tens of
 """
 
 HINGE_STD_UM = 5.0
-"""Default standard deviation of the shift beside a tilt about a known hinge, µm.
+"""Default standard deviation of the shift that a tilt about a known hinge does not explain, µm.
 
-The play of a loaded pin is a few micrometres. If the place of the hinge is wrong by 2 mm, a tilt of 0.1°
-shifts the specimen by 3.5 µm more or less.
+The play of a loaded pin is a few micrometres. If the position of the hinge is wrong by 2 mm, the computed
+shift for a tilt of 0.1° is wrong by 3.5 µm.
 """
 
 _FARTHEST_MM = 1e4
@@ -38,11 +38,11 @@ class Shift:
     Attributes
     ----------
     std_um : float
-        Standard deviation of the shift. With a hinge, the standard deviation of the shift that the tilt does
-        not cause.
+        Standard deviation of the shift. If there is a hinge: standard deviation of the part of the shift that
+        the tilt does not cause.
     hinge_mm : tuple of float, or None
-        X and Y, in the grid's axes, of a point of the grips at which the surface keeps its height. None if no
-        such point is known.
+        X and Y, in the grid's axes, of a point at which the surface keeps its height. None if such a point is
+        not known.
     """
 
     std_um: float = SHIFT_STD_UM
@@ -50,7 +50,7 @@ class Shift:
 
     @classmethod
     def of(cls, std_um: float | None, hinge_mm: tuple[float, float] | None) -> "Shift":
-        """Return the knowledge of the shift, with the default standard deviation if `std_um` is None."""
+        """Return a `Shift`, with the default standard deviation if `std_um` is None."""
         default_um = SHIFT_STD_UM if hinge_mm is None else HINGE_STD_UM
         return cls(default_um if std_um is None else float(std_um), hinge_mm)
 
@@ -69,7 +69,7 @@ class Shift:
 
     @property
     def std_mm(self) -> float:
-        """Standard deviation of the shift, or with a hinge, of the shift that the tilt does not cause, mm."""
+        """The value `std_um` in mm."""
         return 1e-3 * self.std_um
 
     @property
@@ -78,13 +78,13 @@ class Shift:
         return np.zeros(2) if self.hinge_mm is None else -np.array(self.hinge_mm)
 
     def plane(self, slope_x: float, slope_y: float) -> Plane:
-        """Return the plane of a specimen that tilted with these slopes, about the hinge if there is one."""
+        """Return the plane of a specimen that tilted by these slopes, about the hinge if there is one."""
         return Plane(slope_x, slope_y, float(self.per_slope_mm @ [slope_x, slope_y]))
 
     def plane_std_mm(self, slope_std: Float) -> float:
         """Return the standard deviation of the plane's shift, given those of its slopes (2,).
 
-        The errors of the slopes are added by size, because their correlation is not known. Without a hinge
+        The absolute errors of the slopes are added, because their correlation is not known. Without a hinge
         the shift of the plane is not known, and the result is NaN.
         """
         if self.hinge_mm is None:

@@ -16,8 +16,11 @@ from dic.strain.measures import strain_covariance
 from dic.typing import Float
 
 PART_NAMES = ("images", *PARTS)
-"""Parts of a standard deviation: noise of the images; errors of the calibration; place of the specimen's
-surface in the reference, relative to the grid; what the model of the motion leaves open; the shift."""
+"""The names of the parts of a standard deviation.
+
+Their causes are, in this order: noise of the images; errors of the calibration; position of the specimen's
+surface in the reference, relative to the grid; motions that the model cannot determine; the shift.
+"""
 
 
 _STRAINS = ("exx", "eyy", "exy")
@@ -27,7 +30,7 @@ UNCERTAINTY_KEYS = (
     "curved_probability",
     "graded_probability",
 )
-"""Names in result files and JSON of the parts of the standard deviations, and of probabilities."""
+"""Names of the parts of the standard deviations, and of probabilities, in result files and JSON."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ class StrainParts:
         The standard deviations by their causes, with the keys `PART_NAMES`. Their root sum of squares is the
         standard deviation of the strain.
     shared : ndarray, shape (3, 3)
-        Covariance of exx, eyy, exy that all parts but the images cause.
+        Covariance of exx, eyy, exy that all parts except "images" cause.
     """
 
     parts: Mapping[str, Float]
@@ -68,7 +71,7 @@ class StrainParts:
 def open_parts(points: Points, shift: Shift) -> tuple[Float, dict[str, Float]]:
     """Return the mean gradient (2, 2) of calibrated displacements, and its covariances (4, 4) by cause.
 
-    No motion out of the plane is measured, so the covariances contain all the expected motion.
+    No motion out of the plane is measured, so the covariances contain the whole motion that is expected.
     """
     pinhole = points.calibration.pinhole
     if pinhole is None:

@@ -1,8 +1,8 @@
 """Correct images of a tension test by one camera for the specimen's motion out of the grid's plane.
 
-`dic.out_of_plane.tilt` separates the motion out of the plane from strain. If the models of the motion do not
-explain the displacements, or if the result would be less certain than the calibrated strain, the calibrated
-strain is not corrected. Its standard deviation then contains the expected motion out of the plane.
+`dic.out_of_plane.tilt` separates the motion out of the plane from strain. The calibrated strain is not
+corrected if the models of the motion do not explain the displacements, or if the result would be less certain
+than the calibrated strain. Its standard deviation then contains the expected motion out of the plane.
 """
 
 from dataclasses import replace
@@ -34,17 +34,17 @@ false strain of tilt times rotation (rad), which this method cannot detect.
 """
 
 _UNEXPLAINED = 70.0
-"""Largest misfit of a field that the model explains. Noise exceeds it once in a billion fields."""
+"""Largest misfit of a field that the model explains. Noise alone exceeds it once in a billion fields."""
 
 _UNEVEN_PX = 0.002
 _TORN = 2.0
 """Largest accepted residuals, as a multiple of the residuals that noise causes."""
 
 _LARGEST_PART = 0.5
-"""A cause with a larger share of the variance is named as the reason."""
+"""If a cause has a larger share of the variance than this, it is named as the reason."""
 
 _USEFUL = 100e-6
-"""A correction with a larger standard deviation of strain is made only if the correction is significant."""
+"""If the strain's standard deviation is larger than this, only a significant correction is applied."""
 
 
 def correct_tilt(
@@ -145,8 +145,9 @@ def _corrected(measurement: Measurement, points: Points, fit: TiltFit, centre_mm
 def _too_uncertain(
     parts: StrainParts, change: float, points: Points, fit: TiltFit, centre_mm: Float
 ) -> str | None:
-    """Return the reason if a correction by `change` is likelier to harm than to help; None if it helps."""
-    # The shift is the same in calibrated and in corrected strain, so it does not decide.
+    """Return the reason if a correction by `change` more probably harms than helps; None if it helps."""
+    # The error by the shift is equal in calibrated and in corrected strain, so it is left out of the
+    # comparison.
     own_std = np.sqrt(sum(part**2 for name, part in parts.parts.items() if name != "shift"))
     if own_std.max() <= _USEFUL or change >= 2 * own_std.max():
         return None
@@ -159,7 +160,7 @@ def _too_uncertain(
 
 
 def _doubt(fit: TiltFit) -> str:
-    """Return a text about the cause that the images do not distinguish from a tilt, or "" without a cause."""
+    """Return a text about a cause that the images cannot distinguish from a tilt; "" without such a cause."""
     if max(fit.graded, fit.curved) < 0.5:
         return ""
     if fit.graded > fit.curved:
@@ -197,7 +198,7 @@ def _unsuitable(measurement: Measurement, points: Points) -> str | None:
 def _unexplained(fit: TiltFit, points: Points, mm_per_px: float) -> str | None:
     """Return a text about residuals that are larger than noise; None if the models explain the field.
 
-    If the models do not explain the smooth part of the field alone, the text is empty.
+    If the residuals are not larger than noise, but the models do not explain the field, the text is empty.
     """
     noise = points.displacement.noise
     if noise is None:

@@ -28,10 +28,10 @@ _CLOSE = 1e-7
 """The plane is final when its slopes change by less than this."""
 
 _ROUGH_PX = 0.002
-"""Smooth errors of real lenses and patterns, which are assumed if smaller errors do not explain the field."""
+"""Smooth errors of real lenses and patterns. They are assumed if smaller errors do not explain the field."""
 
 _STRANGE = 40.0
-"""A field whose misfit is larger has larger smooth errors than usual. The expected misfit is 14."""
+"""If the misfit is larger, the field has larger smooth errors than usual. The expected misfit is 14."""
 
 
 @dataclass(frozen=True)
@@ -54,9 +54,9 @@ class TiltFit:
     curved, graded : float
         Probability that the specimen bent out of its plane, and that its strain has a gradient.
     misfit : float
-        Misfit of the best model; about 14 if the model holds.
+        Misfit of the best model; about 14 if the model is right.
     residual_mm : ndarray, shape (n, 2)
-        Displacements that a polynomial of third degree does not fit.
+        The part of the displacements that a polynomial of third degree does not fit.
     """
 
     plane: Plane
@@ -107,8 +107,8 @@ def _fit(
     sight = Sight(points.before_mm, points.after_mm, centre_mm)
     expected = Expectations.of(shift.std_mm, float(np.abs(sight.centred_mm).max()))
     outcomes: list[Outcome] = []
-    # The equations are linear about a plane. Models of different kinds find different planes, so each kind is
-    # solved about its own plane.
+    # The equations are linearised about a plane. Different kinds of models find different planes, so each
+    # kind is solved about its own plane.
     for curved, graded in product((False, True), repeat=2):
         start = _mean_plane(outcomes, shift) if outcomes else Plane()
         kind = expected.only(curved=curved, graded=graded)
@@ -126,11 +126,11 @@ class Suspicion:
     Attributes
     ----------
     misfit_bent, misfit_graded : float
-        Misfit with any curvature out of the plane, and with any gradient of the strain.
+        Misfit of a model with a curvature of any size, and of a model with a strain gradient of any size.
     curvature_per_mm : float
-        Largest curvature out of the plane, if this is the cause.
+        Largest curvature out of the plane, if curvature is the cause.
     gradient_per_mm : float
-        Gradient of the strain as a fraction of the strain, if this is the cause.
+        Gradient of the strain as a fraction of the strain, if the gradient is the cause.
     """
 
     misfit_bent: float
@@ -170,8 +170,9 @@ def _directions(outcomes: Sequence[Outcome]) -> list[Float]:
     """Return the directions in which the strain may have a gradient.
 
     Specimens are mostly stretched along an axis of the grid. The direction of the largest strain is another
-    candidate; it must stay the same while the plane is solved, because a wrong plane makes it wrong. The
-    caller drops candidates along which the strain turns out to be the smaller one.
+    candidate. This direction is computed once and does not change while the plane is solved, because it would
+    be wrong for a wrong plane. The caller drops a candidate if the strain along it is smaller than the strain
+    across it.
     """
     best = max(outcomes, key=lambda outcome: outcome.log_evidence)
     return [*np.eye(2), main_direction(best.gradient.reshape(2, 2))]
@@ -180,7 +181,7 @@ def _directions(outcomes: Sequence[Outcome]) -> list[Float]:
 def _converged(
     plane: Plane, kind: Expectations, equations: tuple[Sight, Polynomial, float, Float], shift: Shift
 ) -> list[Outcome]:
-    """Return the outcomes of models of a kind; their equations are linear about the plane that they give."""
+    """Return the outcomes of one kind of models, linearised about the plane that these models give."""
     for _ in range(_STEPS):
         linear = Linearised.about(plane, *equations, shift.per_slope_mm)
         scaled = kind.scaled(linear.strain)

@@ -22,7 +22,7 @@ _AGREE = 3.0
 """Largest accepted disagreement of the cameras perpendicular to the parallax, as a multiple of the noise."""
 
 _AGREE_PX = 0.01
-"""Accepted additional disagreement of the cameras, because both calibrations have errors."""
+"""Disagreement, px, that is accepted in addition to the noise, because both calibrations have errors."""
 
 _IMPROBABLE = 6.0
 """Largest accepted adjustment of the calibrations, in standard deviations."""
@@ -37,10 +37,10 @@ class TwoCameraStep:
     corrections : tuple of Correction
         The corrections of the first and the second camera.
     mean : MeanStrain or None
-        Mean strain of both cameras, weighted by the inverse variances. None if the step was not corrected.
+        Mean of both cameras' strains, weighted by the inverse variances. None if the step was not corrected.
     heights_mm, heights_std_mm : ndarray, shape (rows, columns), or None
-        Height of each point of the first camera above its place in the reference image, and the standard
-        deviation of the height. NaN where the second camera has no point.
+        Height of each point of the first camera relative to its height in the reference image, and the
+        standard deviation of the height. NaN where the second camera has no point.
     declined : str or None
         The reason why there is no correction, or None if the step was corrected.
     """

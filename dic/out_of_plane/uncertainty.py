@@ -18,7 +18,7 @@ from dic.strain.fit import covariance_of_sums, slopes_of
 from dic.typing import Float, Mask
 
 _SMOOTH_PX = 0.0004
-"""Errors of the displacement due to interpolation, px; benchmarks.order measures them on rendered images.
+"""Errors of the displacement due to interpolation, px, measured by benchmarks.order on rendered images.
 
 These errors contain the interpolation bias, which is also predicted from the pattern of each image. They
 change with the sub-pixel part of the displacement, so neighbouring points have similar errors.
@@ -66,7 +66,7 @@ class Points:
 
     @property
     def centre_mm(self) -> Float:
-        """The camera's centre, shape (3,), in axes of the surface: two within it and its normal."""
+        """The camera's centre, shape (3,), in the axes of the surface: two axes within it, and its normal."""
         return self.surface.to_axes(self.grid_centre_mm)
 
     @property
@@ -106,9 +106,10 @@ class Points:
         """Return the covariance (p, p) that interpolation causes in p weighted sums of the displacements.
 
         Interpolation errors depend on the sub-pixel part of the displacement. In a strained specimen, this
-        sub-pixel part varies slowly over the field. So the errors are modelled as polynomials of first up to
-        `degree`-th degree, with the value `smooth_px` at the outermost points. The noise of the displacements
-        contains the predicted interpolation bias already, so the variance of the bias is taken out here.
+        sub-pixel part varies slowly over the field. So the errors are modelled as polynomials from first
+        degree to `degree`. They have the value `smooth_px` at the outermost points. The noise of the
+        displacements already contains the predicted interpolation bias, so the variance of the bias is
+        subtracted here.
 
         Parameters
         ----------
@@ -139,11 +140,10 @@ class Points:
     def calibration_factors(self, weights: Float) -> tuple[Float, Float]:
         """Return the effect of calibration errors on weighted sums of displacements and on camera centres.
 
-        The calibration has q independent sources of error with variance 1, one for each column of the
-        results. Each column belongs to the same source of error in all fields with the same calibration. For
-        the pinhole model, errors of the map and of the camera's centre are correlated: a grid that appears
-        too large gives a camera that is too near. For the bicubic map, the errors are assumed to be
-        independent of the centre.
+        The calibration has q independent sources of error with variance 1. Each column of the results belongs
+        to one source, and to the same source for all fields with the same calibration. For the pinhole model,
+        errors of the map and of the camera's centre are correlated: a grid that appears too large gives a
+        camera that is too near. For the bicubic map, the errors are assumed to be independent of the centre.
 
         Parameters
         ----------
@@ -155,7 +155,7 @@ class Points:
         of_map : ndarray, shape (p, q)
             A matrix F for the p weighted sums. The errors of the map give these sums the covariance F Fᵀ.
         of_centre : ndarray, shape (3, q)
-            The matrix F for the three coordinates of the camera's centre, mm.
+            The corresponding matrix F for the three coordinates of the camera's centre, mm.
         """
         if self.calibration.pinhole is None:
             raise ValueError("this calibration knows no camera centre")

@@ -1,8 +1,9 @@
-"""The arrangement of the dots of a plate: in rows and columns, or in rows that are shifted in turn.
+"""The arrangement of the dots of a plate: a square grid, or rows of which every second one is shifted.
 
-The dots of an asymmetric grid are a square lattice as well, turned by 45°: a step to the next row goes half a
-pitch along the row and half a pitch across. What differs is the outline, which is a rectangle along the
-squares of the lattice, or along their diagonals.
+In an asymmetric grid every second row is shifted by half a pitch. Its dots form a square lattice too, but
+this lattice is turned by 45°: its vectors go half a pitch along the row and half a pitch across the row. So
+the two arrangements differ in their outline only. The sides of the rectangular outline are parallel to the
+squares of the lattice, or to the diagonals of the squares.
 """
 
 from dataclasses import dataclass
@@ -24,9 +25,11 @@ class Arrangement:
     asymmetric : bool
         True if the sides of the rectangle are diagonals of the lattice's squares.
     box : tuple of int
-        Numbers of places along the two sides: dots, or half pitches if `asymmetric`.
+        Number of places along each of the two sides. A place is one lattice point, or half a pitch if
+        `asymmetric`.
     counts : tuple of int
-        Numbers of dots along both directions; of an asymmetric grid, dots in a row and number of rows.
+        Numbers of dots along both directions. For an asymmetric grid: number of dots in a row, and number of
+        rows.
     filled : float
         Share of the places in the rectangle that have dots.
     """
@@ -38,10 +41,10 @@ class Arrangement:
 
     @classmethod
     def of(cls, index: Indices, marked: bool = False) -> "Arrangement":
-        """Return the arrangement that dots with the given lattice indices (n, 2) fill most.
+        """Return the arrangement whose places the dots with the given lattice indices (n, 2) fill best.
 
-        In the image, the second direction of the lattice is anticlockwise from the first. The rows of a plate
-        with marks are always those of the lattice.
+        In the image, the second direction of the lattice is anticlockwise from the first. If the plate is
+        `marked`, it has hollow dots as marks; the rows of such a plate are always rows of the lattice.
         """
         plain, steps = _box(index), half_pitches(index)
         width, height = _box(steps)
@@ -49,7 +52,8 @@ class Arrangement:
         filled = len(index) / ((width * height + 1) // 2)
         if marked or filled <= square.filled:
             return square
-        # A grid with an even number of rows is also one of columns. The top row begins at the left.
+        # An asymmetric grid with an even number of rows can also be read as a grid whose columns are the
+        # rows. Take the reading in which the top row begins at the left.
         begins_left = bool((steps[0] - steps.min(axis=0)).sum() % 2 == 0) == (height % 2 == 1)
         across = height % 2 == 1 if (width + height) % 2 else begins_left
         counts = ((width + 1) // 2, height) if across else ((height + 1) // 2, width)
@@ -57,12 +61,12 @@ class Arrangement:
 
     @property
     def in_turn(self) -> bool:
-        """True if the rows of an asymmetric grid have one dot more and one dot less in turn."""
+        """True if every second row of an asymmetric grid has one dot less than the other rows."""
         return self.asymmetric and self.box[0] % 2 == 1 and self.box[1] % 2 == 1
 
     @property
     def name(self) -> str:
-        """The arrangement in words, to which the counts belong."""
+        """The arrangement in words, to be followed by the counts."""
         return "an asymmetric grid" if self.asymmetric else "a lattice"
 
     @property

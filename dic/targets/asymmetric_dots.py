@@ -33,7 +33,7 @@ def find_asymmetric_dots(
     Raises
     ------
     CalibrationError
-        If fewer than 90 % of the dots are found, or the dots are arranged otherwise.
+        If fewer than 90 % of the dots are found, or the dots do not form an asymmetric grid.
     """
     refusal = partial(_refusal, source, dots)
     found = measure_dots(grey, dots[0] * dots[1], source, refusal)
@@ -72,9 +72,9 @@ def _axes(
 ) -> Axes:
     """Return the axes of a grid whose dots have the given half pitches (n, 2), X along the rows.
 
-    With an odd number of rows, the top and the bottom row begin at the left, so that the plate looks
-    different after half a turn. With an even number of rows the plate looks the same, and `x_axis` or the
-    image decides.
+    With an odd number of rows, the top and the bottom row begin at the left, so the plate looks different
+    after half a turn, and the dots determine the axes. With an even number of rows, the plate looks the same
+    after half a turn. Then `x_axis` determines the axes, or X is the direction closest to the image's right.
     """
 
     def possible(axes: Axes) -> bool:

@@ -1,8 +1,8 @@
-"""Detection of blobs of the shape of an ellipse: the first, rough step of finding dots.
+"""Detection of blobs with the shape of an ellipse: the first, rough step of finding dots.
 
-The image is compared with a local threshold, the middle between the darkest and the brightest grey level of
-the neighbourhood. The connected regions on either side of the threshold are the candidates. A ring counts
-as a blob with its hole filled.
+The image is compared with a local threshold. This threshold is the mean of the darkest and the brightest grey
+level in the neighbourhood. The connected regions above and below the threshold are the candidates. A ring
+counts as a blob whose hole is filled.
 """
 
 from collections.abc import Iterator
@@ -14,16 +14,17 @@ from numpy.typing import NDArray
 from dic.targets.sampled_image import as_bytes
 from dic.typing import Float, Grey, Mask
 
-# Size of the neighbourhood, px, in an image that is reduced so often that a dot is a few to 24 px wide.
+# Size of the neighbourhood, px. The image is first reduced until a dot is between a few and 24 px wide.
 _NEIGHBOURHOOD_PX = 31
 _SMALLEST_LEVEL_PX = 96
-# Lowest local contrast, as a fraction of the contrast that 2 % of the image exceed.
+# Lowest local contrast of a blob, as a fraction of the contrast that 2 % of the pixels exceed.
 _CONTRAST = 0.25
-# Lowest local contrast, in units of the standard deviation of the noise.
+# Lowest local contrast of a blob, in units of the standard deviation of the noise.
 _OVER_NOISE = 6.0
 # Smallest area of a blob, px².
 _SMALLEST_PX2 = 12
-# Area of a region divided by the area of the ellipse with the same second moments: 1 for an ellipse.
+# Allowed range for the area of a region divided by the area of the ellipse with the same second moments. The
+# ratio is 1 for an ellipse.
 _LIKE_ELLIPSE = (0.86, 1.08)
 # Largest ratio of the axes of an ellipse. A circle seen at 75° reaches 3.9.
 _SLENDER = 4.0
@@ -61,8 +62,8 @@ class Blobs:
 def find_blobs(grey: Grey) -> Iterator[Blobs]:
     """Yield the blobs of an image, for blobs of several sizes, and for dark and bright blobs.
 
-    The image is halved again and again. In each reduced image, blobs of a few to about 24 px are found. The
-    positions are in px of the whole image.
+    The resolution of the image is halved repeatedly. In each reduced image, the function finds blobs between
+    a few px and about 24 px wide. The positions in the results are in px of the full image.
     """
     import cv2
 
@@ -70,7 +71,8 @@ def find_blobs(grey: Grey) -> Iterator[Blobs]:
     levels = [level]
     while min(levels[-1].shape) // 2 >= _SMALLEST_LEVEL_PX:
         levels.append(np.asarray(cv2.resize(levels[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)))
-    # The area of two by two pixels has its middle half a pixel of the finer image beside their first centre.
+    # A reduced pixel covers 2 × 2 finer pixels. Its centre is half a fine pixel away from the centre of the
+    # first one, along each axis.
     for reduction, image in reversed(list(enumerate(levels))):
         scale = 2**reduction
         for blobs in _blobs_of_level(image):
@@ -101,14 +103,16 @@ def _blobs_of_level(image: NDArray[np.uint8]) -> Iterator[Blobs]:
 
 def _noise_floor(image: NDArray[np.uint8]) -> float:
     """Return the contrast that noise alone reaches in a smoothed neighbourhood, grey levels."""
-    # The Gauss filter with σ = 1 px reduces the noise by 2√π. About ±3.3 deviations occur in 31 × 31 px.
+    # The Gauss filter with σ = 1 px divides the noise by 2√π. The extremes among 31 × 31 px of noise are
+    # about ±3.3 standard deviations.
     return max(8.0, float(_OVER_NOISE * noise_of(image.astype(np.float32)) / (2 * np.sqrt(np.pi)) * 1.8))
 
 
 def noise_of(grey: Grey) -> float:
     """Return an estimate of the standard deviation of an image's noise, grey levels.
 
-    The estimate comes from second differences: their standard deviation is √6 times that of the pixels.
+    The estimate comes from second differences of the grey levels. The standard deviation of second
+    differences is √6 times that of the pixels.
     """
     sample = grey[::3]
     second = sample[:, :-2] - 2 * sample[:, 1:-1] + sample[:, 2:]
@@ -119,7 +123,8 @@ def noise_of(grey: Grey) -> float:
 class _Regions:
     """Connected regions: number of pixels, sums of x, y, x², xy, y², shape (n, 6), and bounding boxes.
 
-    `plain` is True for regions most of which have too little contrast, as the background far from all dots.
+    `plain` is True for a region in which most pixels have too little contrast, such as the background far
+    from all dots.
     """
 
     sums: Float
@@ -150,7 +155,7 @@ class _Regions:
         return cls(sums.astype(np.float64), boxes[kept], rim, plain)
 
     def filled_with(self, holes: "_Regions") -> "_Regions":
-        """Return these regions, each together with the hole of the other regions in its middle."""
+        """Return these regions with their holes filled; a hole is one of the regions in `holes`."""
         from scipy.spatial import KDTree
 
         if not len(self.sums) or not len(holes.sums):
@@ -169,7 +174,7 @@ class _Regions:
         area = self.sums[:, 0]
         centre = self.sums[:, 1:3] / area[:, None]
         xx, xy, yy = self.sums[:, 3:].T / area
-        # The area of a pixel adds 1/12 px² to the moments of its centre.
+        # A pixel is a square, not a point. Its area adds 1/12 px² to the second moments.
         xx, yy = xx - centre[:, 0] ** 2 + 1 / 12, yy - centre[:, 1] ** 2 + 1 / 12
         xy = xy - centre[:, 0] * centre[:, 1]
         determinant = np.maximum(xx * yy - xy**2, 1e-9)

@@ -1,4 +1,5 @@
-"""Detection of the cells of a line grid and of their lattice indices: the first, rough step of the detection.
+"""Detection of the cells of a line grid and of their lattice indices: the first, rough step of finding a
+grid.
 
 A cell is the area between neighbouring lines.
 """
@@ -14,7 +15,7 @@ from dic.typing import Float, Grey, Indices
 
 _MIN_CELL_AREA_PX = 12
 _SEEDS = 12
-# Smallest height and width, px, of an image that is reduced to find wide lines.
+# An image is reduced to find wide lines only if its height and width are at least this, px.
 _LARGE_PX = 1000
 # Largest distance between a neighbour and its predicted place, as a fraction of the lattice vector.
 _LATTICE_TOLERANCE = 0.3
@@ -60,7 +61,7 @@ def find_cells(grey: Grey, expected: int) -> CellLattice:
     for width_px in (21, 11, 41, 81):
         if width_px > min(grey.shape) // 4:
             continue
-        # Wide lines are also found in a reduced image, which costs less time.
+        # Look for wide lines in a reduced image, because this takes less time.
         scale = width_px // 21 if width_px > 21 and min(grey.shape) > _LARGE_PX else 1
         level = image if scale == 1 else _reduced(image, scale)
         for dark_lines in (True, False):
@@ -165,8 +166,8 @@ def _local_bases(centres: Float, areas: Float, neighbours: NDArray[Any]) -> tupl
 def along_short_vectors(index: Indices, centres: Float) -> Indices:
     """Change lattice indices (n, 2) so that they count along the shortest lattice vectors.
 
-    The method is Gauss's lattice reduction. The reduction is needed because, where a cell is missing,
-    `_local_basis` may return a diagonal as a lattice vector.
+    The method is Gauss's lattice reduction. The reduction is needed because `_local_bases` may return a
+    diagonal as a lattice vector where a cell is missing.
     """
     index = index.copy()
     for _ in range(4):
@@ -189,8 +190,8 @@ def _grow(
 ) -> dict[tuple[int, int], int]:
     """Find all regions of the lattice around the region `seed`; return a dict from lattice index to region.
 
-    The search goes from each found region to its neighbours. The lattice vectors of the found region predict
-    the place of a neighbour, and the found neighbour then updates the vectors.
+    The search goes from each found region to its neighbours. The lattice vectors of a found region predict
+    the place of each neighbour. A neighbour that is found there then updates the vectors.
     """
     placed = {(0, 0): seed}
     taken = {seed}

@@ -1,8 +1,8 @@
 """Detection of the corners of a ChArUco board.
 
 The markers of the board identify each corner. Therefore a part of the board may be hidden. OpenCV finds the
-markers. The places of the corners follow from the corners of the markers nearby. `dic.targets.corners` then
-measures them.
+markers. The corners of nearby markers predict where the corners of the squares are. `dic.targets.corners`
+then measures the corners of the squares.
 """
 
 import numpy as np
@@ -22,12 +22,12 @@ _SUFFICIENT = 0.5
 _FEWEST_MARKERS = 2
 # Length of the edges around a corner that are used to measure it, in pitches.
 _LENGTH = 0.45
-# Number of markers that predict a corner, and largest distance, in pitches, of the nearest of them.
+# At most `_NEARBY` markers predict a corner. The nearest of them must be at most `_REACH` pitches away.
 _NEARBY, _REACH = 4, 1.3
-# Smallest contrast between the dark and the bright squares around a corner, relative to the usual contrast.
+# Smallest contrast between the dark and the bright squares around a corner, as a fraction of the median.
 _CONTRAST = 0.4
-# Markers beyond the rim belong to a larger board if they are at most so many pitches away, and if their place
-# in the square and their size are off by at most this fraction.
+# Markers beyond the rim belong to a larger board if they are at most `_BEYOND` pitches away from the rim. In
+# addition, their place in the square and their size must be right within the fraction `_OFF_MIDDLE`.
 _BEYOND, _OFF_MIDDLE = 2.0, 0.2
 # An image up to this size is also searched at twice its size, which shows small markers.
 _SMALL_IMAGE_PX2 = 1_600_000
@@ -69,7 +69,8 @@ def find_charuco(
     if _goes_on(place, marker_px, corners, squares):
         got = "a larger board, with markers beyond these squares"
         raise TargetNotSeen(source, _STEP, expected, got, _REMEDY)
-    # From here on, positions on the board are in pitches, with Y up and the lower left corner as the origin.
+    # From here on, positions on the board are in pitches. Y points up, and the lower left corner is the
+    # origin.
     index = np.argwhere(np.ones(lines, bool))
     px, along, near = _predicted(place, marker_px, (index + 1).astype(np.float64))
     px[near], _ = fit_corners(grey, px[near], along[near], _LENGTH, (1 - marker_side) / 2)
@@ -102,8 +103,8 @@ def _markers_on_board(
 ) -> tuple[Indices, Float, Float, Float]:
     """Return all markers found, and those that fit the board.
 
-    OpenCV before version 4.6 drew boards with an even number of rows in other colours than later versions.
-    Both ways of drawing are tried, and the one that fits more markers is taken.
+    For boards with an even number of rows, OpenCV before version 4.6 exchanged the dark and the bright
+    squares. The function tries both patterns and takes the pattern that fits more markers.
 
     Returns
     -------
@@ -112,7 +113,8 @@ def _markers_on_board(
     corners : ndarray, shape (m, 4, 2)
         Their corners in the image, px.
     place, marker_px : ndarray, shape (n, 4, 2)
-        Corners of the markers that fit the board: on the board, pitches, and in the image, px.
+        Corners of the markers that fit the board. `place` is on the board, in pitches; `marker_px` is in the
+        image.
     """
     import cv2
 
@@ -134,7 +136,7 @@ def _markers_on_board(
             drawn = np.asarray(board.getObjPoints(), np.float64)[
                 [at[n] for n in number[known].tolist()], :, :2
             ]
-            # OpenCV's Y axis points down from the upper left corner.
+            # OpenCV's Y axis points down, and its origin is the upper left corner.
             drawn = drawn.reshape(-1, 4, 2) * [1, -1] + [0, squares[1]]
             fits = fit_one_plane(drawn, corners[known])
             if np.count_nonzero(fits) > len(best[2]):
@@ -150,7 +152,8 @@ def markers_seen(image: NDArray[np.uint8], dictionary: str) -> tuple[Indices, Fl
 
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    # In noise, the search for smaller markers takes many seconds, and a marker of 8 px cannot be read anyhow.
+    # Do not search for smaller markers. In a noisy image this takes many seconds, and the code in a marker of
+    # 8 px cannot be read.
     parameters.minMarkerPerimeterRate = max(0.01, 4 * _SMALLEST_MARKER_PX / max(image.shape))
     known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
     corners, numbers, _ = cv2.aruco.ArucoDetector(known, parameters).detectMarkers(image)
@@ -160,7 +163,7 @@ def markers_seen(image: NDArray[np.uint8], dictionary: str) -> tuple[Indices, Fl
 
 
 def _second_board(number: Indices, corners: Float, marker_px: Float) -> Float | None:
-    """Return the centres (n, 2), px, of second copies of markers away from the board; None without copies."""
+    """Return the centres (n, 2), px, of repeated markers away from the board, or None without them."""
     centre = corners.mean(axis=1)
     away = np.linalg.norm(centre[:, None] - marker_px.mean(axis=1), axis=-1).min(axis=1, initial=np.inf)
     elsewhere = away > np.linalg.norm(marker_px[0, 1] - marker_px[0, 0])
@@ -171,8 +174,9 @@ def _second_board(number: Indices, corners: Float, marker_px: Float) -> Float | 
 def _goes_on(place: Float, marker_px: Float, corners: Float, squares: tuple[int, int]) -> bool:
     """Return True if markers lie in squares beyond the rim of the board, as on a larger board.
 
-    A board with more rows has the same markers in the same places, but another middle. A marker counts only
-    in the middle of a square, and if it is as large as the markers of the board.
+    A board with more rows has the same markers in the same places, but its centre is elsewhere, so X and Y
+    would be wrong. A marker counts only if it lies in the middle of a square and is as large as the board's
+    markers.
 
     Parameters
     ----------
@@ -213,9 +217,9 @@ def fit_one_plane(drawn: Float, corners: Float) -> Mask:
 def _predicted(place: Float, marker_px: Float, corner: Float) -> tuple[Float, Float, Mask]:
     """Return where corners of squares (n, 2), in pitches, are in the image, and which have a marker nearby.
 
-    Between the two is the array (n, 2, 2) of the vectors, px, along the edges to the next corners. Each
-    corner is predicted by a homography through the corners of the nearest markers. Distortion by the lens
-    therefore does no harm.
+    The function returns three arrays: the corners in the image, the vectors (n, 2, 2), px, along the edges to
+    the neighbouring corners, and the mask. A homography through the corners of the nearest markers predicts
+    each corner. Because the homography is local, lens distortion does no harm.
     """
     import cv2
 
@@ -238,7 +242,8 @@ def _predicted(place: Float, marker_px: Float, corner: Float) -> tuple[Float, Fl
 def _between_squares(image: NDArray[np.uint8], index: Indices, px: Float, marker_side: float) -> Mask:
     """Return True for each corner (n,) that lies between two dark and two bright squares.
 
-    The grey levels are taken within the margin around the markers. A covered corner has no such contrast.
+    The function compares grey levels in the margin around the markers. A hidden corner does not have this
+    contrast between its four squares.
     """
     import cv2
 
@@ -250,7 +255,8 @@ def _between_squares(image: NDArray[np.uint8], index: Indices, px: Float, marker
         x, y = np.rint(px + shift * np.array(towards) @ affine).astype(int).T
         quadrants.append(smooth[np.clip(y, 0, image.shape[0] - 1), np.clip(x, 0, image.shape[1] - 1)])
     one, two, three, four = quadrants
-    # Both of one pair must be darker than both of the other pair, in turns from corner to corner.
+    # The opposite squares `one` and `three` must both be darker, or both brighter, than `two` and `four`.
+    # Which pair is the darker one alternates from corner to corner.
     sign = np.where(index.sum(axis=1) % 2 == 0, 1.0, -1.0)
     contrast = sign * np.stack([one - two, one - four, three - two, three - four])
     usual = float(np.median(contrast))

@@ -22,23 +22,27 @@ from dic.typing import Float, Grey
 
 # Length of the edges around a corner that are used to measure it, in pitches.
 _REACH = 0.45
-# Smallest share of the corners that must fit the lattice, and smallest share to which crossing edges could be
-# fitted. In images with so much blur that this fit fails, the detector alone is off by about a pixel.
+# `_SUFFICIENT` is the smallest share of the corners that must fit the lattice. `_MEASURED` is the smallest
+# share for which the fit of crossing edges succeeds. If blur makes this fit fail, the detector's own corners
+# are wrong by about a pixel.
 _SUFFICIENT, _MEASURED = 0.9, 0.5
-# Difference between the surroundings of a corner and crossing edges above which round dots are looked for.
-# Simulated boards reach 0.02, and dots that nearly touch 0.1. Noise that JPEG has smoothed counts too.
+# If the surroundings of the corners differ from crossing edges by more than this, the image may show round
+# dots, and the function looks for dots. Simulated boards have differences up to 0.02, and dots that nearly
+# touch have 0.1. Noise that JPEG has smoothed increases the difference too.
 _NO_EDGES = 0.07
-# Smallest share of neighbouring squares that differ as they should; a reflection may cover the others.
+# Smallest share of neighbouring squares with alternating colours. A reflection may cover the other squares.
 _ALTERNATING = 0.85
 # A checkerboard of unknown size has at least this number of corners along each direction.
 _FEWEST_CORNERS = (3, 3)
-# So many corners show whether they are gaps between dots; the fit of all corners takes much longer.
+# This number of fitted corners is enough to recognise gaps between dots. The fit of all corners takes much
+# longer.
 _ENOUGH_CORNERS = 32
-# Places in a square at which dark marks are looked for, in pitches from its middle, and the share of dark
-# places from which on the bright squares of a board have markers. A marker's rim alone has a larger share.
+# Bright squares are searched for dark marks at `_PLACES`, in pitches from the middle of the square. The
+# squares have markers if the share of dark places is above `_MARKED`. The rim of a marker alone gives a
+# larger share.
 _PLACES = np.linspace(-0.35, 0.35, 7)
 _MARKED = 0.05
-# Images up to this size are searched in more ways, because the search takes little time.
+# Smaller images are searched in more ways, because the search then takes little time.
 _SMALL_IMAGE_PX2 = 1_600_000
 
 
@@ -87,7 +91,7 @@ def find_checkerboard(
     axes = axes_in_image(vectors, x_axis, source, possible)
     index = np.argwhere(np.ones(lines, bool))
     column_row = axes.columns_and_rows(index, spans)
-    # Next to the image's rim there is no room for the measurement: keep the detector's corner.
+    # Next to the image's rim there is no room for the measurement, so keep the detector's corner.
     refined = np.where(measured[:, None], refined, px.reshape(-1, 2))
     sound = fits_lattice(index.astype(float), refined)
     if np.count_nonzero(sound) < _SUFFICIENT * sound.size:
@@ -109,7 +113,7 @@ class SeenBoard:
     squares : tuple of int
         Numbers of squares along both directions.
     marked : bool
-        True if the bright squares have dark marks inside, as the markers of a ChArUco board.
+        True if the bright squares have dark marks inside, like the markers of a ChArUco board.
     """
 
     squares: tuple[int, int]
@@ -126,7 +130,7 @@ def board_seen(image: NDArray[np.uint8]) -> SeenBoard | None:
         return None
     rows, columns = np.asarray(meta).shape[:2]
     px = np.asarray(corners, np.float64).reshape(rows, columns, 2).transpose(1, 0, 2)
-    # The detector sometimes takes the ends of the squares at the rim for a row of corners.
+    # The detector sometimes mistakes the outer ends of the squares at the rim for a row of corners.
     for left, right, top, bottom in sorted(product((0, 1), repeat=4), key=sum):
         part = px[left : columns - right, top : rows - bottom]
         if min(part.shape[:2]) >= min(_FEWEST_CORNERS) and _colours_alternate(image, part):
@@ -140,9 +144,9 @@ def board_seen(image: NDArray[np.uint8]) -> SeenBoard | None:
 def _detected(image: NDArray[np.uint8], lines: tuple[int, int], thorough: bool = True) -> Float | None:
     """Return the corners that OpenCV's detector finds, shape (columns, rows, 2), px, or None.
 
-    The detector finds small squares more often in an enlarged image. It stretches the image itself with the
-    flag `CALIB_CB_ACCURACY`, and then loses small squares. Therefore that flag is not used first. A large
-    image is searched as it is.
+    The detector finds small squares more often if the image is enlarged first. With the flag
+    `CALIB_CB_ACCURACY`, the detector enlarges the image itself, but then it misses small squares. Therefore
+    the first attempt is made without that flag. A large image is not enlarged.
     """
     import cv2
 
@@ -166,9 +170,9 @@ def _detected(image: NDArray[np.uint8], lines: tuple[int, int], thorough: bool =
 
 
 def _fitted(grey: Grey, px: Float, most: int | None = None) -> tuple[Float, float]:
-    """Return the fitted corners (n, 2) for detected ones (columns, rows, 2), px, as `fit_corners` does.
+    """Return the result of `fit_corners` for detected corners (columns, rows, 2), px.
 
-    If `most` is given, so many corners at most are fitted, which are spread over the board.
+    If `most` is given, at most this number of corners is fitted. These corners are spread over the board.
     """
     along = np.stack([np.gradient(px, axis=0), np.gradient(px, axis=1)], axis=-2).reshape(-1, 2, 2)
     corners = px.reshape(-1, 2)
@@ -177,9 +181,10 @@ def _fitted(grey: Grey, px: Float, most: int | None = None) -> tuple[Float, floa
 
 
 def _are_gaps_between_dots(grey: Grey, difference: float) -> bool:
-    """Return True if the corners, which differ from crossing edges by `difference`, are no corners.
+    """Return True if the detected corners are not corners but gaps between round dots.
 
-    The gaps between the dots of an asymmetric grid have the brightness of a checkerboard's squares.
+    The gaps between the dots of an asymmetric grid are bright and dark in turn, like the squares of a
+    checkerboard. `difference` is the difference between the corners' surroundings and crossing edges.
     """
     return difference > _NO_EDGES and dots_seen(grey) is not None
 
@@ -193,7 +198,7 @@ def _are_marked(grey: Grey, px: Float) -> bool:
     height, width = grey.shape
     level = grey[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
     even = np.add.outer(np.arange(level.shape[0]), np.arange(level.shape[1])) % 2 == 0
-    # Also with a marker inside, the brightest places of a bright square are bright.
+    # A bright square has bright places even if there is a marker inside.
     brightest = np.quantile(level, 0.9, axis=(2, 3))
     bright = even == (brightest[even].mean() > brightest[~even].mean())
     halfway = (brightest[bright] + np.median(brightest[~bright])) / 2
@@ -212,11 +217,11 @@ def _without(image: NDArray[np.uint8], px: Float) -> NDArray[np.uint8]:
 def _colours_alternate(image: NDArray[np.uint8], px: Float) -> bool:
     """Return True if squares lie around all corners (columns, rows, 2), px, in alternating colours.
 
-    The detector sometimes takes the ends of the squares at the rim of the board for a row of corners. On the
-    far side of such a row there are no squares.
+    The detector sometimes mistakes the outer ends of the squares at the rim of the board for a row of
+    corners. There are no squares beyond such a row.
     """
     level, sign = _levels_of_squares(image, px, 1)
-    # The difference between a square and its neighbours across one corner, in one direction.
+    # The difference between a square and its neighbour along one direction.
     steps = (sign[1:] * (level[1:] - level[:-1]), sign[:, 1:] * (level[:, 1:] - level[:, :-1]))
     every = np.concatenate([step.ravel() for step in steps])
     right, usual = np.sign(np.nanmedian(every)), float(np.nanmedian(np.abs(every)))
@@ -228,7 +233,7 @@ def _colours_alternate(image: NDArray[np.uint8], px: Float) -> bool:
 def _continues(image: NDArray[np.uint8], px: Float) -> bool:
     """Return True if the board has squares beyond those around the corners (columns, rows, 2), px.
 
-    The detector sometimes finds a part of a board that is larger than the given one.
+    If the given numbers of squares are too small, the detector sometimes finds a part of a larger board.
     """
     level, sign = _levels_of_squares(image, px, 2)
     whole, even = level[2:-2, 2:-2], sign[2:-2, 2:-2] > 0
@@ -245,8 +250,8 @@ def _continues(image: NDArray[np.uint8], px: Float) -> bool:
 def _levels_of_squares(image: NDArray[np.uint8], px: Float, rings: int) -> tuple[Float, Float]:
     """Return the grey levels of the squares around all corners (columns, rows, 2), px, and their signs.
 
-    `rings` rings of squares outside the corners are included. The signs alternate. NaN marks squares that the
-    picture's edge cuts.
+    The result includes `rings` rings of squares outside the outermost corners. The signs alternate from
+    square to square. The level is NaN for squares that the edge of the image cuts.
     """
     around = np.pad(px, ((rings, rings), (rings, rings), (0, 0)), mode="reflect", reflect_type="odd")
     centre = (around[:-1, :-1] + around[1:, :-1] + around[:-1, 1:] + around[1:, 1:]) / 4
@@ -280,5 +285,5 @@ def _first_square_is_dark(grey: Grey, px: Float) -> bool:
     column, row = np.rint(centre).astype(int).transpose(2, 0, 1)
     level = grey[row, column]
     even = np.add.outer(np.arange(level.shape[0]), np.arange(level.shape[1])) % 2 == 0
-    # Two squares that are diagonally opposite at a corner have the same colour.
+    # Two squares that meet only at a corner have the same colour.
     return bool(level[even].mean() < level[~even].mean())

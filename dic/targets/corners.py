@@ -5,9 +5,9 @@ The model of the grey levels around a corner c is
     I(p) = m + g·d + (a + h·d) E₁ E₂,    Eₖ = 2 Fₖ(nₖ·(p − c)) − 1,    d = p − c₀,
 
 with the normals n₁ and n₂ of the two edges, the mean grey level m, half of the contrast a, the gradients g
-and h of the light, and the approximate corner c₀. Fₖ(t) is the share of a pixel at the distance t that lies
-beyond an edge with a normal distribution as its blur. It is exact for an edge of any direction, also without
-blur.
+and h of the light, and the approximate corner c₀. Fₖ(t) is the share of a pixel's area that lies beyond an
+edge, if the pixel's centre is at the distance t from the edge. The blur of the edge is a normal distribution.
+The formula for Fₖ is exact for an edge of any direction, even without blur.
 
 The model is compared with the pixels themselves. Grey levels interpolated between pixels are wrong by several
 percent of the contrast beside a sharp edge, and would shift corners by up to 0.08 px.
@@ -21,28 +21,33 @@ from dic.targets.blobs import noise_of
 from dic.typing import Float, Grey, Indices, Mask
 
 _CORNERS_AT_ONCE = 32
-# Steps with the blur of the start, which shows the way from farther off, then with the blur as an unknown.
+# The first steps of the fit keep a large start value of the blur, because the fit then converges from farther
+# away. In the other steps the blur is an unknown.
 _STEPS_WITH_BLUR, _STEPS = 3, 5
 _START_BLUR_PX, _BLUR_PX = 1.5, (0.15, 6.0)
-# Pixels so many standard deviations of the blur from a marker do not see it.
+# At this distance from a marker, in standard deviations of the blur, the marker does not change the pixels.
 _FREE_OF_BLUR = 2.5
-# The window reaches at most so far: farther away, distortion by the lens bends the edges.
+# The window does not extend farther from the corner, because lens distortion bends the edges there.
 _FARTHEST_PX = 16.0
-# Smallest share of the window that must be in the picture, and largest last step of a fit that has converged.
+# At least the share `_IN_PICTURE` of the window must lie in the image. A fit has converged if its last step
+# is shorter than `_LAST_STEP_PX`.
 _IN_PICTURE, _LAST_STEP_PX = 0.6, 0.05
-# Largest misfit in units of the usual one, and the misfit, as a fraction of the contrast, without any noise.
-# A cover, dirt or a reflection in the window causes more.
+# `_MISFIT` is the largest accepted misfit as a multiple of the median. `_MISFIT_OF_CONTRAST` is the misfit
+# without any noise, as a fraction of the contrast. An object, dirt or a reflection in the window causes a
+# larger misfit.
 _MISFIT, _MISFIT_OF_CONTRAST = 1.7, 0.02
 # Parameters: corner, angles of the edges, blur; m, g; a, h.
 _PARAMETERS, _BLUR = 11, 4
-# A side of a pixel seen along its own direction has no length; this one is short enough.
+# If an edge is parallel to a side of the pixels, the width of this side across the edge is 0, by which the
+# model cannot divide. This small width replaces 0.
 _SHORT_PX = 0.01
 
 
 def fit_corners(
     grey: Grey, px: Float, along: Float, reach: float, margin: float = np.inf
 ) -> tuple[Float, float]:
-    """Return fitted corners, and how much their surroundings differ from crossing edges.
+    """Return fitted corners, and how much the grey levels around them differ from the model of crossing
+    edges.
 
     Parameters
     ----------
@@ -52,17 +57,18 @@ def fit_corners(
     along : ndarray, shape (n, 2, 2)
         For each corner, the two vectors, px, along the edges to the neighbouring corners.
     reach : float
-        Length of the edges that are used on either side of the corner, as a fraction of these vectors.
+        Length of the edges that is used on either side of the corner, as a fraction of the vectors `along`.
     margin : float
-        In the bright squares only pixels up to this distance from an edge are used, as a fraction of the
-        vectors. A ChArUco board has its markers farther inside. Default: all pixels.
+        In the bright squares, only pixels up to this distance from an edge are used. The distance is a
+        fraction of the vectors `along`. A ChArUco board has its markers farther inside. Default: all pixels.
 
     Returns
     -------
     px : ndarray, shape (n, 2)
         The corners; NaN where a fit failed, is worse than usual, or leaves the image.
     difference : float
-        Usual misfit beyond the noise, as a fraction of the contrast; NaN if no corner was fitted.
+        Median of the misfits that remain after subtraction of the noise, as a fraction of the contrast. NaN
+        if no corner was fitted.
     """
     result = np.full(px.shape, np.nan)
     misfit, contrast = np.full((2, len(px)), np.nan)
@@ -77,7 +83,8 @@ def fit_corners(
             fit = fit.improved(window, blur_known=True)
         for _ in range(_STEPS_WITH_BLUR):
             fit = fit.improved(window, blur_known=False)
-        # A window in whose middle the corner lies: what the model leaves out acts on both sides alike.
+        # Centre the window on the fitted corner. Effects that the model leaves out are then equal on opposite
+        # sides of the corner and do not shift it.
         there = np.where(np.abs(fit.corner) < _FARTHEST_PX, fit.corner, 0.0)
         free_px = np.maximum(margin_px / 2, margin_px - _FREE_OF_BLUR * np.median(fit.parameters[:, _BLUR]))
         window = _Window.around(grey, place + there, vectors, reach, free_px)
@@ -142,14 +149,14 @@ def _mean(level: Float, mask: Mask) -> Float:
 
 @dataclass(frozen=True)
 class _Fit:
-    """The parameters of n corners, shape (n, 11): corner from its approximate place, angles, blur, light."""
+    """The parameters of n corners, shape (n, 11): offset from the approximate corner, angles, blur, light."""
 
     parameters: Float
 
     @classmethod
     def start(cls, along: Float, window: _Window) -> "_Fit":
         parameters = np.zeros((len(along), _PARAMETERS))
-        # The normal of an edge is perpendicular to the vector along it.
+        # The normal of an edge is perpendicular to the vector along the edge.
         parameters[:, 2:4] = np.arctan2(along[..., 0], -along[..., 1])
         parameters[:, _BLUR] = _START_BLUR_PX
         parameters[:, 5] = _mean(window.level, window.used)
@@ -175,13 +182,13 @@ class _Fit:
         jacobian *= window.used[..., None]
         if blur_known:
             jacobian[..., _BLUR] = 0.0
-        # The parameters differ in size by powers of ten.
+        # Scale the equations, because the parameters differ in size by powers of ten.
         scale = np.sqrt((jacobian**2).sum(axis=1)) + 1e-9
         jacobian /= scale[:, None]
         normal = np.swapaxes(jacobian, 1, 2) @ jacobian + 1e-9 * np.eye(_PARAMETERS)
         right = np.swapaxes(jacobian, 1, 2) @ (window.level - model)[..., None]
         step = np.linalg.solve(normal, right)[..., 0] / scale
-        # Far from the solution a step may be too long.
+        # Far from the solution a step may be too long, so limit its length.
         length = np.linalg.norm(step[:, :2], axis=1)
         step *= np.minimum(1.0, 1.0 / np.maximum(length, 1e-9))[:, None]
         parameters = self.parameters + step
@@ -228,8 +235,9 @@ def _normals(parameters: Float) -> tuple[Float, Float]:
 def _edge(distance: Float, normal: Float, blur: Float) -> tuple[Float, Float, Float]:
     """Return E = 2F − 1 of pixels at distances (n, m) from edges, and its derivatives by distance and blur.
 
-    The square of a pixel, seen along the edge, is the convolution of two boxes as wide as the components a
-    and b of the normal. With Ψ″ = Φ, the normal distribution for the blur s, the share of the pixel is
+    The projection of a square pixel onto the edge's normal is the convolution of two boxes. The widths a and
+    b of these boxes are the components of the normal. Let Φ be the normal distribution, and let Ψ be its
+    second integral for the blur s. The share of the pixel beyond the edge is
 
         F(t) = Σ ± Ψ(t ± a/2 ± b/2)/(a b),    Ψ(t) = ((t² + s²) Φ(t/s) + s t φ(t/s))/2.
 

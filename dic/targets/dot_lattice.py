@@ -1,7 +1,7 @@
-"""The dots of a lattice in an image: which there are, their lattice indices, and their measured centres.
+"""The dots of a lattice in an image: detection, lattice indices, and measured centres.
 
-The centre of a dot is the centre of the ellipse that is its image, corrected for the shift that perspective
-causes.
+The image of a dot is an ellipse. In perspective, the centre of this ellipse is slightly beside the image of
+the dot's centre. The measured centres are corrected for this shift.
 """
 
 from collections.abc import Callable
@@ -20,14 +20,15 @@ from dic.targets.region import two_targets
 from dic.typing import Float, Grey, Indices, Mask
 
 FEWEST_DOTS = 16
-# Size of a second plate relative to the first. Largest distance of an index from a whole number, and share of
-# such indices in another part of the same plate. In another plate, 16 % of the indices are such by chance.
+# A second lattice is another plate if it has at least the share `_SECOND_PLATE` of the dots of the first. It
+# is a part of the same plate if at least the share `_SAME_PLATE` of its dots lie on the first lattice, within
+# `_WHOLE` pitches along both axes. In another plate, 16 % of the dots lie there by chance.
 _SECOND_PLATE, _WHOLE, _SAME_PLATE = 0.5, 0.2, 0.5
-# Limits, in units of the median, of the misfit and of the contrast of a sound dot.
+# A sound dot has at most this misfit and at least this contrast, both as multiples of the median.
 _MISFIT, _CONTRAST = 2.0, 0.3
-# Rounding and interpolation cause a misfit of this fraction of the contrast also without noise.
+# Even without noise, rounding and interpolation cause a misfit of this fraction of the contrast.
 _MISFIT_OF_CONTRAST = 0.02
-# Misfit, as a fraction of the contrast, above which regions are not ellipses. Squares reach 0.2.
+# Regions are not ellipses if their misfit is above this fraction of the contrast. Squares reach 0.2.
 _NOT_ROUND = 0.1
 # Number of regions that are fitted first. If their misfit is larger than this fraction of the contrast, they
 # are clearly not round, and the others are not fitted.
@@ -55,7 +56,7 @@ class MeasuredDots:
     hollow : ndarray of bool, shape (n,)
         True for rings.
     vectors_px : ndarray, shape (2, 2)
-        The two lattice vectors in the image, in the middle of the lattice.
+        The two lattice vectors in the image, px, in the middle of the lattice.
     in_glare : int
         Number of dots that were left out because of a reflection.
     """
@@ -69,7 +70,7 @@ class MeasuredDots:
 
     @property
     def beside_a_reflection(self) -> str:
-        """The words of an error message about the dots beside a reflection, if there are any."""
+        """The part of an error message about the dots beside a reflection; empty if there are none."""
         return f", and {self.in_glare} where a reflection saturates the picture" if self.in_glare else ""
 
 
@@ -86,12 +87,12 @@ def measure_dots(
     source : str
         Name of the image, used in error messages.
     refusal : callable
-        Function that returns the error for what was got instead of the target.
+        Function that returns the error to raise, from a text that says what was found instead of the target.
 
     Raises
     ------
     CalibrationError
-        If no lattice of at least 16 round dots is found, or if there are two.
+        If no lattice of at least 16 round dots is found, or if the image shows two such lattices.
     """
     not_round = "regions that are not round, such as squares or the cells of a line grid"
     lattice = _Lattice.in_image(grey, enough)
@@ -121,7 +122,7 @@ def measure_dots(
 
 
 def round_dots(grey: Grey) -> tuple[Indices, Mask] | None:
-    """Return the lattice indices (n, 2) of the dots of the largest lattice, and which are rings, or None."""
+    """Return the lattice indices (n, 2) of the largest lattice's dots, and which dots are rings; or None."""
     lattice = _Lattice.in_image(grey, grey.size)
     if lattice is None or lattice.is_clearly_not_round(grey):
         return None
@@ -170,7 +171,7 @@ class _Lattice:
         some = np.linspace(0, count - 1, min(count, _FIRST_FITTED)).astype(np.int64)
         fits = rough_misfit(grey, self.blobs, self.hollow, some)
         misfit, contrast = (float(np.median(np.abs(values))) for values in fits)
-        # The comparison is False, and all blobs are fitted, if a fit failed and gave NaN.
+        # If a fit failed and gave NaN, the comparison is False. Then all blobs are fitted.
         return bool(misfit > _CLEARLY_NOT_ROUND * contrast + 1.3 * noise_of(grey))
 
 
@@ -199,7 +200,8 @@ class _Dots:
     def in_glare(self) -> Mask:
         """Return True for each dot (n,) beside which a reflection saturates the picture.
 
-        There the gradient of the light is not known, and the centre would be off by up to 0.1 px.
+        Beside a reflection the gradient of the light is not known, and the centre would be wrong by up to 0.1
+        px.
         """
         usual = float(np.median(self.ellipses.saturated))
         return np.asarray(self.ellipses.saturated > max(_SATURATED, _OF_USUAL_SATURATION * usual))
@@ -243,24 +245,24 @@ def _other_plate(blobs: Blobs, placed: Indices, index: Indices) -> Float | None:
 def _along_squares(index: Indices, blobs: Blobs) -> Indices:
     """Change lattice indices (n, 2) so that they count along the sides of the lattice's squares.
 
-    From the front all dots are round. An affine map that makes the usual blob round therefore undoes the
-    shortening by an oblique view, in which the shortest lattice vectors may be others. In the result the
-    second direction is anticlockwise from the first.
+    Seen from the front, all dots are round. An oblique view shortens one direction, so the shortest vectors
+    in the image may be diagonals of the squares. Therefore the function first applies the affine map that
+    makes the median blob round, and then takes the shortest vectors. In the result, the second direction is
+    anticlockwise from the first.
     """
     usual = np.median(blobs.covariance_px2 / blobs.area_px2[:, None, None], axis=0)
     front: Float = np.linalg.solve(np.linalg.cholesky(usual), blobs.centre_px.T).T
     index = along_short_vectors(index, front)
     affine = np.linalg.lstsq(np.column_stack([index, np.ones(len(index))]), front, rcond=None)[0]
-    # The image's y axis points down.
+    # The image's y axis points down, so a negative determinant means anticlockwise.
     return index if np.linalg.det(affine[:2]) < 0 else index[:, ::-1].copy()
 
 
 def _eccentricity(shape: LatticeShape, index: Float, area_px2: Float, sound: Mask) -> Float:
-    """Return the differences (n, 2), px, between centres of dots' images and images of dots' centres.
+    """Return the shifts (n, 2), px, from the image of each dot's centre to the centre of the dot's image.
 
-    In perspective the centre of a dot's image is not the image of the dot's centre. The function computes the
-    centre of the image as a sum over small elements of the dot, weighted by the areas of the elements in the
-    image.
+    In perspective these two points differ. The function divides the dot into small elements. The centre of
+    the dot's image is the mean of the elements' images, weighted by their areas in the image.
     """
     pixels_per_cell = _cell_px2(shape, index)
     radius = float(np.sqrt(np.median((area_px2 / pixels_per_cell)[sound]) / np.pi))

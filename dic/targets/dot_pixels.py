@@ -1,8 +1,9 @@
 """The pixels from which the centre of a dot is measured.
 
-Every pixel near a dot's edge counts, because only there does the grey level depend on the centre. The pixels
-farther away, inside and outside, show the light: without them a gradient of the light looks like a shift of
-the dot, which doubles the variance of the centre if the blur is 2 px. They are averaged in blocks.
+Every pixel near a dot's edge is used, because only there the grey level depends on the dot's centre. Pixels
+farther away, inside and outside the dot, show the gradient of the light. Without these pixels, a gradient of
+the light looks like a shift of the dot; with a blur of 2 px this doubles the variance of the centre. Pixels
+far from the edge are averaged in blocks.
 """
 
 from dataclasses import dataclass
@@ -12,13 +13,13 @@ import numpy as np
 from dic.targets.blobs import Blobs
 from dic.typing import Float, Grey, Indices, Mask
 
-# Every pixel up to this distance from the edge counts by itself.
+# Every pixel up to this distance from the edge is a sample of its own.
 _BAND_PX = 7.0
-# Farther away, blocks of so many pixels along each side count as one sample.
+# Farther away, a square block of pixels is one sample; this is the number of pixels along its side.
 _BLOCK_PX = 4
 # The hole of a hollow dot begins deeper than this fraction of the dot's smaller semi-axis.
 _RIM_OF_HOLLOW = 0.3
-# Size at which the dots are drawn for the map of the nearest dot, so that no two touch.
+# For the map of the nearest dot, dots are drawn at this fraction of their size, so that no two dots touch.
 _DRAWN = 0.9
 _SPOKES = 32
 
@@ -97,7 +98,8 @@ def _samples(
     inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
     column, row = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)
     own = ~inside | (nearest[row, column] == nearest[y0, x0])
-    # Half of the way to the next dot; the same on the opposite side, where a dot may be that was not found.
+    # Take samples up to half of the distance to the nearest neighbour. Use the same limit on the opposite
+    # side, where a neighbour may exist that was not found.
     own &= own[::-1, ::-1] & inside
     places = np.stack([x, y], axis=-1).astype(np.float64)
     level = grey[row, column].astype(np.float64)

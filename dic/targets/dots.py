@@ -12,7 +12,8 @@ from dic.targets.hollow_marks import HollowMarks, find_hollow_marks
 from dic.targets.points import GridPoints
 from dic.typing import Float, Grey, Indices
 
-# Smallest share of the dots that must be found; of a plate with marks, of the dots in the picture.
+# Smallest share of the dots that must be found: of all dots, and, for a plate with marks, of the dots in the
+# image.
 _SUFFICIENT, _SUFFICIENT_WITH_MARKS = 0.9, 0.5
 # Smallest share of the places in a lattice that must have dots. Speckles seldom fill a lattice.
 _FILLED = 0.6
@@ -53,7 +54,8 @@ def dots_seen(grey: Grey) -> Arrangement | None:
     if found is None:
         return None
     index, hollow = found
-    # A plate with marks may be cut by the picture in any direction: its rows are those of the lattice.
+    # The edge of the image may cut a plate with marks in any direction, so the outline does not show its
+    # rows. The rows of such a plate are those of the lattice.
     seen = Arrangement.of(index, marked=bool(np.count_nonzero(hollow) == 3))
     return None if seen.filled < _FILLED or seen.in_turn else seen
 
@@ -89,8 +91,9 @@ def _numbered_by_marks(
     seen = high - low + 1
     if (seen > dots).any():
         raise _refusal(source, dots, f"{seen[0]} × {seen[1]} dots, with the marks of a plate")
-    # The marks of such plates lie symmetrically to the middle. Where the dots in view contradict this, the
-    # nearest numbering that holds all dots is taken. X and Y do not depend on it.
+    # On most plates the marks lie symmetrically about the middle, which gives the number of each column and
+    # row. If the visible dots contradict this, take the nearest numbering that contains all dots. X and Y do
+    # not depend on the numbering.
     symmetric = (np.array(dots) - 1 - np.array(marks.pitches)) // 2
     column_row = from_mark + np.clip(symmetric, -low, np.array(dots) - 1 - high)
     if len(index) < max(FEWEST_DOTS, _SUFFICIENT_WITH_MARKS * _of_hull(index)):
@@ -101,10 +104,11 @@ def _numbered_by_marks(
 
 
 def _of_hull(index: Indices) -> float:
-    """Return about how many dots a lattice without gaps has in the convex hull of the given dots."""
+    """Return approximately how many dots a lattice without gaps has in the convex hull of the given dots."""
     from scipy.spatial import ConvexHull
 
-    # Pick's theorem, with the rim taken as a rectangle's: area + half of the rim + 1.
+    # Pick's theorem: the number of dots is the area + half of the dots on the rim + 1. The dots on the rim
+    # are counted as for a rectangle.
     hull = ConvexHull(index)
     return float(hull.volume + hull.area / 2 + 1)
 

@@ -5,9 +5,9 @@ The image of a round dot is an ellipse, also in perspective. The model of its gr
     I(p) = (1 − S)·(b₀ + b·(p − c)) + S·(d₀ + d·(p − c)),    S = Φ(−t/s)
 
 with the distance t of the pixel p from the ellipse, positive outside, the blur s of the edge, the normal
-distribution Φ, and the grey levels and gradients of the background, b, and of the dot, d. Only pixels near
-the edge are used, because only they contain information about the centre. The fit therefore nearly reaches
-the Cramér-Rao bound for the noise of the pixels, unlike a centroid.
+distribution Φ, and the grey levels and gradients of the background, b, and of the dot, d. Most of the
+information about the centre is in the pixels near the edge. The fit therefore nearly reaches the Cramér-Rao
+bound for the noise of the pixels, unlike a centroid.
 """
 
 from dataclasses import dataclass
@@ -18,10 +18,10 @@ from dic.targets.blobs import Blobs, noise_of
 from dic.targets.dot_pixels import DotPixels, distance_from_ellipses, nearest_dot
 from dic.typing import Float, Grey, Indices, Mask
 
-# Steps without knowledge of the light, then with the gradients of the light around the neighbouring dots.
+# The first steps fit each dot alone. The other steps also use the gradients of the light at the neighbours.
 _STEPS, _STEPS_IN_KNOWN_LIGHT = 5, 3
 _NEIGHBOURS = 9
-# Scatter of the neighbours' gradients, in units of the median, that counts as noise.
+# A scatter of the neighbours' gradients up to this multiple of the median scatter counts as noise.
 _USUAL_SCATTER = 1.5
 _DOTS_AT_ONCE = 48
 _BLUR_PX = (0.35, 6.0)
@@ -45,7 +45,7 @@ class Ellipses:
     misfit : ndarray, shape (n,)
         Root mean square difference between the grey levels and the model.
     saturated : ndarray, shape (n,)
-        Share of the pixels near the edge that are as bright as the sensor can tell.
+        Share of the pixels near the edge that have the highest grey level of the sensor.
     """
 
     centre_px: Float
@@ -58,8 +58,8 @@ class Ellipses:
 def fit_ellipses(grey: Grey, blobs: Blobs, hollow: Mask) -> Ellipses:
     """Fit ellipses to blobs.
 
-    The model is clipped at the image's lowest and highest grey levels, as the camera clips the light. The
-    parts of a picture that a reflection saturates therefore do not shift the centres.
+    The model is clipped at the image's lowest and highest grey levels, because the camera clips the light in
+    the same way. Therefore the parts of the image that a reflection saturates do not shift the centres.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def fit_ellipses(grey: Grey, blobs: Blobs, hollow: Mask) -> Ellipses:
         contrast[some] = fit.linear[:, 0] - fit.linear[:, 3]
         misfit[some] = fit.misfit(its, sensor)
         saturated[some] = sensor.saturated_share(its)
-    # A fit that left its blob or changed its size did not measure this blob.
+    # If a fitted ellipse left its blob or has a very different size, it does not measure this blob.
     semi_axis = 2 * np.sqrt(np.linalg.eigvalsh(blobs.covariance_px2)[:, 0])
     moved = np.linalg.norm(centre - blobs.centre_px, axis=1) > np.maximum(1.5, 0.3 * semi_axis)
     with np.errstate(invalid="ignore"):
@@ -106,7 +106,7 @@ def fit_ellipses(grey: Grey, blobs: Blobs, hollow: Mask) -> Ellipses:
 def rough_misfit(grey: Grey, blobs: Blobs, hollow: Mask, which: Indices) -> tuple[Float, Float]:
     """Return the misfits (m,) and the contrasts (m,) of ellipses that are fitted to some of the blobs.
 
-    The fit of all blobs takes long. A few of them show whether the blobs are ellipses at all.
+    The fit of all blobs takes a long time. A few blobs show whether the blobs are ellipses at all.
     """
     sensor = _Sensor.of(grey)
     samples = DotPixels.around(grey, blobs, hollow, nearest_dot(blobs, grey.shape), which)
@@ -119,7 +119,7 @@ def rough_misfit(grey: Grey, blobs: Blobs, hollow: Mask, which: Indices) -> tupl
 
 @dataclass(frozen=True)
 class _Sensor:
-    """Lowest and highest grey level of an image, standard deviation of its noise, and if pixels saturate."""
+    """The lowest and highest grey level of an image, its noise, and whether pixels saturate."""
 
     low: float
     high: float
@@ -129,9 +129,9 @@ class _Sensor:
     @classmethod
     def of(cls, grey: Grey) -> "_Sensor":
         low, high = float(grey.min()), float(grey.max())
-        # Rounding to whole grey levels is noise of 1/√12.
+        # Rounding to whole grey levels adds noise with the standard deviation 1/√12.
         noise = float(np.hypot(noise_of(grey), np.sqrt(1 / 12)))
-        # Without saturation the highest grey level is rarer than the levels below it.
+        # If no pixel saturates, the highest grey level is rarer than the levels below it.
         below = np.count_nonzero(grey >= high - max(noise, 2.0)) - (highest := np.count_nonzero(grey >= high))
         return cls(low, high, noise, bool(highest > below))
 
@@ -160,7 +160,7 @@ class _Sensor:
 
 @dataclass(frozen=True)
 class _Light:
-    """What is known of the gradients of the light: their values (n, 4) and precisions (n, 4), 1/variance."""
+    """The known gradients of the light (n, 4), and their precisions (n, 4), which are 1/variance."""
 
     gradients: Float
     precision: Float
@@ -174,13 +174,15 @@ class _Light:
 
         A gradient of the light looks like a shift of the dot. Where light changes little from dot to dot, the
         neighbours give a better gradient than the dot itself. Where the gradients of the neighbours scatter
-        more than usual, as in a reflection, the precision is low, and the dot's own grey levels decide.
+        more than usual, for example in a reflection, the precision is low. The dot's own grey levels then
+        determine its gradient.
         """
         gradients = linear[:, _GRADIENTS]
         offset = centre_px[neighbours] - centre_px[:, None]
         size = np.linalg.norm(offset, axis=-1).max(axis=1)[:, None, None] + 1e-9
         design = np.concatenate([np.ones_like(offset[..., :1]), offset / size], axis=-1)
-        # A small ridge: the neighbours of a dot can lie on one line.
+        # If the neighbours of a dot lie on one line, the equations are singular. A small term on the diagonal
+        # prevents this.
         normal = np.swapaxes(design, 1, 2) @ design + np.diag([0.0, 0.05, 0.05]) + 1e-9 * np.eye(3)
         plane = np.linalg.solve(normal, np.swapaxes(design, 1, 2) @ gradients[neighbours])
         scatter2 = ((gradients[neighbours] - design @ plane) ** 2).mean(axis=1)
@@ -253,7 +255,7 @@ class _Fit:
         """Return the parameters after a step of Gauss and Newton."""
         model, jacobian = self._model(samples.places_px, sensor)
         weight = samples.weight
-        # The parameters differ in size by powers of ten.
+        # Scale the equations, because the parameters differ in size by powers of ten.
         scale = np.sqrt((weight[..., None] * jacobian**2).sum(axis=1)) + 1e-12
         jacobian = jacobian / scale[:, None]
         weighted = jacobian * weight[..., None]
@@ -263,7 +265,7 @@ class _Fit:
         normal[:, _GRADIENTS, _GRADIENTS] += light.precision / its_scale**2
         right[:, _GRADIENTS] += light.precision * (light.gradients - self.linear[:, _GRADIENTS]) / its_scale
         step = np.linalg.solve(normal, right[..., None])[..., 0] / scale
-        # Far from the solution a step may be too long.
+        # Far from the solution a step may be too long, so limit its length.
         length = np.linalg.norm(step[:, 6:8], axis=1)
         step *= np.minimum(1.0, 1.0 / np.maximum(length, 1e-9))[:, None]
         shape = self.shape + step[:, 8:11]

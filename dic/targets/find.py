@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dic.targets.seen import SeenTarget
 
 _FEWEST, _FEWEST_WITH_MARKERS = 5, 3
-# Smallest numbers of dots in a row, of rows, and of all dots of an asymmetric grid.
+# Smallest numbers for an asymmetric grid: dots in a row, rows, and all dots.
 _FEWEST_SHIFTED = (3, 4, 16)
 _PITCHES_MM = (1e-6, 1e6)
 """Smallest and largest possible pitch. The square of a length outside this range could overflow."""
@@ -101,7 +101,8 @@ class DotTarget:
 
 @dataclass(frozen=True)
 class AsymmetricDotTarget:
-    """Round dots in rows, every second row shifted by half a pitch, as OpenCV's asymmetric grid of circles.
+    """Round dots in rows; every second row is shifted by half a pitch, as in OpenCV's asymmetric grid of
+    circles.
 
     Four dots in each of four rows, ``dots=(4, 4)``::
 
@@ -112,8 +113,9 @@ class AsymmetricDotTarget:
         └───┘
         one pitch
 
-    If the number of rows is odd, the grid shows its X axis, which points along the rows: the top row and the
-    bottom row begin at the left. If the number of rows is even, the grid looks the same after half a turn.
+    The X axis points along the rows. If the number of rows is odd, the dots determine the direction of X: the
+    top row and the bottom row begin at the left. If the number of rows is even, the grid looks the same after
+    half a turn.
 
     Attributes
     ----------
@@ -169,10 +171,10 @@ def find_target(
     Raises
     ------
     CalibrationError
-        If the target or too many of its points are not found. At least 90 % of the points of a line grid or a
-        dot target must be found, and half of the corners of a ChArUco board. All corners of a checkerboard
-        must be in view. Of a plate with three hollow dots, half of the dots in the picture suffice. If the
-        image shows another target, the message names it.
+        If too few points of the target are found. The smallest accepted share is 90 % of the points of a line
+        grid or a dot target, and 50 % of the corners of a ChArUco board. For a plate with three hollow dots
+        it is 50 % of the dots in the image. All corners of a checkerboard must be in view. If the image shows
+        another target, the message names this target.
     """
     spec = LineGridTarget() if spec is None else spec
     require_kind("target", spec, Target, "give dic.LineGridTarget((21, 21), pitch_mm=0.5)")
@@ -227,7 +229,7 @@ def _found_by_kind(
 
 
 def _naming_what_is_seen(refusal: TargetNotSeen, seen: "SeenTarget | None", spec: Target) -> CalibrationError:
-    """Return the error of a finder, with the other target that the image shows, if there is one."""
+    """Return the error of a finder; if the image shows another target, the error names this target."""
     got, remedy = refusal.got, refusal.remedy
     if seen is not None and not _describes(spec, seen):
         got = f"{got}, but {seen}"

@@ -14,7 +14,7 @@ from dic.typing import Float, Grey, Indices, Mask
 
 # Smallest brightness of the middle of a hollow dot, as a fraction of the contrast between dot and background.
 _HOLLOW = 0.3
-# Radii, in semi-axes of the ellipse, at which the rim and the surroundings of a dot are sampled.
+# Radii at which the rim and the surroundings of a dot are sampled, as multiples of the ellipse's semi-axes.
 _RIM = (0.5, 0.6, 0.7, 0.8)
 _BESIDE = 1.5
 _SPOKES = 16
@@ -91,7 +91,7 @@ def _mean_level(grey: Grey, blobs: Blobs, radii: tuple[float, ...]) -> Float:
     # The columns of this factor map the unit circle to the ellipse.
     factor = 2 * np.linalg.cholesky(blobs.covariance_px2)
     places = (blobs.centre_px[:, None] + circle @ np.swapaxes(factor, 1, 2)).astype(np.float32)
-    # OpenCV's resolution of 1/32 px is fine enough here: the levels only tell whether a hole is there.
+    # OpenCV's `remap` rounds positions to 1/32 px. This is accurate enough to decide whether there is a hole.
     level = cv2.remap(grey, places[..., 0], places[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     mean: Float = np.asarray(level, np.float64).mean(axis=1)
     return mean

@@ -9,8 +9,9 @@ import numpy as np
 
 from dic.typing import Float, Mask
 
-# Smallest number of points for the ten coefficients of the lens. Without them the images of large dots would
-# be taken for symmetric: at 50 px radius and a distortion of 1 %, their centres are off by 0.05 px.
+# Smallest number of points for the ten coefficients of the lens. Without these coefficients, the images of
+# large dots would count as symmetric. With a radius of 50 px and a distortion of 1 %, the centres would then
+# be wrong by 0.05 px.
 _FEWEST_FOR_LENS = 25
 
 

@@ -1,4 +1,4 @@
-"""The error if an image does not show a target of the given kind; `dic.targets.seen` names what it shows."""
+"""The error for an image that does not show the given kind of target."""
 
 from dic.errors import CalibrationError
 

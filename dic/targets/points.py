@@ -77,7 +77,7 @@ class GridPoints:
 
         These are the points on the edge of the smallest convex polygon that contains all points on the
         target, in order around it. If the whole target was found, they are its outer rows and columns. If the
-        picture shows only a part of the target, the polygon contains no area without points.
+        image shows only a part of the target, the polygon surrounds this part.
         """
         from scipy.spatial import ConvexHull
 

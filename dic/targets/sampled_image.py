@@ -99,7 +99,7 @@ def line_irregularity(profiles: Float) -> float:
 
     A true line has the same profile at all three measuring places of a segment. A checkerboard shows false
     lines along the diagonals of its squares. The width of such a false line shrinks to zero in the middle of
-    a segment.
+    each segment.
     """
     whole = profiles[np.isfinite(profiles).all(axis=(1, 2))]
     if not len(whole):

@@ -1,7 +1,7 @@
-"""Name the target that an image really shows, for the error message of a finder that did not find its own.
+"""Name the target that an image shows, for the error message of a finder that did not find its target.
 
-The search takes little time, because it uses a reduced image: it counts lines, squares and dots, and does not
-measure them.
+The search takes little time: it uses a reduced image, and it counts lines, squares and dots without measuring
+them.
 """
 
 from dataclasses import dataclass
@@ -18,13 +18,14 @@ from dic.typing import Float, Grey, Indices
 
 # The image is reduced to at most about this number of pixels.
 _ENOUGH_PX2 = 1_000_000
-# Families of marker dictionaries, the numbers of markers in the dictionaries of a family, and the number of
-# markers in the dictionary that is searched first.
+# `_FAMILIES` are the families of marker dictionaries. `_SIZES` are the numbers of markers of a family's
+# dictionaries. `_SEARCHED` is the size of the dictionary that is searched first.
 _FAMILIES = tuple(f"DICT_{side}X{side}" for side in (4, 5, 6, 7))
 _SIZES, _SEARCHED = (50, 100, 250, 1000), 250
 _OTHER_DICTIONARIES = ("DICT_ARUCO_ORIGINAL", "DICT_APRILTAG_36h11")
-# Smallest number of markers of a board, smallest share of the markers that must fit the board, largest number
-# of columns that is tried, and the side of a marker, in pitches, that is usual and assumed.
+# A board has at least `_FEWEST_MARKERS` markers and at most `_MOST_COLUMNS` columns, and at least the share
+# `_FITTING` of the markers must fit it. The side of a marker is assumed to be `_MARKER_SIDE` pitches, which
+# is usual.
 _FEWEST_MARKERS, _FITTING, _MOST_COLUMNS, _MARKER_SIDE = 4, 0.8, 40, 0.75
 
 
@@ -39,8 +40,8 @@ class SeenTarget:
     option : str
         Name of the option for the target: "lines", "squares", "dots" or "asymmetric-dots".
     counts : tuple of int
-        Numbers of lines, squares or dots along both directions. Of an asymmetric grid of dots: number of dots
-        in a row, and number of rows.
+        Numbers of lines, squares or dots along both directions. For an asymmetric grid of dots: number of
+        dots in a row, and number of rows.
     dictionary : str
         Smallest of OpenCV's dictionaries that has all markers of a ChArUco board; empty for other targets.
     """
@@ -65,9 +66,10 @@ class SeenTarget:
 def target_seen(grey: Grey) -> SeenTarget | None:
     """Return the target that the image (height, width) shows, or None.
 
-    A ChArUco board is also a checkerboard, and the squares of a checkerboard are the cells of a lattice. The
-    kinds of targets are therefore tried in this order: ChArUco board, checkerboard, line grid, dots. A
-    checkerboard without marks in its squares is not searched for markers, because that takes the longest.
+    A ChArUco board is also a checkerboard, and the squares of a checkerboard are the cells of a lattice.
+    Therefore the kinds of targets are tried in this order: ChArUco board, checkerboard, line grid, dots. The
+    search for markers takes the longest, so a checkerboard without marks in its squares is not searched for
+    markers.
     """
     import cv2
 
@@ -90,7 +92,7 @@ def target_seen(grey: Grey) -> SeenTarget | None:
 
 def _board_with_markers_seen(image: NDArray[np.uint8]) -> SeenTarget | None:
     """Return the ChArUco board that an 8-bit image shows, of any dictionary and size, or None."""
-    # A search takes the longer, the more markers the dictionary has.
+    # A search takes longer if the dictionary has more markers, so begin with a small dictionary.
     searched = (*(f"{family}_{_SEARCHED}" for family in _FAMILIES), *_OTHER_DICTIONARIES)
     found = {name: markers_seen(image, name) for name in searched}
     name = max(found, key=lambda each: len(found[each][0]))
@@ -109,8 +111,8 @@ def _board_with_markers_seen(image: NDArray[np.uint8]) -> SeenTarget | None:
 def _squares_of_board(number: Indices, corners: Float) -> tuple[int, int] | None:
     """Return the numbers of columns and rows of the ChArUco board with the given markers, or None.
 
-    The markers are numbered row by row, so that the number of columns follows from their places. The last
-    visible row counts as the last row of the board.
+    The markers are numbered row by row, so their places give the number of columns. The last visible row
+    counts as the last row of the board.
 
     Parameters
     ----------

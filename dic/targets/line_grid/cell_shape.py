@@ -1,7 +1,7 @@
 """Decide whether cells have the shape that lines leave between them, or are round.
 
-The background between dots looks like lines, and the dots look like the cells between these lines. The shape
-of the mean cell distinguishes the two.
+In a plate of dots, the background looks like lines, and the dots look like the cells between these lines. The
+shape of the mean cell distinguishes dots from the cells of a line grid.
 """
 
 import numpy as np
@@ -15,20 +15,23 @@ from dic.typing import Float
 _CELLS = 150
 # Numbers of samples across a cell, and of radii and directions around its middle.
 _ACROSS, _RADII, _DIRECTIONS = 25, 13, 32
-# Grey levels of ink that are tried, above the brightest level of the mean cell, as fractions of its contrast.
-# Thin lines in a blurred image do not reach the grey level of the ink.
+# Grey levels that are tried for the ink of the lines. Each is a difference from the brightest level of the
+# mean cell, as a fraction of the cell's contrast. Several are tried, because thin lines in a blurred image do
+# not reach the grey level of the ink.
 _INK = (-0.1, -0.05, 0.0, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 4.0, 8.0)
-# Cells are round if the misfit of the ellipses is below this multiple of the misfit of the product. Measured:
-# at most 1.2 with dots, also of 5 px with a blur of 1.5 px, and at least 2.5 with cells between lines.
+# Cells are round if the misfit of the ellipses is below this multiple of the misfit of the product. Measured
+# ratios are at most 1.2 for dots, even for dots of 5 px with a blur of 1.5 px, and at least 2.5 for cells
+# between lines.
 _ROUND = 1.6
 
 
 def cells_are_round(image: GridImage, shape: LatticeShape, cells: CellLattice) -> bool:
     """Return True if the cells are round, as dots are, and not the areas between lines.
 
-    A place is bare if no line of either direction covers it. The grey level of a cell between lines is
-    therefore ``ink + f(x)·g(y)``, also after the blur of the lens. The grey level of a dot is constant on
-    ellipses around its middle. The function fits both to the mean cell, and compares the misfits.
+    The bare background is visible only where no line of either direction covers it. Therefore the grey level
+    of a cell between lines is ``ink + f(x)·g(y)``, even after the blur of the lens. The grey level of a dot
+    is constant on ellipses around the dot's middle. The function fits both models to the mean cell and
+    compares the misfits.
 
     Parameters
     ----------
@@ -52,7 +55,8 @@ def cells_are_round(image: GridImage, shape: LatticeShape, cells: CellLattice) -
 
 
 def _rings(cell: Float, places: Float) -> tuple[Float, Float]:
-    """Return the places (rings, directions, 2) of ellipses around a cell's middle, and the ellipses' weights.
+    """Return points (rings, directions, 2) on ellipses around a cell's middle, and the weights of the
+    ellipses.
 
     The blur of an image that is seen obliquely makes dots elliptic on the lattice. The ellipses therefore
     have the centroid and the second moments of the cell (n, n), whose samples are at `places` (n, n, 2),
@@ -84,7 +88,7 @@ def _mean_cell(image: GridImage, shape: LatticeShape, middle: Float, offsets: Fl
 def _misfit_of_lines(cell: Float) -> float:
     """Return the mean square difference between a cell (n, n) and the best product ``ink + f(x)·g(y)``."""
     brightest, contrast = float(cell.max()), float(np.ptp(cell))
-    # A matrix is a product of two vectors if all of its singular values but the first are zero.
+    # A matrix is a product of two vectors if only its first singular value is not zero.
     rests = [
         (np.linalg.svd(cell - brightest - ink * contrast, compute_uv=False)[1:] ** 2).sum() for ink in _INK
     ]

@@ -64,8 +64,8 @@ def intersect(first: LineTrace, second: LineTrace, predicted: Float) -> tuple[Fl
     crossing_px : ndarray, shape (n0, n1, 2)
         The intersections in the image.
     sound : ndarray of bool, shape (n0, n1)
-        True if the intersection is reliable. On both lines, most measuring places near the intersection gave
-        a valid measurement, which lies on the parabola.
+        True if the intersection is reliable: on both lines, most measurements near the intersection are valid
+        and lie on the parabola.
     """
     along = _local_curves(first, predicted)
     transposed = _local_curves(second, predicted.transpose(1, 0, 2))
@@ -120,7 +120,7 @@ def _windows(seen: Float) -> Indices:
 
 
 def _visible_nearby(valid: Mask) -> Mask:
-    """Return True for each intersection with valid measuring places next to it, on one side at least.
+    """Return True for each intersection that has valid measuring places next to it on at least one side.
 
     More than half of the measuring places in the half segment next to the intersection must be valid. The
     result has the shape (lines, segments + 1).

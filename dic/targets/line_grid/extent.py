@@ -11,8 +11,8 @@ from dic.targets.line_grid.trace import median_where
 from dic.targets.sampled_image import GridImage, line_evidence, line_irregularity, profiles_across
 from dic.typing import Float, Indices, Mask
 
-# Smallest contrast of a segment and of a whole line, as fractions of the usual contrast of the lines between
-# cells.
+# Smallest contrast of a segment, and of a whole line, as fractions of the usual contrast. The usual contrast
+# is that of the lines between found cells.
 _SEGMENT_SEEN = 0.4
 _LINE_SEEN = 0.3
 # Smallest number of visible segments in a line, as a fraction of the number in a complete line. The outer
@@ -20,12 +20,12 @@ _LINE_SEEN = 0.3
 _MOST_SEGMENTS = 0.75
 # Largest value of `line_irregularity` for true lines.
 _IRREGULAR = 0.25
-# A partly hidden line has at least the share `_PARTLY_SEEN` of visible segments, and `_RUN` of them in a row.
-# Beside a grid, speckles reach a share of 0.1 by chance.
+# In a partly hidden line, at least the share `_PARTLY_SEEN` of the segments is visible, and at least `_RUN`
+# neighbouring segments are visible. Beside a grid, speckles reach a share of 0.1 by chance.
 _PARTLY_SEEN = 0.25
 _RUN = 3
-# Smallest share of the variance of a profile that the typical profile must explain. The typical profile may
-# be shifted by up to `_SHIFT` samples.
+# The typical profile must explain at least this share of a profile's variance. The typical profile may be
+# shifted by up to `_SHIFT` samples.
 _AGREEMENT = 0.6
 _SHIFT = 3
 # Number of rows of cells at the rim of the grid that `find_cells` may have missed.

@@ -30,7 +30,8 @@ __all__ = ["GridPoints", "find_grid"]
 
 FEWEST_LINES, _FEWEST_CELLS = 4, 9
 _SUFFICIENT = 0.9
-# Smallest share of the cells that must be found to name a grid of unknown size. Speckles seldom reach it.
+# Smallest share of the cells that must be found to name a grid of unknown size. Speckles seldom reach this
+# share.
 _FILLED = 0.6
 _ORIGIN_REMEDY = "give with --origin-px where the grid's middle intersection is in the image, or leave it out"
 _REMEDY = (

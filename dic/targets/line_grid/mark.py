@@ -14,8 +14,8 @@ from dic.targets.lattice import LatticeShape
 from dic.targets.sampled_image import GridImage
 from dic.typing import Float
 
-# Grey levels are sampled on two circles around the middle of a cell: within a dot and just outside it. These
-# are the radii of the circles in pitches. The radius of a dot is 0.15 pitches.
+# Grey levels are sampled on two circles around the middle of a cell: one inside the dot, one just outside the
+# dot. These are the radii of the circles in pitches. The radius of a dot is 0.15 pitches.
 _DOT, _RING = 0.07, 0.26
 # Smallest darkness of a dot, relative to the darkness of the lines.
 _DARK = 0.5
@@ -44,7 +44,7 @@ def find_mark(
 ) -> Mark | None:
     """Return the mark of a line grid.
 
-    The function returns None if no mark, or more than one, agrees with the visible lines.
+    The function returns None if no mark agrees with the visible lines, or if several marks agree with them.
 
     Parameters
     ----------

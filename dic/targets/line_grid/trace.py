@@ -57,7 +57,7 @@ class _Template:
 
     @property
     def half_width_px(self) -> float:
-        """Half of the full width of the line, including its blurred edges."""
+        """Half of the width of the line, including its blurred edges."""
         return float(np.abs(self.offsets_px[self.level > 0.05]).max())
 
     @property
@@ -170,9 +170,11 @@ def trace_lines(image: GridImage, shape: LatticeShape, axis: int, numbers: range
     across : range
         Indices of the lines of the other direction, which divide the lines into segments.
 
-    Notes ----- The function samples grey level profiles across the predicted lines. The mean profile of all
-    lines is fitted to each profile, which gives the offset of the line. The measuring place is moved by this
-    offset. Sampling, fitting and moving are done three times.
+    Notes
+    -----
+    The function samples grey level profiles across the predicted lines. The mean profile of all lines is
+    fitted to each profile, which gives the offset of the line. The measuring place is moved by this offset.
+    Sampling, fitting and moving are done three times.
     """
     middle = station_index(axis, numbers, across, np.array([0.5]))
     pitch_px = float(np.median(np.linalg.norm(_across(shape, axis, middle), axis=-1)))
@@ -238,10 +240,10 @@ def _clearance_px(
     """Return the smallest allowed distance, px, between a measuring place and an intersection.
 
     A profile at this distance from an intersection does not reach the crossing line. In an oblique view, the
-    lines do not meet at 90°. Therefore the end of a profile is closer to the crossing line than its middle,
-    by ``reach·cot(angle)``. In the direction of the measured line, the crossing line is wider by the factor
-    ``1/sin(angle)``. The crossing lines end soon beyond an outermost line. If a profile of the outermost line
-    reaches the crossing lines, its two sides differ, and the measured centre is too far out.
+    lines do not meet at 90°. Therefore the end of a profile is closer to the crossing line than the middle of
+    the profile, by ``reach·cot(angle)``. In the direction of the measured line, the crossing line is wider by
+    the factor ``1/sin(angle)``. The crossing lines end soon beyond an outermost line. If a profile of the
+    outermost line reaches the crossing lines, its two sides differ, and the measured centre is too far out.
     """
     along, step = shape.step(index, 1 - axis), shape.step(index, axis)
     cross = np.abs(along[..., 0] * step[..., 1] - along[..., 1] * step[..., 0])

@@ -20,7 +20,7 @@ from dic.targets.sheet.shapes import Shapes, shapes_of
 from dic.typing import PathLike
 
 _INCH_MM = 25.4
-# Papers, the smallest first: width and height of the upright sheet, mm.
+# Width and height of upright paper sheets, mm, the smallest first.
 _PAPERS_MM = ((210.0, 297.0), (297.0, 420.0))
 # Free space around the target, with the rulers and the title. Printers leave 5 mm of the paper white.
 _MARGIN_MM = 20.0
@@ -30,7 +30,7 @@ _SUFFIXES = (".pdf", ".png", ".svg")
 _DPI = (72.0, 2400.0)
 _MOST_PX = 400_000_000
 _LONGEST_MM = 2000.0
-"""Longer sheets are printed by no plotter."""
+"""No plotter prints longer sheets."""
 
 
 def draw_target(target: Target, path: PathLike, dpi: float = 600.0) -> tuple[float, float]:
@@ -38,8 +38,8 @@ def draw_target(target: Target, path: PathLike, dpi: float = 600.0) -> tuple[flo
 
     PDF and SVG files are exact, because they consist of lines and areas. A PNG file consists of pixels; the
     edges of the target have intermediate grey levels, so that they are exact to about a hundredth of a pixel.
-    The target lies in the middle of a sheet of A4 or A3, upright or across, or of a larger sheet. A ruler
-    below the target and one beside it show whether the print has its true size.
+    The target lies in the middle of the smallest sheet that it fits on: A4 or A3, upright or landscape, or a
+    larger sheet. A ruler below the target and one beside it show whether the print has its true size.
 
     Parameters
     ----------
@@ -110,12 +110,13 @@ def _sheet_mm(shapes: Shapes) -> tuple[float, float]:
 
 
 def _figure(target: Target, shapes: Shapes, sheet_mm: tuple[float, float], dpi: float) -> Any:
-    """Return the sheet as a matplotlib figure; a unit of its axes is 1 mm, from the target's centre."""
+    """Return the sheet as a matplotlib figure; its axes are in mm, with the origin at the target's centre."""
     from matplotlib.collections import PatchCollection
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle, Patch, Rectangle
 
-    # Whole pixels: otherwise matplotlib would round the size of the figure, and stretch the target.
+    # Make the size a whole number of pixels. Otherwise matplotlib would round the size and stretch the
+    # target.
     inches = tuple(round(size / _INCH_MM * dpi) / dpi for size in sheet_mm)
     figure = Figure(figsize=(inches[0], inches[1]), facecolor="white")
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -132,7 +133,7 @@ def _figure(target: Target, shapes: Shapes, sheet_mm: tuple[float, float], dpi: 
     }
     for order, (colour, every) in enumerate(patches.items()):
         drawn = PatchCollection(every, facecolor=colour, edgecolor="none", linewidth=0, zorder=order)
-        # Without this, matplotlib moves edges to whole pixels.
+        # Otherwise matplotlib would move the edges to whole pixels.
         drawn.set_snap(False)
         axes.add_collection(drawn, autolim=False)
     _draw_rulers(axes, shapes)

@@ -1,4 +1,4 @@
-"""The dark areas of a calibration target: rectangles and discs, in mm from the target's centre.
+"""The dark areas of a calibration target: rectangles and discs, in mm relative to the target's centre.
 
 X points right and Y points up.
 """
@@ -22,7 +22,7 @@ from dic.typing import Float
 # grid's mark, radius of a dot, radius of the hole of a hollow dot.
 _LINE_WIDTH, _OVERHANG, _MARK_RADIUS = 0.15, 0.2, 0.15
 _DOT_RADIUS, _HOLE_RADIUS = 0.28, 0.14
-# Columns and rows between the rim of a plate of dots and its marks.
+# Number of columns and rows between the rim of a plate of dots and the marks.
 _MARKS_FROM_RIM = 2
 
 
@@ -99,10 +99,10 @@ def _dots(target: DotTarget) -> tuple[Float, Float]:
 
 
 def _shifted_dots(target: AsymmetricDotTarget) -> Float:
-    """Return the dots of an asymmetric grid, whose top row begins at the left."""
+    """Return the dots of an asymmetric grid; the top row begins at the left."""
     half = target.pitch_mm / 2
     x, y = _places(2 * target.dots[0], half), _places(target.dots[1], half)
-    # Neighbouring dots are 0.71 pitches apart, so that the dots are smaller by this factor.
+    # Neighbouring dots are 0.71 pitches apart, so their radius is smaller by this factor.
     radius = _DOT_RADIUS * np.sqrt(2) * half
     return np.array(
         [(across, up, radius) for row, up in enumerate(y[::-1]) for across in x[row % 2 :: 2]], np.float64
@@ -127,7 +127,7 @@ def _charuco(target: CharucoTarget) -> list[tuple[float, ...]]:
     pitch, side = target.pitch_mm, target.marker_mm
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, target.dictionary))
     board = cv2.aruco.CharucoBoard(target.squares, pitch, side, dictionary)
-    # A marker has one dark module around its bits.
+    # A marker has a dark border around its bits, one module wide.
     modules = dictionary.markerSize + 2
     step = side / modules
     bright: set[tuple[int, int]] = set()
