@@ -96,7 +96,6 @@ GIVE_SHIFTED = "got an asymmetric grid of 4 × 11 dots; give --asymmetric-dots 4
             "no lattice of dots, but a checkerboard of .* squares; for that target give --squares",
         ),
     ],
-    ids=str,
 )
 def test_each_arrangement_is_named_and_none_is_taken_for_another(
     texture: object, asked: Target, sentence: str
