@@ -1,14 +1,14 @@
 """Aliasing: the share of a spectrum that comes from waves above the Nyquist frequency.
 
-A pattern has the same spectrum in all directions. At a given frequency, a camera records waves along the
-pixel rows together with aliased waves, but diagonal waves without them, because the diagonals of the pixel
-grid have a higher Nyquist frequency. So the difference between rows and diagonals gives the aliased share of
-the recorded power.
+A random speckle pattern has the same spectrum in all directions. A camera records waves along the pixel rows
+together with aliased waves of the same frequency. The camera records diagonal waves without aliased waves,
+because the diagonals of the pixel grid have a higher Nyquist frequency. So the difference between rows and
+diagonals gives the aliased share of the recorded power.
 
 The model of the pattern's power is A k⁻ᵖ exp(-s²k²) times the transfer of a square pixel, sinc²(ωx/2π)
 sinc²(ωy/2π). A sharp edge has p = 3; the lens and round blobs give the exponential. The recorded power is the
-sum over all replicas, plus white noise. The parameters are those with the greatest likelihood of the recorded
-power (P. Whittle, Arkiv för Matematik 2 (1953) 423-434).
+sum over all replicas, plus white noise. The fit takes the parameters that give the recorded power the
+greatest likelihood (P. Whittle, Arkiv för Matematik 2 (1953) 423-434).
 """
 
 import numpy as np
@@ -45,7 +45,8 @@ def replica_shares(
     Returns
     -------
     shares : dict
-        Arrays of shape (n + 1, n + 1), whose sum is the share of the pattern; the rest is noise.
+        One array of shape (n + 1, n + 1) for each replica: the replica's share of the power at each
+        frequency. The sum of all arrays is the pattern's share, and the rest of the power is noise.
     noise_variance : float
     """
     frequency = spectrum.frequencies
@@ -68,7 +69,7 @@ def replica_shares(
 
 
 def _replicas(frequency: Float) -> tuple[Float, Float]:
-    """Return the distance of each replica's waves from 0, in units of π, and the transfer of a pixel."""
+    """Return the magnitude of the frequency of each replica's waves, in π rad/px, and a pixel's transfer."""
     distances, pixels = [], []
     for down, right in _REPLICAS:
         y, x = frequency[:, None] / np.pi + 2 * down, frequency / np.pi + 2 * right
@@ -80,8 +81,8 @@ def _replicas(frequency: Float) -> tuple[Float, Float]:
 def _scaled(model: Float, recorded: Float, bounds: tuple[float, float]) -> tuple[float, float]:
     """Return the scale of a model and the variance of the noise that fit the recorded power best.
 
-    The variance lies between `bounds`. The fit is least squares of relative deviations, with the weights of
-    the last step.
+    The variance lies between `bounds`. The fit minimises the squared relative deviations by iteration. Each
+    iteration takes its weights from the model that the iteration before has fitted.
     """
     weight = 1.0 / recorded**2
     scale, noise = 0.0, bounds[1]

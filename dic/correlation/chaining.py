@@ -23,7 +23,7 @@ Extrapolation replaces interpolation where one of the four surrounding points fa
 
 
 def chain(first: Field, second: Field) -> Field:
-    """Return the displacements from the first reference, over a later reference, to an image.
+    """Return the displacements from the first reference to an image, by way of a later reference.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def chain(first: Field, second: Field) -> Field:
     std[rows, columns] = np.hypot(first.std[rows, columns], moved.std)
     std[rows[~known], columns[~known]] = np.nan
     bias = np.zeros((*first.status.shape, 2))
-    # Both biases come from the same pattern, so they are added, and not their squares.
+    # Both biases come from the same pattern, so the biases themselves are added and not their squares.
     bias[rows, columns] = first.bias_px[rows, columns] + moved.bias_px
     status[rows, columns] = np.where(known, Status.CONVERGED, moved.status)
     zncc[rows, columns], iterations[rows, columns] = moved.zncc, moved.iterations
@@ -115,7 +115,7 @@ def _interpolated(field: Field, place: Float) -> _Interpolated:
 
 
 def _extrapolated(field: Field, row: Indices, column: Indices, place: Float, share: float) -> Float:
-    """Return warps (n, 6) at places (n, 2), extrapolated from points with `share` times their gradient."""
+    """Return warps (n, 6) at places (n, 2), extrapolated from points with `share` times the gradient."""
     warps: Float = field.warps[row, column, :6].copy()
     dx, dy = place[:, 0] - field.x_px[column], place[:, 1] - field.y_px[row]
     warps[:, 0] += share * (warps[:, 1] * dx + warps[:, 2] * dy)
@@ -145,7 +145,8 @@ def moved_region(region: Mask, field: Field) -> Mask:
 
     For each pixel of the deformed image, the inverse motion of the nearest converged point gives a place in
     the reference. The pixel belongs to the moved region if this place is in the reference's region and close
-    to the point. For a pixel inside an open crack the place is far from the point, so the pixel is excluded.
+    to the converged point. For a pixel inside an open crack the place is far from the point, so the pixel is
+    excluded.
 
     Parameters
     ----------

@@ -11,14 +11,17 @@ import numpy as np
 from dic.typing import Float, Indices, Mask
 
 _TOLERANCE_PX, _TOLERANCE = 1.0, 0.1
-"""Largest error of a prediction: the first number in px, plus the second times the neighbour's distance."""
+"""Largest error of a prediction: a number of px, plus a fraction of the distance to the neighbour."""
 
 _LARGEST_STRETCH, _SMALLEST_STRETCH = 2.0, 0.5
 
 _NEAREST_SEEDS = 4
 
 _NEIGHBOURS = ((0, 1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1))
-"""Offsets (row, column) of the neighbours on a grid without the left one, in the order of the checks."""
+"""Offsets (row, column) of a point's neighbours, in the order of the checks.
+
+The left neighbour is not in this list, because it is checked before the other neighbours.
+"""
 
 
 def consistent_seeds(points: Indices, warps: Float) -> Mask:

@@ -37,12 +37,13 @@ class Correlator:
         speckles (see `dic.find_specimen`).
     settings : CorrelationSettings, optional
     clip : bool
-        True if subsets use only pixels of the region that no edge disturbs: a cubic spline oscillates up to 4
-        px from an edge, a quintic spline up to 5 px. Give True if the surface ends at the region's edge.
-        Without a region, subsets never use pixels outside the specimen.
+        True to use only pixels that the region's edge does not disturb. Pixels near the edge are disturbed,
+        because a cubic spline oscillates up to 4 px from an edge, and a quintic spline up to 5 px. Give True
+        if the surface ends at the region's edge. Without a region, subsets never use pixels outside the
+        specimen.
     within : ndarray of bool, shape (height, width), optional
-        Limits the points of interest, but not the pixels of their subsets, to a part of the specimen. It is
-        used only without a region.
+        Limits the points of interest, but not the pixels of their subsets, to a part of the specimen.
+        `within` is used only if no region is given.
     threads : int
         Number of threads. 0 means one thread for each processor.
 

@@ -1,4 +1,4 @@
-"""Points beside cracks: of a subset that a crack cuts into parts, only the part around the point is used."""
+"""Points beside cracks: if a crack cuts a subset into parts, only the part around the point is used."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +10,7 @@ from dic.image.point_grid import PointGrid, connected_part
 from dic.typing import Mask
 
 _NEIGHBOUR_REACH = 3
-"""Largest distance, in steps of the grid, of a neighbour that gives a first guess beside a crack."""
+"""Largest distance, in steps of the grid, between a point beside a crack and the neighbour it starts from."""
 
 
 class CutReference:
@@ -31,9 +31,9 @@ class CutReference:
 
     @contextmanager
     def limited_to(self, x: int, y: int, usable: Mask, radius: int) -> Iterator[Reference]:
-        """Provide the reference with a part of a subset hidden.
+        """Provide a reference in which one subset lacks the pixels beyond a crack.
 
-        Pixels of the subset are hidden if a crack separates them from the subset's centre (x, y).
+        A pixel of the subset is hidden if a crack separates the pixel from the subset's centre (x, y).
         """
         width = 2 * radius + 1
         first = self._reference.origin + (y - radius) * self._reference.pitch + x - radius

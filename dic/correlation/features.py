@@ -19,20 +19,20 @@ Descriptors = NDArray[np.float32]
 """SIFT descriptors of n features, shape (n, 128)."""
 
 _AREA_PX = 400_000
-"""Features are first searched in images that are shrunk to this area, which is usually large enough."""
+"""The first search for features uses images that are shrunk to this area, which is usually large enough."""
 
 _FEATURES = 2000
 _CONTRAST = 0.02
 
 _RATIO = 0.8
-"""Largest ratio of the best match's distance to that of the second best (Lowe's ratio test)."""
+"""Largest ratio of the best match's descriptor distance to the second-best match's (Lowe's ratio test)."""
 
 _FEWEST_MATCHES = 12
 
 _NEIGHBOURS = 24
 _FEWEST_SUPPORTERS = 5
 _TOLERANCE_PX, _TOLERANCE = 2.0, 0.15
-"""Largest error of a prediction: the first number in px, plus the second times the neighbour's distance."""
+"""Largest error of a prediction: a number of px, plus a fraction of the distance to the neighbour."""
 
 
 @dataclass(frozen=True)

@@ -44,17 +44,18 @@ class Field:
         Number of new references between the first reference and this image. Each new reference increases
         `std`.
     region : ndarray of bool, shape (height, width), or None
-        True for pixels of the region of interest; local strain never reaches across its edge. None if the
-        region is not known, such as in a field that was read from a result file.
+        True for pixels of the region of interest; local strain never reaches across its edge. None in a field
+        from a result file of an earlier version, which does not hold the region.
     grid : PointGrid or None
-        Tells which pixels the subsets used; None if this is not known, as for `region`.
+        The points, and the pixels that their subsets used. None in a field from a result file of an earlier
+        version, which does not hold these pixels.
     smoothing_px : float
         Standard deviation of the Gaussian that smoothed both images; 0 if they were not smoothed.
     greatest_bias_px : tuple of float
         Predicted greatest interpolation bias of u and of v, px.
     stored_bias_px : ndarray, shape (rows, columns, 2), or None
-        The bias of each point, if it does not follow from `warps`: for a chain of fields, and for a field
-        that was read from a result file.
+        The bias of each point, if it cannot be computed from `warps`, as in a chain of fields. None if the
+        bias is computed from `warps`.
     """
 
     x_px: Indices
@@ -113,8 +114,9 @@ class Field:
     def bias_px(self) -> Float:
         """Predicted interpolation bias of u and v at each point, 0 at failed points, (rows, columns, 2).
 
-        The bias depends on the sub-pixel part of the displacement. The standard deviations `std_u_px` and
-        `std_v_px` contain the bias of the point, because its prediction is not exact enough to correct it.
+        The bias depends on the sub-pixel part of the displacement. The bias is not subtracted from the
+        displacement, because its prediction is not exact enough. Instead, the standard deviations `std_u_px`
+        and `std_v_px` contain the bias.
         """
         if self.stored_bias_px is not None:
             return self.stored_bias_px

@@ -20,7 +20,7 @@ SEARCH_RADII_PX = (24, 80, 200)
 """Search radii, which are tried in this order until enough seed points converge."""
 
 _TEMPLATES_PER_TASK = 4
-"""Number of templates that one call of a thread searches."""
+"""Number of templates that a thread searches in one call."""
 
 _SMALLEST_TEMPLATE_RADIUS_PX = 3
 
@@ -207,8 +207,8 @@ def search(
 
     in_parallel(work, bands_of(len(points), _TEMPLATES_PER_TASK), threads)
     shift = found - points
-    # The template at a point p matches the moved-back image at p + shift. In the deformed image this place is
-    # motion(p + shift).
+    # The template of the point p was found at p + shift in the image that was moved back. In the deformed
+    # image, this place is motion(p + shift).
     warps = homography_warps(motion, found)
     warps[:, 0] += shift[:, 0]
     warps[:, 3] += shift[:, 1]
@@ -218,7 +218,7 @@ def search(
 def _whole_pixel(
     reference: Grey, moved_back: Grey, x: int, y: int, half_px: int, radius_px: int
 ) -> tuple[float, float]:
-    """Return the pixel (x, y) at which the image matches a point's template best; NaN without a template."""
+    """Return the pixel (x, y) where the image matches a point's template best; NaN if no template fits."""
     import cv2
 
     height, width = reference.shape

@@ -17,11 +17,13 @@ phase error of each frequency is weighted with the energy of its gradient. The t
 is nearly b(1/4) sin(2πτ). H. W. Schreier, J. R. Braasch, M. A. Sutton, "Systematic errors in digital image
 correlation caused by intensity interpolation", Optical Engineering 39 (2000) 2915-2921; Y. Su, Q. Zhang, Z.
 Gao, X. Xu, X. Wu, "Fourier-based interpolation bias prediction in digital image correlation", Optics Express
-23 (2015) 19242-19260. For motion along y the mean over all sub-pixel positions along y is taken.
+23 (2015) 19242-19260. The bias of u is averaged over all sub-pixel parts of v, and the bias of v over all
+sub-pixel parts of u.
 
-The same formula holds for aliased waves: a camera records a wave above the Nyquist frequency as a wave of
-lower frequency. Its true frequency ω lies beyond π, while D belongs to the recorded wave. Such aliased waves
-move the wrong way, so their bias has the opposite sign (`dic.correlation.aliasing`).
+The same formula holds for aliased waves (`dic.correlation.aliasing`): a camera records a wave above the
+Nyquist frequency as a wave of lower frequency. In the formula, ω is the true frequency of such a wave and
+lies above π, while D belongs to the recorded wave. The recorded wave moves in the wrong direction, so the
+bias of an aliased wave has the opposite sign.
 """
 
 from functools import cache
@@ -33,12 +35,12 @@ from dic.correlation.transfer import COPIES, filter_transfer, interpolation_tran
 from dic.typing import Float
 
 Replica = tuple[int, int]
-"""Number of sampling frequencies 2π by which waves along y and along x lie above the recorded waves."""
+"""Multiples of the sampling frequency 2π by which a wave is above the recorded wave, along y and along x."""
 
 _SMALL = 0.01
 
 _PHASE_PX = 0.25
-"""Sub-pixel displacement of the greatest bias."""
+"""Sub-pixel displacement at which the bias is greatest."""
 
 
 def greatest_bias(
@@ -58,8 +60,8 @@ def greatest_bias(
     smoothing : tuple of float
         Taps of the filter that smooths both images along x and along y before interpolation.
     shares : dict, optional
-        Share of the power that belongs to each replica, shape (n + 1, n + 1). By default all power belongs to
-        the recorded frequencies: the camera has not aliased the pattern.
+        Share of the power that belongs to each replica, shape (n + 1, n + 1). The default assumes that the
+        camera has not aliased the pattern: all power belongs to the recorded frequencies.
     """
     passed = filter_transfer(spectrum.frequencies, smoothing) ** 2
     power = spectrum.power * spectrum.counts * np.outer(passed, passed)
@@ -134,7 +136,8 @@ def fitted_slope(frequency: Float, half_px: float) -> Float:
     """
     at = np.asarray(frequency) * half_px
     near = np.abs(at) < _SMALL
-    # Near 0 the difference would lose its digits, so take the first terms of the power series.
+    # Near 0, the difference of nearly equal numbers loses digits, so take the first terms of the power
+    # series.
     safe = np.where(near, 1.0, at)
     bessel = np.where(near, at / 3 - at**3 / 30, (np.sin(safe) / safe - np.cos(safe)) / safe)
     return np.asarray(bessel * 3 / half_px)
@@ -143,7 +146,7 @@ def fitted_slope(frequency: Float, half_px: float) -> Float:
 def strain_error(greatest_px: float, gauge_px: float, subset_px: int, strain_range: float) -> float:
     """Return the greatest error of a local strain that the bias of displacements causes.
 
-    In a uniform strain ε the displacement changes along x, and its bias b sin(2πεx) with it. The subset
+    In a uniform strain ε the displacement changes along x, so its bias is the wave b sin(2πεx). The subset
     averages the bias to b sinc(εn), where n is the width of the subset. The local strain is the slope of the
     line that fits this wave best (`fitted_slope`). The function returns the greatest slope for strains up to
     `strain_range`.

@@ -15,7 +15,7 @@ _LEAST_SHARE = 0.9
 """Smallest share of a tile's pixels that must lie in the region of interest."""
 
 _CORNER = 0.8
-"""Frequencies above this share of the Nyquist frequency, along x and along y, hold hardly any pattern."""
+"""Above this share of the Nyquist frequency, along x and along y, the pattern has hardly any power."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class PatternSpectrum:
     power : ndarray, shape (n + 1, n + 1)
         Power at the angular frequencies `frequencies`; the first axis is y. The mean over both signs of the
         frequency has been taken. The mean of the power over all frequencies is the variance of the grey
-        levels, so white noise has everywhere a power that is equal to its variance.
+        levels, so the power of white noise equals its variance at every frequency.
     """
 
     power: Float
@@ -81,7 +81,8 @@ def pattern_spectrum(grey: Grey, region: Mask) -> PatternSpectrum | None:
 
 def _tiles(grey: Grey, region: Mask, tile_px: int) -> list[Grey]:
     """Return at most 25 tiles, spread over the part of the image in which tiles lie in the region."""
-    # Tiles start at multiples of half their width. Every fourth pixel shows the share of the region.
+    # Tiles start at multiples of half their width. Every fourth pixel is enough to estimate which share of a
+    # tile lies in the region.
     half = tile_px // 2
     rows, columns = (size // half for size in region.shape)
     if min(rows, columns) < 2:

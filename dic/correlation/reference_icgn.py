@@ -51,7 +51,7 @@ def icgn(
 ) -> tuple[Float, float]:
     """Return the warp of one point and its ZNCC after the given number of iterations.
 
-    The default number of iterations is so large that the warp no longer changes in the last ones.
+    The default number of iterations is so large that the warp no longer changes in the last iterations.
 
     Parameters
     ----------

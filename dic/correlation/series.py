@@ -1,4 +1,4 @@
-"""Correlation of a series of images with a first reference, with later references if necessary.
+"""Correlation of a series of images with a first reference, and with later references if necessary.
 
 After a large deformation or a change of the pattern, subsets look different from those of the reference. For
 this reason, an earlier image of the series then becomes the new reference. The displacements from the new
@@ -25,7 +25,10 @@ from dic.typing import Float, Grey, ImageLike, Mask, PathLike
 INCREMENTAL = ("auto", "never", "always")
 
 _KEPT_SHARE = 0.98
-"""A reference is kept while the fraction of converged points is at least this multiple of its first value."""
+"""Smallest relative fraction of converged points with which a reference is kept.
+
+The fraction is divided by the fraction in the first image that was correlated with the reference.
+"""
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,8 @@ class _CurrentReference:
     Attributes
     ----------
     prepare : callable
-        Function that returns the reference's correlator, which it prepares at the first call.
+        Function that returns the reference's correlator. The function prepares the correlator when it is
+        first called.
     before : Field or None
         The field from the first reference to the current reference. None for the first reference.
     updates : int
@@ -152,7 +156,8 @@ class Series:
         self._clip = (specimen is None or not specimen.mask.all()) if clip is None else clip
         self._current, self._first_region = _CurrentReference(lambda: first), first.region
         self._settings, self._specimen, self._grid = first.settings, first.specimen, first.grid
-        # Later references are smoothed like the first: a change would move the displacements.
+        # Smooth later references like the first one, because a different filter would shift the
+        # displacements.
         self._later_settings = replace(first.settings, smoothing_px=first.smoothing.width_px)
 
     def __repr__(self) -> str:
@@ -230,7 +235,8 @@ class Series:
     def correlate_fields(self, deformed: ImageLike, *, hint: Float | None = None) -> SeriesFields:
         """Return the field of `correlate`, together with the field from the current reference.
 
-        `accept` takes these fields, so that another series can go on after the image `deformed`.
+        The method `accept` of a second `Series` takes these fields. The second series can then go on after
+        the image `deformed` without correlating it.
         """
         grey = grey_image(deformed, "deformed image")
         reference, field = self._best_reference(grey, hint)
@@ -239,16 +245,17 @@ class Series:
         return fields
 
     def accept(self, read: Callable[[], ImageLike], fields: SeriesFields) -> None:
-        """Go on after an image that an equal series has correlated: equal settings, references and images.
+        """Go on after an image that a first `Series` has correlated, without correlating the image again.
 
-        The following results have the same bits as those of the equal series.
+        Both series must have equal settings, references and images. All later results then equal those of the
+        first series, bit for bit.
 
         Parameters
         ----------
         read : callable
             Function that returns the image. It is called only if the image becomes a reference.
         fields : SeriesFields
-            The result of `correlate_fields` for the image.
+            The result of `correlate_fields` of the first series for the image.
         """
         reference = self._current
         if reference.last is not None and fields.from_first.updates > reference.updates:

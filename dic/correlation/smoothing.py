@@ -5,8 +5,8 @@ Gaussian filter weakens these waves in both images alike, so the displacement do
 `chosen_smoothing` takes the narrowest Gaussian that is enough for the pattern.
 
 After the filter, the noise of neighbouring pixels is correlated. The displacement of a subset is a weighted
-sum of the noise; the weights are the slopes of the pattern. So its variance is that for white noise of the
-same variance, multiplied by
+sum of the noise; the weights are the slopes of the pattern. To find the variance of the displacement, take
+the variance that white noise of the same strength would cause, and multiply it by
 
     ∑ S G² D² G² / (∑ S G² D² · mean(G²)),
 
@@ -29,7 +29,7 @@ LARGEST_BIAS_PX = 0.001
 
 _WIDTHS_PX = np.arange(0.3, 2.01, 0.05)
 _EFFECT = 2.5
-"""Beyond this multiple of its standard deviation a Gaussian weighs 1 %."""
+"""Beyond this multiple of the standard deviation, the weights of a Gaussian add up to 1 %."""
 
 _REACH = 4.0
 """The Gaussian is cut off at this multiple of its standard deviation."""
@@ -138,7 +138,7 @@ def _std_factors(pattern: PatternSpectrum, order: int, taps: tuple[float, ...]) 
     squares = []
     for energy in (power * slope, power * slope[:, None]):
         total, smoothed = float(energy.sum()), float((energy * noise).sum())
-        # Where noise hides the pattern, the sums can be negative; then only the bound is known.
+        # If noise hides the pattern, the sums can be negative. Then only the upper bound `greatest` is known.
         known = total > 0.0 and smoothed > 0.0
         squares.append(min(smoothed / total, greatest) if known else greatest)
     return float(np.sqrt(squares[0])), float(np.sqrt(squares[1]))

@@ -15,7 +15,7 @@ _TRIES = 3
 """Largest number of neighbours that are tried as the first guess for a point beside a crack."""
 
 _BANDS = 16
-"""Number of bands of rows that are solved in parallel, large enough to keep several processors busy."""
+"""Number of bands of rows that are solved in parallel. It is large enough to keep several processors busy."""
 
 
 def method_of(settings: CorrelationSettings, smoothing: tuple[float, ...] = (1.0,)) -> kernel.Method:
@@ -127,7 +127,7 @@ class Solver:
         kernel.propagate(self._reference.image, self._deformed, self._method, band, part, pending, prepared)
 
     def _seeded_bands(self, solution: kernel.Solution, pending: Mask) -> list[slice]:
-        """Cut the grid into bands of about equal work; solve a few points of bands without solved points."""
+        """Cut the grid into bands of about equal work; in bands without solved points, solve a few points."""
         bands = balanced_bands(pending.sum(axis=1), _BANDS)
         converged = solution.converged
         seeds = []

@@ -1,8 +1,8 @@
 """Weights of B-spline coefficients for interpolation, computed for a vector of positions at once.
 
-A cubic spline needs 4 coefficients ("taps") in each direction, and a quintic spline needs 6. The weights are
-multiplied by the denominator of the B-spline, 6 or 120. The module `dic.correlation.kernel.layout` divides
-the coefficients by the denominator of the B-spline, once for each direction, so the product is right.
+A cubic spline needs 4 coefficients ("taps") in each direction, and a quintic spline needs 6. The weights in
+this module are multiplied by the denominator of the B-spline, 6 or 120, so that no division is needed. In
+return, `dic.correlation.kernel.layout` divides the coefficients by the denominator, once for each direction.
 """
 
 from dic.correlation.kernel.jit import inlined

@@ -44,10 +44,10 @@ OUT_OF_VIEW, NOT_CONVERGED = int(Status.OUT_OF_VIEW), int(Status.NOT_CONVERGED)
 LOW_CORRELATION = int(Status.LOW_CORRELATION)
 
 _FAR_PX = 0.5
-"""A quadratic step longer than this is replaced by an affine step, or shortened to this length."""
+"""Limit for a quadratic step: a longer step is replaced by an affine step, or shortened to this length."""
 
 _STILL_PX = 0.1
-"""An affine step shorter than this leaves a quadratic warp about as far from its optimum as before."""
+"""Limit for an affine step: a shorter step brings a quadratic warp hardly nearer to its optimum."""
 
 
 @inner
@@ -101,7 +101,7 @@ def correlate_point(
 
 @inlined
 def _compare(record: Flat, subset: Subset, work: Workspace) -> tuple[bool, float]:
-    """Compute the right-hand side of the normal equations; return True if there is contrast, and the ZNCC.
+    """Compute the right-hand side of the normal equations; return whether there is contrast, and the ZNCC.
 
     Contrast means that the grey levels g of the deformed image vary within the warped subset.
     """
@@ -124,16 +124,16 @@ def _step(shape: Shape, r: int, p: Float, work: Workspace) -> float:
 
     A long step of a quadratic warp is replaced by a step of the affine parameters, the first half of the
     parameters. The Cholesky factor for the affine parameters is the leading block of the Cholesky factor for
-    all parameters. If the affine parameters are already at their optimum, the long step is shortened instead:
-    the second derivatives can be so large that the affine optimum is farther than `_FAR_PX` from the
-    quadratic one, and affine steps would stay there for ever.
+    all parameters. If the affine parameters are already at their optimum, the long step is shortened instead.
+    The reason is that large second derivatives can put the affine optimum farther than `_FAR_PX` from the
+    quadratic optimum. With affine steps alone, the iteration would never leave the affine optimum.
     """
     n, d = len(work.b), work.d
     cholesky.solve(work.H, work.b, n, d)
     length = step_length_px(d, r)
     if len(shape) == 12:
         if length > _FAR_PX:
-            # Written as the constant 6, n // 2 would give slower machine code.
+            # The constant 6 instead of n // 2 would give slower machine code.
             cholesky.solve(work.H, work.b, n // 2, d)
             if step_length_px(d, r) < _STILL_PX:
                 cholesky.solve(work.H, work.b, n, d)

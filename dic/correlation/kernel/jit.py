@@ -43,7 +43,7 @@ def compiled(function: Function) -> Function:
 
 
 def inner(function: Function) -> Function:
-    """Compile `function` only for calls from compiled functions; this takes less time to compile."""
+    """Compile `function` for calls from compiled functions only, which saves time at compilation."""
     return cast(Function, numba.njit(**_OPTIONS, **_NO_WRAPPERS)(function))
 
 

@@ -187,7 +187,7 @@ def _locate_rows(shape: Shape, pitch: int, strip: Strip, right: int, r: int, p: 
         bend_x, twist, bend_y = np.float32(0.0), np.float32(0.0), np.float32(0.0)
         if len(shape) == 12:
             bend_x, twist, bend_y = half * p[at + 6], p[at + 7], half * p[at + 8]
-        # largest distance of a parabola from the straight line through its ends
+        # The sag is the largest distance of a parabola from the straight line through its ends.
         sag = half * half * abs(bend_x) * length2
         # This loop has no branches, so that the compiler can use vectors.
         for j in range(2 * r + 1):

@@ -112,7 +112,7 @@ def _correlate_grid(
     rows, columns = solution.status.shape
     pending, warps, start = task.pending, solution.warps, work.p
     kept = prepared.known.shape == solution.status.shape
-    size = int(np.int64(0))  # for numba, a literal 0 would have another type
+    size = int(np.int64(0))  # numba gives a literal 0 another type than int64
     if task.propagates:
         for place in range(rows * columns):
             row, column = place // columns, place % columns

@@ -59,7 +59,8 @@ def _noise_variance(residual2: float, n: int, p: Float, r: int, noise_gain: floa
     """
     damping = 1.0
     for at in (0, 3):
-        # A displacement gradient gives the pixels different sub-pixel positions, so take their mean cosine.
+        # A displacement gradient gives the pixels different sub-pixel positions, so take the mean of their
+        # cosines.
         swing = math.cos(2.0 * np.pi * p[at]) * _sinc(2.0 * r * p[at + 1]) * _sinc(2.0 * r * p[at + 2])
         damping *= (1.0 + noise_gain + (1.0 - noise_gain) * swing) / 2.0
     return 2.0 * residual2 / (n - len(p) - 2) / (1.0 + damping)

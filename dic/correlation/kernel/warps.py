@@ -17,7 +17,7 @@ from dic.correlation.kernel.method import Subset
 from dic.typing import Float
 
 EDGE_PX = 2
-"""Smallest distance of a subset from the deformed image's edge, where the spline uses mirrored pixels."""
+"""Smallest distance of a subset from the deformed image's edge. The spline mirrors pixels at the edge."""
 
 # For each warp parameter: its direction (0 for x, 1 for y), and the powers of x and y and the factor of its
 # monomial.
@@ -88,7 +88,7 @@ def _second_degree_matrix(d: Float, D: Float) -> None:
         D[row, 3], D[row, 4], D[row, 5] = d[at + 1], d[at + 2], d[at]
         D[row, row] += 1.0
     for row in range(3):
-        # rows of x'x', x'y' and y'y', which are products of the two polynomials above
+        # These rows belong to x'x', x'y' and y'y', which are products of the two polynomials above.
         i, j = 3 + row // 2, 3 + (row + 1) // 2
         for k in range(5):
             D[row, k] = D[i, k] * D[j, 5] + D[i, 5] * D[j, k]
