@@ -1,4 +1,4 @@
-"""Decode checked image files with OpenCV, and keep its libraries' own messages off the terminal."""
+"""Decode checked image files with OpenCV, and keep the messages of OpenCV's libraries off the terminal."""
 
 import os
 import sys
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dic.image.container import Container, Damage
 
-# weights of ITU-R BT.601 for blue, green and red, which is OpenCV's order of channels
+# These are the weights of ITU-R BT.601 for blue, green and red, in OpenCV's order of channels.
 _LUMA_BGR = np.array([0.114, 0.587, 0.299])
 _JPEG_MESSAGES = (
     b"Corrupt JPEG data",
@@ -24,7 +24,10 @@ _JPEG_MESSAGES = (
     b"Unknown Adobe color transform code",
     b"Warning: unknown JFIF revision number",
 )
-"""Beginnings of libjpeg's warnings. libjpeg writes only its first one, so a harmless one may hide damage."""
+"""Beginnings of libjpeg's warnings about damage, and of harmless warnings.
+
+libjpeg writes only its first warning. So a harmless warning may hide a warning about damage.
+"""
 _STDERR = 2
 _redirecting = threading.Lock()
 
@@ -59,13 +62,14 @@ def decode(container: Container) -> NDArray[Any]:
 
 
 def to_grey(stored: NDArray[Any]) -> NDArray[np.float32]:
-    """Return the grey levels of decoded pixels: of a colour image its luma (ITU-R BT.601)."""
+    """Return the grey levels of decoded pixels; the grey level of a colour is its luma (ITU-R BT.601)."""
     if stored.ndim == 2:
         return np.ascontiguousarray(stored, np.float32)
     if stored.shape[2] < 3:
         return np.ascontiguousarray(stored[..., 0], np.float32)
     grey = np.empty(stored.shape[:2], np.float32)
-    # Convert one row at a time, because a whole image in float64 would take twelve times its memory.
+    # Convert one row at a time, because a whole colour image in float64 would take twelve times as much
+    # memory as the grey image.
     for row, pixels in zip(grey, stored, strict=True):
         row[:] = pixels[:, :3].astype(np.float64) @ _LUMA_BGR
     return grey
@@ -113,7 +117,8 @@ def messages_of_decoder(is_message: Callable[[bytes], bool], wanted: bool = True
             if is_message(line):
                 messages.append(line.decode(errors="replace").strip())
             else:
-                # nobody may read the standard error any more, which says nothing about the image
+                # An error here means that nobody reads the standard error, which says nothing about the
+                # image.
                 with suppress(OSError):
                     os.write(_STDERR, line)
 
@@ -123,7 +128,7 @@ def _standard_error_to(file: BinaryIO) -> Iterator[None]:
     try:
         before = os.dup(_STDERR)
     except OSError:
-        # the program has no standard error
+        # The program has no standard error, so there is nothing to collect.
         yield
         return
     try:

@@ -1,4 +1,4 @@
-"""When an image was taken, as Exif tags in TIFF, JPEG and PNG files say (CIPA DC-008, Exif 2.32)."""
+"""Read from Exif tags in TIFF, JPEG and PNG files when an image was taken (CIPA DC-008, Exif 2.32)."""
 
 import struct
 from datetime import UTC, datetime, timedelta
@@ -26,9 +26,10 @@ _MOST_BYTES = 1 << 20
 def taken_s(file: Path, page: int = 1) -> float | None:
     """Return when an image was taken, s; None if its file does not say so.
 
-    The value counts from a fixed moment. The tag DateTimeOriginal has whole seconds, and SubSecTimeOriginal
-    their fraction. Without OffsetTimeOriginal the zone is not known, and differences between images are right
-    as long as the camera's clock is not set to another zone.
+    The time counts from a fixed moment. The tag DateTimeOriginal gives whole seconds, and the tag
+    SubSecTimeOriginal gives the fraction of a second. Without the tag OffsetTimeOriginal, the time zone is
+    not known. The differences between images are then right only if nobody has set the camera's clock to
+    another time zone between the images.
 
     Parameters
     ----------
@@ -41,7 +42,7 @@ def taken_s(file: Path, page: int = 1) -> float | None:
             block, at = _block(content, page)
             return None if block is None else _taken_s(block, at)
     except (OSError, struct.error, Damage, ValueError):
-        # Reading the image itself raises an error that names the damage.
+        # The reader of the image itself raises an error that names the damage.
         return None
 
 

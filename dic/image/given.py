@@ -57,11 +57,11 @@ def name_of(image: ImageLike, otherwise: str) -> str:
 
 
 def one_by_one(images: ImageLike | Iterable[Item]) -> Iterable[ImageLike | Item]:
-    """Return images one by one; a single array or path counts as a series of one.
+    """Return images one by one; a single array or path counts as a series of one image.
 
-    An array of shape (number, height, width) is a series. A single colour image also has three dimensions. It
-    is refused here with an error message of its own, because otherwise each of its rows would count as an
-    image.
+    An array of shape (number, height, width) is a series. A single colour image also has three dimensions. A
+    colour image is refused here with an error message of its own, because otherwise each of its rows would
+    count as an image.
 
     Raises
     ------

@@ -11,7 +11,7 @@ _START_OF_SCAN, _END = 0xDA, 0xD9
 _FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 _EXIF = 0xE1
 _LEFT_OUT = {*range(0xE1, 0xF0), 0xFE} - {0xEE}
-"""Segments that the decoder does not need. It needs APP0 and APP14, which name the colours."""
+"""Segments that the decoder does not need. APP0 and APP14 are needed, because they name the colours."""
 
 
 def read_jpeg(content: bytes) -> Container:
@@ -46,7 +46,7 @@ def _segments(content: bytes) -> Iterator[tuple[int, bytes, bytes]]:
     while True:
         start = position
         while content[position : position + 2] == b"\xff\xff":
-            position += 1  # bytes that fill
+            position += 1  # fill bytes may stand before a marker
         prefix, marker = struct.unpack_from(">BB", content, position)
         if prefix != 0xFF:
             raise Damage(f"a JPEG that is damaged at byte {position}")
@@ -65,7 +65,10 @@ def _segments(content: bytes) -> Iterator[tuple[int, bytes, bytes]]:
 
 
 def _end_of_scan(content: bytes, position: int) -> int:
-    """Return the position of the next marker; in coded pixels, 0xFF is followed by 0 or 0xD0 to 0xD7."""
+    """Return the position of the next marker after coded pixels.
+
+    Within coded pixels, 0 or a value from 0xD0 to 0xD7 follows every byte 0xFF.
+    """
     while (position := content.find(b"\xff", position)) >= 0 and position + 1 < len(content):
         following = content[position + 1]
         if following not in (0x00, 0xFF) and not 0xD0 <= following <= 0xD7:

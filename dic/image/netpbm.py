@@ -31,7 +31,7 @@ def read_netpbm(content: bytes) -> Container:
     container = Container(content, width, height, 8 * channels * value_bytes)
     require_bounded(container, size)
     values = width * height * channels
-    # In text, each value has at least one digit, and a space before the next.
+    # In a text file, each value needs at least one digit, and a space separates neighbouring values.
     needed = 2 * values - 1 if as_text else values * value_bytes
     if size - header.end() < needed:
         raise Damage(f"a PGM or PPM that was cut off after {size} bytes")

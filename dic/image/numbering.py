@@ -8,18 +8,23 @@ from pathlib import Path
 
 _PARTS = re.compile(r"(\d+)")
 _LEAST_SHARE = 0.5
-"""Numbers count in steps if more than this share of their differences is the step; times of day do not."""
+"""Numbers count in steps if more than this share of their differences equals the step.
+
+Times of day have various differences, so they do not count in steps.
+"""
 
 
 def missing_numbers(files: Iterable[Path]) -> list[str]:
-    """Return the names that are missing in the numbering of files, in order; a gap as "first to last".
+    """Return the names that are missing in the numbering of files, in order.
 
-    The number that counts is the one with the most different values. Files that differ in another part of
-    their names, such as those of two cameras, are numbered apart. Numbers may count in steps, such as 0, 10,
-    20. Numbers without a step, such as times of day, have no gaps.
+    A gap of several names is returned as "first to last". If names hold several numbers, the number with the
+    most different values is the number of the image. If files also differ in another part of their names,
+    such as the name of a camera, each group of files has its own numbering. Numbers may count in steps, such
+    as 0, 10, 20. Numbers that do not count in steps, such as times of day, have no gaps.
     """
     parts = [_PARTS.split(path.name) for path in files]
-    # Equal names but for their numbers have equal texts, so their numbers stand at the same places.
+    # If names differ only in their numbers, the texts between the numbers are equal. So the numbers are at
+    # the same places.
     alike: dict[tuple[str, ...], list[list[str]]] = defaultdict(list)
     for each in parts:
         alike[tuple(each[::2])].append(each)
@@ -27,7 +32,8 @@ def missing_numbers(files: Iterable[Path]) -> list[str]:
     for names in alike.values():
         places = range(1, len(names[0]), 2)
         if places:
-            # Of two places that vary equally, the later one is taken: a date comes before its counter.
+            # If the numbers at two places vary equally, take the later place, because a counter follows a
+            # date.
             counting = max(places, key=lambda place: (len({name[place] for name in names}), place))
             found += _missing_at(names, counting)
     return found

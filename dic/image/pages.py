@@ -18,7 +18,7 @@ from dic.image.video import is_video, read_video
 from dic.typing import PathLike
 
 ENDINGS = (".png", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".pnm", ".jpg", ".jpeg")
-"""Endings of the names that a folder's images have, in small or capital letters."""
+"""Endings of file names, in small or capital letters, by which the images in a folder are recognised."""
 
 _PAGE = re.compile(r"(.+)#([1-9]\d{0,6})", re.DOTALL)
 _MOST_SHOWN = 8
@@ -29,10 +29,10 @@ _PARTS = re.compile(r"(\d+)")
 def split_page(path: PathLike) -> tuple[Path, int | None]:
     """Return the file and the page of a name such as ``stack.tif#3``; None if the name has no page number.
 
-    A file whose own name ends like this is not split.
+    If a file with exactly this name exists, the name is not split.
     """
     found = _PAGE.fullmatch(str(path))
-    # Path.exists raises an error for a name that is too long or in a folder that may not be entered.
+    # Use os.path, because Path.exists raises an error for a name that is too long or in a closed folder.
     if found is None or os.path.exists(path):  # noqa: PTH110
         return Path(path), None
     return Path(found[1]), int(found[2])
@@ -51,13 +51,13 @@ def natural_key(path: PathLike) -> list[tuple[int, str]]:
 
 
 def list_images(*sources: PathLike) -> list[Path]:
-    """Return the image files that are meant by files, folders and patterns, in order.
+    """Return the names of the images that files, folders and patterns stand for, in order.
 
-    A folder means its image files, and a pattern such as ``img*.tif`` the files that match, each in the
-    natural order of their names (img2 before img10). A TIFF file of several pages means all its pages, as
-    ``stack.tif#1``, ``stack.tif#2`` and so on, without smaller copies of pages. A video means all its frames,
-    as ``test.avi#1`` and so on. Names in the alphabetical
-    order in which a shell lists them (img1, img10, img2) are put in natural order too.
+    A folder stands for its image files. A pattern such as ``img*.tif`` stands for the files that match it.
+    The files of a folder or pattern are in the natural order of their names (img2 before img10). A TIFF file
+    of several pages stands for all its pages, ``stack.tif#1``, ``stack.tif#2`` and so on, except smaller
+    copies of pages. A video stands for all its frames, ``test.avi#1`` and so on. A shell lists names in
+    alphabetical order (img1, img10, img2); given names in this order are also put in natural order.
 
     Parameters
     ----------
@@ -80,12 +80,13 @@ def list_images(*sources: PathLike) -> list[Path]:
 
 
 def _files(source: Path) -> Sequence[Path]:
-    # Path.is_dir and Path.exists raise an error for a name that is too long. The reader of the file says so.
+    # Use os.path, because Path.is_dir and Path.exists raise an error for a name that is too long. The reader
+    # of the file reports such a name later.
     if os.path.isdir(source):  # noqa: PTH112
         files = [path for path in source.iterdir() if path.suffix.lower() in ENDINGS and _is_shown(path)]
         expected = f"a folder with images ({', '.join(ENDINGS)})"
     elif not os.path.exists(source) and glob.has_magic(str(source)):  # noqa: PTH110
-        # Path.glob takes no absolute patterns.
+        # Use glob, because Path.glob does not accept absolute patterns.
         files = [path for path in map(Path, glob.glob(str(source), recursive=True)) if path.is_file()]  # noqa: PTH207
         expected = "a pattern that files match"
     else:

@@ -96,8 +96,9 @@ def clear_of_edges(region: Mask, subset_px: int, reach_px: int) -> Mask:
     """Return the pixels of a region that its edges do not disturb.
 
     Beyond the region's edge there may be a crack or the background, which does not move with the surface. The
-    spline of an image oscillates beside such an edge. A part of the region that is too narrow for a subset
-    between its disturbed pixels is returned whole, because otherwise it could not be measured.
+    spline of an image oscillates beside such an edge. If a part of the region is so narrow that no subset
+    fits between its disturbed pixels, the whole part is returned, because otherwise this part could not be
+    measured.
 
     Parameters
     ----------
@@ -114,7 +115,7 @@ def clear_of_edges(region: Mask, subset_px: int, reach_px: int) -> Mask:
     clear = (cv2.distanceTransform(region.view(np.uint8), cv2.DIST_L2, 5) > reach_px).view(np.uint8)
     least_px = int(np.ceil(MIN_PIXEL_FRACTION * subset_px))
     wide = cv2.morphologyEx(clear, cv2.MORPH_OPEN, np.ones((least_px, least_px), np.uint8))
-    # The corner of a wide part is 1.42 times as far from the rest as its sides.
+    # A corner of the region is 1.42 times as far from the undisturbed pixels as the region's sides.
     rim = cv2.distanceTransform(1 - wide, cv2.DIST_L2, 5) <= 1.5 * reach_px + 1.0
     return np.asarray(wide.astype(bool) | (region & ~rim))
 

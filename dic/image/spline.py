@@ -17,7 +17,7 @@ from dic.image.threads import bands_of, in_parallel
 
 ORDERS = (3, 5)
 MARGIN = 3
-"""Number of coefficients beyond each image edge; the quintic spline needs so many at the edge."""
+"""Number of coefficients beyond each image edge, which is the number that the quintic spline needs."""
 
 _BAND_PX = 256
 """Height of the bands of rows in which images are filtered, px."""

@@ -13,10 +13,10 @@ INTEGERS = {1: "B", 3: "H", 4: "I", 16: "Q"}
 """The codes of `struct` for the kinds of entries that hold whole numbers."""
 WIDTH, HEIGHT, BITS, COMPRESSION, ORIENTATION, SAMPLES = 256, 257, 258, 259, 274, 277
 STRIPS_AND_TILES = ((273, 279), (324, 325))
-"""Tags of the places and of the sizes of strips, and of tiles."""
+"""For strips and for tiles, the tag of their places and the tag of their sizes."""
 _KIND_OF_PAGE = 254
 _SMALLER_OR_MASK = 0b101
-"""Bits of the tag NewSubfileType of a page that is a smaller copy of another page, or a mask for it."""
+"""Bits of the tag NewSubfileType that mark a page as a smaller copy or as a mask of another page."""
 _NEEDED = {WIDTH, HEIGHT, BITS, COMPRESSION, SAMPLES, *STRIPS_AND_TILES[0], *STRIPS_AND_TILES[1]}
 _MOST_PAGES = 100_000
 _SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 16: 8}
@@ -63,12 +63,12 @@ def page_directories(content: Content) -> list[int]:
             _, offset_code, _, entry_bytes = _layout(content)
             (following,) = _unpack(order + offset_code, content, first + entries * entry_bytes)
         except (struct.error, Damage):
-            # The end of the chain is missing; reading the page itself tells whether the page is whole.
+            # The end of the chain is missing. The reader of this page checks whether the page is whole.
             pages[at] = True
             break
         pages[at] = not kind & _SMALLER_OR_MASK
         at = following
-    # If no page counts as a whole one, the tags are wrong.
+    # If the tags mark every page as a copy or a mask, the tags are wrong. Then return all pages.
     return [place for place, whole in pages.items() if whole] or list(pages)
 
 

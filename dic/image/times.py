@@ -19,8 +19,8 @@ class ImageTime:
     Attributes
     ----------
     time_s : float
-        Time since the reference image; of a video whose reference is no frame of it, since its first frame.
-        NaN if the time is not known.
+        Time since the reference image. For a frame of a video, if the reference is not in the same video:
+        time since the first frame. NaN if the time is not known.
     source : str
         "video" (the time that the file gives each frame), "exif" (DateTimeOriginal), "file" (last change of
         the file, which is late by the time of writing), or "" if the time is not known.
@@ -30,7 +30,7 @@ class ImageTime:
     source: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return `time_s` and `time_source` for tables and JSON; nothing if the time is not known."""
+        """Return `time_s` and `time_source` for tables and JSON; an empty dict if the time is not known."""
         return {"time_s": self.time_s, "time_source": self.source} if isfinite(self.time_s) else {}
 
 
@@ -51,7 +51,7 @@ class SeriesTimes:
     def of(self, image: PathLike) -> ImageTime:
         """Return the time of an image from the best source that the image shares with the reference.
 
-        A file that cannot be read has no time; reading the image gives the reason.
+        The time of a file that cannot be read is unknown. The reader of the image reports the reason.
         """
         file, page = split_page(image)
         try:
@@ -67,7 +67,7 @@ class SeriesTimes:
                 return ImageTime(changed_ns / 1e9, "file")
         except (OSError, Damage):
             pass
-        # All pages of a file have the same time of last change.
+        # The time of the last change says nothing about pages, because all pages of a file share this time.
         return ImageTime()
 
     def _of_frame(self, file: Path, frame: int) -> ImageTime:

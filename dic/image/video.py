@@ -20,7 +20,10 @@ ENDINGS = (".avi", ".mkv", ".mp4", ".m4v", ".mov", ".mpg", ".mpeg", ".webm", ".w
 _LOSSLESS = {"FFV1", "FFVH", "HFYU", "MPNG", "PNG", "LAGS", "MAGY", "ULRG", "ULRA", "ULY0", "ULY2", "ULY4"}
 _UNCOMPRESSED = {"", "RAW", "DIB", "Y800", "GREY", "Y8", "Y16", "I420", "IYUV", "YUY2", "UYVY", "NV12"}
 _GREY = {"Y800", "GREY", "Y1\0\x10"}
-"""Pixel formats of 8 and 16 bits whose grey levels OpenCV can give as stored; others become colours."""
+"""Pixel formats of 8 and 16 bits whose grey levels OpenCV returns as stored.
+
+OpenCV converts frames of other formats to colours.
+"""
 _REMEDY = "convert it to images, for example with `ffmpeg -i VIDEO img%05d.png`"
 
 
@@ -53,8 +56,8 @@ class Video:
 
     @property
     def problem(self) -> str:
-        """What is wrong with the video, as a warning; "" for a whole one."""
-        # A declared number of frames is an estimate in some formats.
+        """A warning that says what is wrong with the video; "" for an undamaged video."""
+        # In some formats, the declared number of frames is an estimate. So accept a difference of one frame.
         if self.declared - len(self) > 1:
             return f"only {len(self)} of {self.declared} frames can be read; these are used"
         if self.errors:
@@ -68,36 +71,37 @@ def is_video(file: Path) -> bool:
 
 
 def read_video(file: Path) -> Video:
-    """Read a video through, and return what is known of it. The file is read again only if it has changed.
+    """Read a whole video, and return its properties. The file is read again only if it has changed.
 
     Raises
     ------
     OSError
         If there is no such file.
     Damage
-        If OpenCV cannot read it.
+        If OpenCV cannot read the video.
     """
     return _read_video(*_identity(file))
 
 
 def read_frame(file: Path, number: int) -> NDArray[Any]:
-    """Return a frame as OpenCV decodes it, shape (height, width) or (height, width, 3); from number 1.
+    """Return a frame as OpenCV decodes it, shape (height, width) or (height, width, 3).
 
-    Frames that are read in their order are decoded once. Going back decodes the video from its beginning,
-    because many videos cannot be entered exactly at a frame in their middle.
+    Frames are numbered from 1. If frames are read in their order, each frame is decoded once. If an earlier
+    frame is read, the video is decoded again from its beginning, because many videos cannot be opened exactly
+    at a frame in the middle.
 
     Raises
     ------
     OSError
         If there is no such file.
     Damage
-        If OpenCV cannot read it, or it has fewer frames.
+        If OpenCV cannot read the video, or if the video has fewer frames.
     """
     global _last
     video, identity = read_video(file), _identity(file)
     if not 1 <= number <= len(video):
         raise Damage(f"a video with {len(video)} frames", f"name a frame from 1 to {len(video)}")
-    # What the decoder says of damage was said when the frames were counted.
+    # The decoder's messages about damage were already collected when the frames were counted.
     with _reading, messages_of_decoder(_is_of_ffmpeg):
         if _last is None or _last.identity != identity or number < _last.number:
             _last = _Reader(identity)
@@ -131,7 +135,7 @@ def _is_of_ffmpeg(line: bytes) -> bool:
 
 
 class _Reader:
-    """A video that is open at a frame."""
+    """An open video, and the frame that was read from it last."""
 
     def __init__(self, identity: tuple[str, int, int]) -> None:
         self.identity, self.number = identity, 0
@@ -139,7 +143,7 @@ class _Reader:
         self._frame: NDArray[Any] | None = None
 
     def frame(self, number: int) -> NDArray[Any]:
-        """Return a frame; the number is not below that of the last one."""
+        """Return a frame; `number` must not be below the number of the frame that was returned last."""
         while self.number < number:
             self._frame = None
             if not self._capture.grab():
@@ -155,7 +159,7 @@ class _Reader:
 
 _reading = threading.Lock()
 _last: _Reader | None = None
-"""The video that was read last, so that the next frame needs no other one."""
+"""The video that was read last. It stays open, so that its next frame can be decoded at once."""
 
 
 def _opened(path: str) -> Any:

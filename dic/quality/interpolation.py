@@ -28,7 +28,7 @@ class Interpolation:
         too narrow. The bias contains the effect of waves that the camera has aliased. A positive bias draws
         displacements of 1/4 px towards 1/2 px.
     unaliased_bias_px : tuple of float
-        The same bias if the camera had not aliased the pattern.
+        The greatest bias that would result if the camera had not aliased the pattern.
     smoothing : Smoothing
         The smoothing that the correlation will apply, and the bias that it leaves.
     strain_range : float
@@ -53,7 +53,7 @@ class Interpolation:
 
     @property
     def left_px(self) -> float:
-        """Bias that the smoothing leaves; without smoothing the predicted bias."""
+        """Greatest bias, as an absolute value, that remains after the smoothing that will be applied."""
         if self.smoothing.width_px == 0.0:
             return self.greatest_px
         return float(np.abs(self.smoothing.bias_px).max())

@@ -70,7 +70,8 @@ def noise_of_two(first: Grey, second: Grey, slopes: tuple[Grey, Grey], region: M
     change = (second - first)[region].astype(np.float64)
     grey = first[region].astype(np.float64)
     terms = np.column_stack([np.ones(grey.size), grey, *(slope[region] for slope in slopes)])
-    # least squares of least norm, because an image of one grey level leaves the factors open
+    # Take the least-squares solution of least norm, because an image of one grey level does not determine the
+    # factors.
     known = np.linalg.lstsq(terms.T @ terms, terms.T @ change, rcond=None)[0]
     rest = change - terms @ known
     # The fit multiplies the grey levels of the first image, and therefore their noise, by 1 + known[1].

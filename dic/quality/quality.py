@@ -66,8 +66,8 @@ class Quality(Picture):
     mean_gradient : float
         Mean magnitude of the grey level gradient, grey levels per px.
     interpolation : Interpolation
-        Predicted interpolation bias, and the smoothing that the correlation will apply. `sssig` is that of
-        the image without smoothing; `std_px` is that of the correlation.
+        Predicted interpolation bias, and the smoothing that the correlation will apply. `sssig` is computed
+        from the image without smoothing, and `std_px` from the smoothed image.
     """
 
     settings: CorrelationSettings
