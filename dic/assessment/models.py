@@ -62,7 +62,7 @@ def _errors(camera: Pinhole, noise_px: float, repetitions: int) -> dict[str, flo
         uv_px = camera.project(xy_mm) + rng.normal(0.0, 1.0, xy_mm.shape) * noise_px
         grid = GridPoints(index, xy_mm, uv_px, (BASE.count, BASE.count), xy_mm[1, 0] - xy_mm[0, 0])
         bicubic = BicubicMap.fit(uv_px, xy_mm)
-        # 12 px is 1 % of the image's width, which is the default uncertainty for a real camera
+        # 12 px is 1 % of the image's width, which is the default uncertainty for a real camera.
         pinhole = fit_pinhole(grid, _SHAPE, KnownCamera(principal_px=(0.0, 0.0), principal_std_px=12.0))
         squares["bicubic"].append(_mean_square(camera, bicubic))
         squares["pinhole"].append(_mean_square(camera, pinhole))

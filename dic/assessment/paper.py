@@ -160,8 +160,8 @@ def assess() -> list[Row]:
 def claim_limit(sweep: Sweep) -> float | None:
     """Return the angle or distortion coefficient of a sweep at which the largest error reaches 0.02 px.
 
-    Helm and Deaner claim smaller errors than 0.02 px. The largest error is taken over the points of the base
-    grid. Return None if the error stays below 0.02 px in the whole sweep.
+    Helm and Deaner claim that errors are below 0.02 px. The largest error is taken over the points of the
+    base grid. Return None if the error stays below 0.02 px in the whole sweep.
     """
     from scipy.optimize import brentq
 

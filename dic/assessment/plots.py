@@ -22,7 +22,7 @@ from dic.files.writing import write_figure
 from dic.typing import PathLike
 
 _CURVES = (("maximum_px", "maximum", "-o"), ("mean_px", "mean", "-s"), ("std_px", "standard deviation", "-^"))
-# fixed margins, because matplotlib's automatic layout would take half of the command's time
+# The margins are fixed, because matplotlib's automatic layout would take half of the command's time.
 _MARGINS = {"left": 0.14, "right": 0.97, "bottom": 0.14, "top": 0.91}
 _MAP_FIGURE = 5
 _MAP_CAMERA = Pinhole.swung(pan_deg=30.0)

@@ -190,11 +190,12 @@ class Calibration:
 
         The calibrated area is the polygon of the outermost grid points, for the bicubic map and for the
         pinhole model. Outside this area the bicubic map "quickly deviates from the desired values" (Helm and
-        Deaner). Without grid points, the pinhole model cannot be tested outside the calibrated area. So every
-        result of a measurement marks the points that lie outside the calibrated area.
+        Deaner). Outside the calibrated area there are no grid points, so the pinhole model cannot be tested
+        there. So every result of a measurement marks the points that lie outside the calibrated area.
         """
         points = np.asarray(px, np.float64).reshape(-1, 2)
-        # In the order of Y, the points between the ends of an edge stand together. NaN comes last.
+        # After sorting by y, the points between the two ends of an edge follow one another, and NaN comes
+        # last.
         order = np.argsort(points[:, 1], kind="stable")
         x, y = points[order].T
         odd = np.zeros(len(points), bool)

@@ -80,7 +80,7 @@ def load_calibration(path: str | Path) -> Calibration:
     except CalibrationError:
         raise
     except Exception as error:
-        # Whatever a damaged file makes fail here: the file was read, and nothing else happened.
+        # A damaged file can cause any exception here. The `try` block only reads the file.
         raise _refusal(path, f"a calibration that lacks some of its data ({type(error).__name__})") from error
 
 

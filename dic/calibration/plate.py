@@ -61,7 +61,7 @@ def behind(calibration: Calibration, plate_mm: float) -> Calibration:
 
 
 def _scaled(bicubic: BicubicMap, share: float, foot_mm: Float) -> BicubicMap:
-    """Return the map with all results moved away from `foot_mm` by a fraction of their distance."""
+    """Return the map with all results moved away from `foot_mm` by `share` of their distance from it."""
     coefficients = (1.0 + share) * bicubic.coefficients
     coefficients[0, 0] -= share * foot_mm
     return replace(

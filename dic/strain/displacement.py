@@ -29,9 +29,9 @@ class Noise:
         elements of the vector e are independent random numbers of variance 1. The covariance of this error is
         F Fᵀ.
     overlap : ndarray, shape (m, n)
-        Element [i, j] is the correlation between the errors of two points with whole subsets that are i rows
-        and j columns of the grid of points apart. The errors of points that are farther apart are not
-        correlated.
+        Element [i, j] is the correlation between the errors of two points that are i rows and j columns of
+        the grid apart, if both subsets are whole: they use all their pixels. The errors of points that are
+        farther apart are not correlated.
     gradient : ndarray, shape (rows, columns, 4, 4)
         Covariance matrix of the displacement gradient that the shape function gives at each point. The
         gradient's elements are in the order xx, xy, yx, yy.
@@ -108,13 +108,13 @@ class Displacement:
 
 
 NOWHERE = Displacement(np.empty((0, 0, 2)), np.empty((0, 0, 2)), np.empty((0, 0), np.bool_), "px")
-"""The displacement of no points."""
+"""A displacement that has no points."""
 
 
 def raw_displacement(field: Field, *, gradients: bool = True) -> Displacement:
     """Return the displacements of a correlated image in pixels, with the y axis up.
 
-    Without `gradients`, the displacement has no gradient and the noise only that of `displacement_noise`.
+    If `gradients` is False, the result has no gradient, and its noise has no covariance of gradients.
     """
     shape = (*field.status.shape, 2)
     vector = np.stack([field.u_px, -field.v_px], axis=-1)
@@ -154,13 +154,13 @@ def calibrated_displacement(field: Field, calibration: Calibration) -> Displacem
 
 
 def calibrated_noise(field: Field, calibration: Calibration) -> Noise:
-    """Return the errors of `calibrated_displacement`, as far as `displacement_noise` gives them."""
+    """Return the errors of `calibrated_displacement`; the covariances of its gradients are NaN."""
     after = field.points + np.stack([field.u_px, field.v_px], axis=-1).reshape(-1, 2)
     return displacement_noise(field, calibration.jacobian(after).reshape(*field.status.shape, 2, 2))
 
 
 def displacement_noise(field: Field, there: Float) -> Noise:
-    """Return the errors of displacements in new coordinates; those of gradients are NaN.
+    """Return the errors of displacements in new coordinates; the covariances of gradients are NaN.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def displacement_noise(field: Field, there: Float) -> Noise:
 
 
 def sight_of(field: Field) -> Sight | None:
-    """Return which points of a field see each other; None if the region is not known."""
+    """Return what tells which points of a field see each other; None if the region is not known."""
     return None if field.region is None else Sight(field.region, field.x_px, field.y_px)
 
 

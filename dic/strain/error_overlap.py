@@ -47,7 +47,7 @@ def error_overlap(settings: CorrelationSettings) -> Float:
 
 @cache
 def _overlap(n: int, step_px: int, shape: str) -> Float:
-    """Compute `error_overlap` for subsets of `n` px once, because every image of a series has the same."""
+    """Compute `error_overlap` for subsets of `n` px once, because it is equal for all images of a series."""
     weights = _weights(np.ones((1, n, n), np.bool_), shape)[0]
     overlap = convolved(weights, weights)[n - 1 :: step_px, n - 1 :: step_px]
     overlap.flags.writeable = False
@@ -63,8 +63,8 @@ def _weights(used: Mask, shape: str) -> Grey:
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n)))
     terms = np.stack([np.ones(n * n), x, y] + ([x * x, x * y, y * y] if shape == "quadratic" else []))
     t, flat = len(terms), used.reshape(k, n * n).astype(np.float32)
-    # A subset uses 40 % of its pixels or more. No curve of second degree holds so many, so no matrix is
-    # singular.
+    # A subset uses 40 % of its pixels or more. No curve of second degree runs through so many pixels, so no
+    # matrix is singular.
     products = (terms[:, None] * terms).reshape(t * t, n * n).astype(np.float32)
     normal = (flat @ products.T).reshape(k, t, t).astype(np.float64)
     coefficients = np.linalg.solve(normal, np.broadcast_to(np.eye(t)[:, :1], (k, t, 1)))[..., 0]
@@ -190,6 +190,6 @@ def _part(n: int, shift_px: int) -> slice:
 
 @lru_cache(maxsize=_CACHED)
 def clipped_subsets(grid: PointGrid, settings: CorrelationSettings) -> ClippedSubsets | None:
-    """Return the clipped subsets of a reference, the same for all its images; None if there is none."""
+    """Return a reference's clipped subsets, which are the same for all its images; None if there is none."""
     clipped = grid.active & (grid.pixels < settings.subset_px**2)
     return ClippedSubsets(grid, settings) if clipped.any() else None

@@ -94,7 +94,7 @@ def covariance_of_sums(weights: Float, noise: Noise) -> Float:
     parts = np.where((weights != 0.0).any(axis=(2, 3))[..., None, None], parts, 0.0)
     around = np.pad(noise.overlap, [(n - 1, 0) for n in noise.overlap.shape], mode="reflect")
     shared = convolved(parts, around[..., None, None])
-    # The middle of the convolution belongs to the places of the points.
+    # Only the middle part of the convolution belongs to points of the grid.
     for axis in (0, 1):
         first = noise.overlap.shape[axis] - 1
         shared = shared.take(range(first, first + parts.shape[axis]), axis)

@@ -60,8 +60,8 @@ class Measurement:
         Local strain that was read from a result file. If the attribute is None, `strain` computes the local
         strain at its first use.
     by_images : MeanStrain or None
-        The mean calibrated strain with the standard deviations that the images alone cause. None if the
-        standard deviations of `calibrated_mean` have no other part.
+        The mean calibrated strain with the standard deviations that the images alone cause. None if all parts
+        of the standard deviations of `calibrated_mean` come from the images.
     shared : ndarray, shape (3, 3), or None
         Covariance of the errors of exx, eyy, exy that all points of the calibrated strain share: the errors
         of the calibration and of motion out of the grid's plane. None if these errors are not known yet.
@@ -127,7 +127,8 @@ class Measurement:
         distinguished from its noise. `dic.strain.resolution` describes the method.
         """
         filters, strain = Filters(self.settings, self.strain_settings), self.strain
-        # An error that all points share is no noise of the strain's shape.
+        # An error that all points share does not change the shape of the strain field. So it is not noise
+        # here.
         noise_xx, noise_yy = (
             std if images is None else images
             for std, images in (
@@ -142,7 +143,7 @@ class Measurement:
 
     @property
     def amplitude_lost(self) -> dict[str, float]:
-        """Fraction of the root mean square of "exx" and "eyy" that the settings take; NaN if unknown."""
+        """Fraction of the root mean square of "exx" and "eyy" that the settings remove; NaN if unknown."""
         kept = self.amplitude_kept
         return {name: amplitude_lost(getattr(self.strain, name), kept[name]) for name in kept}
 
@@ -208,7 +209,7 @@ class Measurement:
     def images_std(self) -> dict[str, float | None]:
         """The parts `exx_std_images` … of the standard deviations of the mean calibrated strain.
 
-        The dict is empty if the standard deviations have no other part.
+        The dict is empty if all parts of the standard deviations come from the images.
         """
         if self.by_images is None:
             return {}
@@ -217,7 +218,8 @@ class Measurement:
 
     def _interpolation(self) -> dict[str, float | None]:
         """Return the smoothing, the predicted bias, and the uncertainty of mean strain from the bias."""
-        # Result files keep the errors of raw displacements only. As a strain the bias hardly differs.
+        # Take raw displacements, because result files keep only their errors. The bias of raw strain and the
+        # bias of calibrated strain are nearly equal.
         valid = None if self.calibrated is None else self.calibrated.valid
         part = bias_of_mean(self.raw, valid, self.strain_settings.measure)
         u_px, v_px = self.field.greatest_bias_px

@@ -19,7 +19,7 @@ The larger principal strain is e1, and the direction is that of e1, in degrees.
 """
 
 _EQUAL = 1e-12
-"""If the two principal strains differ by less than this, their direction is not determined."""
+"""If the two principal strains differ by less than this value, their direction is not determined."""
 
 _ANY_DIRECTION_DEG = 180.0 / np.sqrt(12.0)
 """Largest possible standard deviation of a direction: that of a uniform distribution over 180°."""

@@ -1,4 +1,4 @@
-"""The share of a varying strain that the settings keep, and the share of the measured strain that they take.
+"""The share of a varying strain that the settings keep, and the share that the settings remove.
 
 Correlation with subsets and the fit of strain windows are smoothing filters. Their transfer functions follow
 from the polynomials that are fitted (A. Savitzky, M. J. E. Golay, Analytical Chemistry 36 (1964) 1627-1639).
@@ -17,9 +17,9 @@ from dic.strain.strain import StrainSettings
 from dic.typing import Float, Mask
 
 _LARGEST_LOSS = 0.6
-"""Larger losses are not told apart: little of the strain is left to conclude from."""
+"""Largest loss that is stated. After a larger loss, too little of the strain is left for an estimate."""
 _SIGNIFICANT = 3.0
-"""Mean square of the strain above its noise, in standard deviations, from which a loss is estimated."""
+"""A loss is estimated if the strain's mean square exceeds the noise's by this many standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Filters:
         """Return the share of their amplitude that waves across the direction of the derivative keep."""
         if self.strain.source == "shape":
             return _mean(per_px, self._subset_px, 1)
-        # The middle of a window is fitted by a plane or by a parabola; the slope of both has the same mean.
+        # Across this direction, a fitted plane and a fitted quadratic surface give all rows the same weight.
         return self._displacement(per_px) * _mean(per_px, self.strain.window_points, self.correlation.step_px)
 
     def resolution_px(self, share: float = 0.9) -> float:
@@ -68,7 +68,7 @@ class Filters:
         return float(brentq(excess, 0.5 * gauge_px, 50.0 * gauge_px))
 
     def noise_correlation(self, *, along: bool) -> Float:
-        """Return the correlation of the noise of strains that are 0, 1, 2 … steps apart, up to the gauge."""
+        """Return the noise correlation of strains that are 0, 1, 2 … steps apart, up to the gauge's width."""
         step_px = self.correlation.step_px
         steps = np.arange(math.ceil(self.strain.gauge_px(self.correlation) / step_px) + 1)
         per_px = np.linspace(0.0, math.pi, 4001)
@@ -114,8 +114,10 @@ def _slope(per_px: Float, points: int, step_px: int) -> Float:
 def amplitude_kept(values: Float, std: Float, filters: Filters, *, along_x: bool) -> Float:
     """Return the share of a strain's amplitude that the settings have kept, at every point.
 
-    Around each point, the mean wave numbers along x and y are computed: the mean product of the strain with
-    its second difference, over its mean square. The known contributions of noise are subtracted from both.
+    Around each point, the strain is treated as a wave along x and a wave along y. The phase difference of
+    neighbouring points gives the wave number, and the wave number gives the share. The cosine of the phase
+    difference is the mean product of neighbouring strains, divided by the mean square of the strain. The
+    known contributions of noise are subtracted from both means.
 
     Parameters
     ----------
@@ -137,7 +139,7 @@ def amplitude_kept(values: Float, std: Float, filters: Filters, *, along_x: bool
     significant = known.copy()
     phases = np.linspace(0.0, math.pi, 1000)
     noise = {along: filters.noise_correlation(along=along) for along in (True, False)}
-    # So many neighbouring values have the noise of one independent value.
+    # The noise of this number of neighbouring values counts as one independent value.
     shared = math.prod(2 * float(each @ each) - 1 for each in noise.values())
     for axis, along in ((1, along_x), (0, not along_x)):
         neighbour = float(noise[along][1])
@@ -150,7 +152,7 @@ def amplitude_kept(values: Float, std: Float, filters: Filters, *, along_x: bool
 
 
 def amplitude_lost(values: Float, kept: Float) -> float:
-    """Return the fraction of the strain's root mean square that the settings have taken; NaN if unknown."""
+    """Return the fraction of the strain's root mean square that the settings removed; NaN if unknown."""
     known = np.isfinite(values) & np.isfinite(kept)
     if not known.any():
         return math.nan
@@ -163,8 +165,8 @@ def _mean_cosine(
 ) -> tuple[Float, Mask]:
     """Return the mean cosine of the phase between neighbours, and where the strain is more than noise.
 
-    For a wave, the mean of the product of a value with the half sum of its two neighbours is the mean square
-    times that cosine.
+    For a wave, multiply each value with the mean of its two neighbours. The mean of these products is the
+    mean square of the wave times the cosine.
     """
     before, after = np.roll(strain, 1, axis), np.roll(strain, -1, axis)
     inner = known & np.roll(known, 1, axis) & np.roll(known, -1, axis)
@@ -181,7 +183,7 @@ def _around(values: Float, reach: int) -> Float:
     """Return the sum of the values in a square of `reach` points around each point."""
     import cv2
 
-    # Running sums, as in cv2.boxFilter, would carry the rounding errors of a large value to the others.
+    # Running sums, as in cv2.boxFilter, would carry the rounding errors of a large value to all later values.
     ones = np.ones(reach)
     total: Float = cv2.sepFilter2D(values, cv2.CV_64F, ones, ones, borderType=cv2.BORDER_CONSTANT)
     return total

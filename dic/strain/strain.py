@@ -253,8 +253,8 @@ def strain_field(displacement: Displacement, settings: StrainSettings | None = N
     """Return the local strain at every point, from its neighbours or from the shape function of its subset.
 
     A strain that is fitted to a window needs valid displacements at half of the window's points or more. A
-    quadratic fit with a window of n × n points also needs at least 2 n + 1 of them. The
-    standard deviation of a fitted strain includes the correlation between overlapping subsets.
+    quadratic fit with a window of n × n points also needs at least 2 n + 1 valid displacements. The standard
+    deviation of a fitted strain includes the correlation between overlapping subsets.
 
     Parameters
     ----------

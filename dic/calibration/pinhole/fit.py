@@ -275,7 +275,7 @@ def _start(views: _Views, focal: float) -> tuple[CameraModel, Float]:
     """
     poses, rotations = [], []
     for plane in _homographies(views):
-        # camera axes: x right, y up, looking along −z
+        # In camera axes, x points right and y up, and the camera looks along −z.
         seen = np.diag([1 / focal, -1 / focal, -1.0]) @ plane
         seen *= -np.sign(seen[2, 2]) * 2 / np.linalg.norm(seen[:, :2], axis=0).sum()
         left, _, right = np.linalg.svd(np.column_stack([seen[:, :2], np.cross(seen[:, 0], seen[:, 1])]))
