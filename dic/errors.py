@@ -47,7 +47,7 @@ _given: ContextVar[set[str] | None] = ContextVar("given", default=None)
 
 @contextmanager
 def each_warning_once() -> Iterator[None]:
-    """Give each warning about image files only for the first file of a series; also a decorator."""
+    """Give each warning about image files only for the first file of a series; can be used as a decorator."""
     before = _given.set(set() if _given.get() is None else _given.get())
     try:
         yield
@@ -90,7 +90,7 @@ class RunFileError(MeasurementError):
 
 
 Check = tuple[bool, str, str, object, str]
-"""A checked setting: True if its value is good, its name, the expected value, its value, and the remedy."""
+"""A checked setting: whether its value is good, its name, the expected and the given value, the remedy."""
 
 
 def require_all(error: type[MeasurementError], source: str, checks: Iterable[Check]) -> None:

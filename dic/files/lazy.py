@@ -11,7 +11,7 @@ Item = TypeVar("Item")
 
 
 class Computed(Sequence[Item]):
-    """A sequence whose elements a function returns when they are used; only the last one is kept in memory.
+    """A sequence whose elements a function returns when they are used; only the last result stays in memory.
 
     Parameters
     ----------
@@ -83,6 +83,6 @@ class Spool(Generic[Item]):
         return (self[number] for number in sorted(self._places))
 
     def put(self, number: int, item: Item) -> None:
-        """Write an item. It replaces an earlier item with the same number."""
+        """Write an item. An earlier item with the same number is replaced."""
         self._places[number] = self._file.seek(0, 2)
         pickle.dump(item, self._file)

@@ -11,7 +11,7 @@ _TAKEN = {errno.EACCES, errno.EAGAIN, errno.EDEADLK}
 def lock_file(path: Path) -> int:
     """Lock a file, which is created if it does not exist, until the returned descriptor is closed.
 
-    Systems and file systems without locks give no protection.
+    On a system or a file system that has no locks, the file is not protected.
 
     Raises
     ------

@@ -34,12 +34,13 @@ class Content(Protocol):
 
 
 class FileContent:
-    """The content of an open file; a slice is read when it is asked for, so a large file needs no memory.
+    """The content of an open file. A slice is read when it is asked for, so a large file needs no memory.
 
     Attributes
     ----------
     identity : tuple of int
-        Device, number, size and time of the last change. They differ for another file and for a changed file.
+        Device, number, size and time of the last change. Two different files have different identities, and a
+        changed file has a new identity.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -72,8 +73,8 @@ def opened(path: str | Path) -> Iterator[FileContent]:
 def read_bytes(path: str | Path, most_bytes: int = MOST_IMAGE_BYTES) -> bytes:
     """Return the content of a regular file.
 
-    Python's `open` would wait forever for the writer of a named pipe, and would read a device without end. So
-    this function refuses pipes and devices.
+    Python's `open` would wait forever for the writer of a named pipe, and would read from a device for ever.
+    So this function refuses pipes and devices.
 
     Parameters
     ----------

@@ -2,10 +2,10 @@
 
 The command `python -m dic.hdf5.inspection` reads paths of files and answers whether each file is good;
 `serve` describes the lines. With a path as its argument, the command answers for this file only. Every file
-is inspected in a process of its own. The inspection visits every
-object in the file. The files of this program are trees of groups and data sets, each with one name. A file
-is refused if it holds anything else: links to places outside the tree, data stored in other files,
-references to objects, or declared sizes that the file cannot hold.
+is inspected in a process of its own. The inspection visits every object in the file. The files of this
+program are trees of groups and data sets, each with one name. A file is refused if it holds anything else:
+links to places outside the tree, data stored in other files, references to objects, or declared sizes that
+the file cannot hold.
 """
 
 import json
@@ -22,7 +22,7 @@ import numpy as np
 
 _MEMORY_BYTES = 4 << 30
 PROCESSOR_S = 8
-"""Time on the processor that an inspection may take, however busy the machine is; a good file takes 0.1 s."""
+"""Processor time that an inspection may take, however busy the machine is; a good file takes 0.1 s."""
 
 _IDLE_S = 60.0
 """The process ends if it gets no request for this time."""
@@ -34,7 +34,7 @@ _DEPTH_MAX = 8
 _RANK_MAX = 5
 _ATTRIBUTE_BYTES_MAX = 1 << 20
 _DECLARED_BYTES_MIN = 64 << 20
-"""Every file may declare this number of bytes, because HDF5 does not store rows that are not written."""
+"""Number of bytes that even a small file may declare, because HDF5 stores no rows that are not written."""
 _READ_BYTES_MAX = 16 << 20
 _FILTERS = {h5py.h5z.FILTER_FLETCHER32, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE}
 
@@ -76,7 +76,7 @@ def inspect(path: Path) -> None:
     except OSError as error:
         raise Refusal("a file that was cut off or is no HDF5") from error
     with opened as file:
-        # A sparse file holds less than its size says.
+        # Count the stored blocks, because the size of a sparse file is larger than its content.
         stored = os.stat(path).st_blocks * 512  # noqa: PTH116
         _Walk(2 * stored + _DECLARED_BYTES_MIN).group(h5py.h5g.open(file.id, b"/"), "/", 0)
 
@@ -173,10 +173,10 @@ def _report(path: Path) -> str:
 def _inspect_in_child(path: Path) -> tuple[int, str]:
     """Inspect a file in a child process; return the child's exit status and its report.
 
-    The status is negative for the number of a signal that ended the child.
-    This process has one thread, so forking is safe; and it has loaded HDF5, so forking is quick.
+    If a signal ended the child, the status is the negative number of this signal. This process has one
+    thread, so forking is safe. This process has loaded HDF5, so forking is quick.
     """
-    import resource  # Windows has none, but does not call this function
+    import resource  # Windows lacks this module, but never calls this function
 
     read_end, write_end = os.pipe()
     child = os.fork()
@@ -198,8 +198,8 @@ def _inspect_in_child(path: Path) -> tuple[int, str]:
 def serve(requests: int, answers: int) -> None:
     """Inspect file after file, until the other program ends or sends nothing for a minute.
 
-    A request is a JSON text with the path of a file, on a line of its own. The answer is a line with the JSON
-    list of the exit status of the inspecting process, negative for a signal, and its report.
+    A request is a JSON text with the path of a file, on a line of its own. The answer is a JSON list on one
+    line. The list holds the exit status of the inspecting process, negative for a signal, and its report.
     """
     import resource
 

@@ -16,11 +16,14 @@ _process: subprocess.Popen[bytes] | None = None
 _owner = 0
 """The process that started the inspector; a copy made by `os.fork` must not use the same pipes."""
 _of_others: list["subprocess.Popen[bytes]"] = []
-"""Inspectors of the process from which this process was copied, kept not to be waited for."""
+"""Inspectors of the process from which this process was copied.
+
+This list keeps the `Popen` objects, because Python would poll the processes when it deletes these objects.
+"""
 
 
 def ask_inspector(path: Path, timeout_s: float) -> tuple[int, str]:
-    """Let the inspecting process visit a file.
+    """Let the inspecting process inspect a file.
 
     Parameters
     ----------
@@ -31,7 +34,8 @@ def ask_inspector(path: Path, timeout_s: float) -> tuple[int, str]:
     Returns
     -------
     status : int
-        Exit status of the process that visited the file, negative for the number of a signal.
+        Exit status of the process that inspected the file; if a signal ended it, the signal's negative
+        number.
     said : str
         The reason why the file is refused; empty if the file is good.
 
@@ -50,13 +54,13 @@ def ask_inspector(path: Path, timeout_s: float) -> tuple[int, str]:
             if line:
                 status, said = json.loads(line)
                 return int(status), str(said)
-            # The process had ended, because it was idle or was killed: start it again.
+            # The process has ended, because it was idle or was killed. Start a new process.
             _end()
     raise OSError("the process ended twice without an answer")
 
 
 def _ask_once(path: Path, timeout_s: float) -> tuple[int, str]:
-    """Start a process for this file alone. Windows cannot copy a process that has loaded HDF5 already."""
+    """Start a process for this file alone, because Windows cannot copy a process that has loaded HDF5."""
     command = [*_COMMAND, str(path.absolute())]
     try:
         ended = subprocess.run(

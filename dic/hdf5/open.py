@@ -9,7 +9,7 @@ from dic.files.reading import kind_of
 from dic.hdf5.inspector import ask_inspector
 
 _TIMEOUT_S = 18.0
-"""For a process that sleeps: one that works is ended earlier, by its own limit."""
+"""Longest wait for an inspection. An inspection that computes for too long ends earlier by its own limit."""
 
 _inspected: set[tuple[int, int, int, int]] = set()
 """Files that passed the inspection, identified by device, file number, size and time of the last change."""

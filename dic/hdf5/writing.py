@@ -128,5 +128,5 @@ class _Bytes(RawIOBase):
         self._file.seek(self._at)
         done = 0
         while done < len(data):
-            # A disk that is nearly full takes a part, and refuses the rest with the reason.
+            # A nearly full disk accepts a part of the data. The next attempt then raises the error.
             done += self._file.write(data[done:]) or 0

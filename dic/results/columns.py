@@ -1,4 +1,4 @@
-"""Groups of an open result file, whose datasets are opened once and whose single values are read at once."""
+"""The groups of an open result file. Each dataset is opened once, and all its single values are read once."""
 
 from typing import Any
 

@@ -18,7 +18,7 @@ from dic.typing import PathLike
 _PIXELS = ["x_px", "y_px", "u_px", "v_px", "zncc", "status"]
 _MILLIMETRES = ["X_mm", "Y_mm", "U_mm", "V_mm"]
 _OTHERS = {*_PIXELS, *_MILLIMETRES, "std_u_px", "std_v_px", "valid"}
-"""Values that are no strains."""
+"""Names of the columns that are not strains."""
 
 
 class Table:
@@ -121,7 +121,10 @@ def write_points(points: PointValues, path: PathLike, *, decimal_comma: bool = F
 
 
 def _digits(name: str) -> int:
-    """Return the decimals of a value: far below the standard deviation of a good measurement."""
+    """Return the number of decimals of a value.
+
+    The last decimal is far below the standard deviation of a good measurement.
+    """
     if name.endswith("_mm"):
         return 7
     return 6 if name in _OTHERS else 9

@@ -71,18 +71,18 @@ class StoredFields:
         return self.field(k)
 
     def field(self, k: int, *, gradients: bool = True) -> Field:
-        """Return a field; without gradients, which need not be read, these are NaN."""
+        """Return a field. If `gradients` is False, the gradients are not read and are NaN."""
         series = self._columns
-        # Files of earlier versions lack the interpolation bias: images were not smoothed.
+        # Files of earlier versions lack the interpolation bias, and their images were not smoothed.
         known = "bias_u_px" in series
         bias = np.stack([series["bias_u_px"][k], series["bias_v_px"][k]], axis=-1) if known else None
         std = self._joined(k, "std_u_px", "std_v_px", "std_gradient", gradients=gradients)
         if "noise_std_px" in series:
             std[..., [0, 3]] = series["noise_std_px"][k]
         elif bias is not None:
-            # The standard deviations of displacements contain the bias.
+            # The stored standard deviations of displacements contain the bias, so subtract its square.
             std[..., [0, 3]] = np.sqrt(np.maximum(std[..., [0, 3]] ** 2 - bias**2, 0.0))
-        # Files of earlier versions lack this value: the program could not yet take new references.
+        # Files of earlier versions lack this value, because those versions could not take new references.
         updates = int(series["updates"][k]) if "updates" in series else 0
         return Field(
             x_px=self._x_px,
@@ -98,7 +98,8 @@ class StoredFields:
             updates=updates,
             smoothing_px=float(series["smoothing_px"][k]) if known else 0.0,
             greatest_bias_px=_pair(series["greatest_bias_px"][k]) if known else (0.0, 0.0),
-            # The bias of a single field, and that of its gradient, follow from its displacements.
+            # If there was no new reference, both biases are computed from the displacements and their
+            # gradients.
             stored_bias_px=bias if updates or not gradients else None,
             region=self.region,
             grid=self.grid,

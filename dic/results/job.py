@@ -1,4 +1,4 @@
-"""All that determines a result, as texts that can be compared: equal texts and images give the same bits."""
+"""All that determines a result, as texts. Equal texts and equal images give bit-identical results."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -51,7 +51,8 @@ class Outcome:
     failure : str or None
         The reason why the image could not be correlated; None if it was correlated.
     time : ImageTime
-        When the image was taken; not known for the steps of a run, which have a time of their own.
+        When the image was taken. The time is not known here for a step of a run, because the run file holds
+        it.
     """
 
     label: str

@@ -16,7 +16,7 @@ _WRITER = re.compile(r"\boffaxis [\w.+!]+")
 
 
 def use_result(path: Path, use: Callable[[Any], Result], refusal: Callable[[Path, str], Exception]) -> Result:
-    """Return what `use` makes of the open file, which is closed then. A damaged file is refused."""
+    """Call `use` with the open file, close the file, and return the result; refuse a damaged file."""
 
     def closing(file: Any) -> Result:
         with file:
@@ -28,10 +28,10 @@ def use_result(path: Path, use: Callable[[Any], Result], refusal: Callable[[Path
 def load_result(
     path: Path, read: Callable[[Any], Result], refusal: Callable[[Path, str], Exception]
 ) -> Result:
-    """Return what `read` makes of the open file, which stays open. `refusal` makes the error of a bad file.
+    """Call `read` with the open file, and return the result; the file stays open.
 
-    `read` must touch every value once. Then a file that lacks a value is refused now, and not in the middle
-    of a report.
+    For a damaged file, the error that `refusal` returns is raised. The function `read` must access every
+    value once. Then a file that lacks a value is refused now, and not in the middle of a report.
     """
     try:
         file = open_hdf5(path)
@@ -45,7 +45,7 @@ def load_result(
     except MeasurementError:
         raise
     except Exception as error:
-        # A damaged file can cause any exception here. Everything in this block only reads the file.
+        # A damaged file can cause any exception here. The `try` block only reads the file.
         raise refusal(path, f"a result file that lacks some of its data ({type(error).__name__})") from error
 
 

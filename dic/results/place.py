@@ -11,11 +11,11 @@ class ResultPlace:
     Attributes
     ----------
     path : Path
-        The result file. If it holds the same results already, it stays as it is.
+        The result file. If it already holds the same results, it is not written again.
     replace : bool
         True if other results there may be replaced.
     anew : bool
-        True if the finished images of an equal measurement that was interrupted are removed, not used.
+        True to remove, and not use, the images that an equal measurement finished before it was interrupted.
     fields_from : Path, optional
         A result file whose fields are used instead of a correlation. Default: `path`, if its fields are
         those of this measurement.

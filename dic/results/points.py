@@ -20,7 +20,7 @@ CORRECTED = "corrected_"
 
 @dataclass(frozen=True)
 class PointValues:
-    """All that is known at the points of an image, by the names that files have for it.
+    """All that is known at the points of an image, under the names that are used in files.
 
     Attributes
     ----------
@@ -35,9 +35,9 @@ class PointValues:
         `_deg`; other values have none. `status` has the numbers of `Status`. `valid` is 1 where a calibrated
         displacement is not extrapolated. `docs/results.md` explains the names.
     strain_kind : str
-        "raw" or "calibrated": what `exx` … are.
+        Kind of the strains `exx` …: "raw" or "calibrated".
     measurement : Measurement
-        The measurement, for what only some files have.
+        The measurement itself, for the values that only some kinds of files need.
     """
 
     label: str

@@ -185,10 +185,11 @@ def _read_measurement(
 
 
 def _read_by_images(group: Columns, k: int, mean: MeanStrain) -> MeanStrain | None:
-    """Return the mean strain with the standard deviations of the images; None if the file has no others."""
+    """Return the mean strain with the standard deviations that images cause; None if these are not stored."""
     if IMAGES_KEYS[0] not in group:
         return None
-    # Those of the principal strains are not stored, and nobody asks for them.
+    # The standard deviations of principal strains that images cause are not stored, because no caller needs
+    # them.
     unknown: dict[str, Any] = {name: np.nan for name in MEAN_KEYS if name.endswith("_std")}
     parts: dict[str, Any] = {name.removesuffix("_images"): float(group[name][k]) for name in IMAGES_KEYS}
     return replace(mean, **unknown | parts)
@@ -237,7 +238,7 @@ def _read_displacement(group: Columns, k: int) -> Displacement:
 
 
 def _read_strain(group: Columns, k: int) -> StrainField:
-    # Files of earlier versions lack the parts of the standard deviations, and so do raw strains.
+    # The parts of the standard deviations are missing in files of earlier versions and for raw strains.
     parts = {name: group[name][k] for name in IMAGES_KEYS if name in group}
     return StrainField(**{name: group[name][k] for name in STRAIN_KEYS}, **parts)
 

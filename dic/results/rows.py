@@ -12,7 +12,7 @@ from dic.results.schema import units_of
 Array = NDArray[Any]
 
 PENDING_MAX = 64
-"""Rows of single values that are kept in memory. Their number limits the memory, not the speed."""
+"""Number of rows of single values that are kept in memory before they are written together."""
 
 
 class Rows:
@@ -26,7 +26,7 @@ class Rows:
         self._groups: dict[str, _Group] = {}
 
     def append(self, group: Any, n: int, values: Mapping[str, Any], *, write: bool = True) -> None:
-        """Write the row `n` of datasets of a group, which are created where they are missing.
+        """Write row `n` of the datasets of a group; create datasets that do not exist yet.
 
         Rows that are not written are NaN, 0 or "", and take no space in the file.
         """
@@ -72,7 +72,7 @@ class _Group:
 
     def write_pending(self, *, last: bool = False) -> None:
         for name, values in self.pending.items():
-            # a dataset that never grows is smaller and is written faster
+            # Give the dataset a fixed size, because such a dataset is smaller and is written faster.
             if last and name not in self.datasets:
                 _create(self.group, name, _column(values, 0))
                 continue
@@ -93,7 +93,7 @@ class _Group:
 
 
 def _column(values: Mapping[int, Any], first: int) -> Array:
-    """Return the values of the rows from `first` on; missing ones are NaN, 0 or ""."""
+    """Return the values of the rows from `first` on; values of missing rows are NaN, 0 or ""."""
     some = np.asarray(next(iter(values.values())))
     kind = object if some.dtype.kind == "U" else some.dtype
     column = np.full(max(values) + 1 - first, _fill(some.dtype), kind)

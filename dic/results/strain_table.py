@@ -17,7 +17,7 @@ _DIGITS = {
     "converged_percent": 2,
     "rotation_deg": 6,
 }
-"""Decimals of the columns; strains have more."""
+"""Number of decimals of each column; columns of strains have `_STRAIN_DIGITS` decimals."""
 _STRAIN_DIGITS = 9
 _KINDS = ("raw", "calibrated", "corrected")
 _STRAINS = tuple(name for component in COMPONENTS for name in (component, f"{component}_std"))
@@ -33,9 +33,10 @@ def write_strain_table(
     Parameters
     ----------
     rows : sequence of mapping
-        For each image the result of `Measurement.summary`; with a correction, its `Correction.as_dict` under
-        the key "corrected"; and, if known, "camera", "step", "load_n", "displacement_mm", "angle_deg",
-        "time_s" and "time_source". Of an image that was not measured, the keys "file" and "error".
+        One mapping for each image, the result of `Measurement.summary`. If there is a correction, the key
+        "corrected" holds the result of `Correction.as_dict`. Further keys hold known values: "camera",
+        "step", "load_n", "displacement_mm", "angle_deg", "time_s" and "time_source". For an image that was
+        not measured, the mapping has the keys "file" and "error" instead of the summary.
     path : path
     decimal_comma : bool
         True for numbers with a decimal comma and semicolons between cells.
@@ -83,7 +84,8 @@ def _values(row: Mapping[str, Any]) -> dict[str, Any]:
         if kind != "corrected" or corrected.get("applied"):
             values |= {f"{kind}_{name}": mean.get(name) for name in _STRAINS}
     if "calibrated" in row and "exx_std_images" not in row["calibrated"]:
-        # Result files of earlier versions have the noise alone, a small part of the error.
+        # Leave these columns empty, because the standard deviations in files of earlier versions contain only
+        # the noise, a small part of the error.
         values |= {f"calibrated_{name}_std": None for name in COMPONENTS}
     values["rotation_deg"] = row.get("raw", {}).get("rotation_deg")
     values["correction"] = corrected.get("method") if corrected.get("applied") else corrected.get("reason")

@@ -70,7 +70,7 @@ class FinishedImage:
 
     @property
     def outcome(self) -> Outcome:
-        """What a result file says of the image beside its fields."""
+        """What a result file stores about the image in addition to the image's fields."""
         return Outcome(self.label, self.content, self.failure, self.time)
 
     @property
@@ -152,7 +152,7 @@ class FinishedImages:
         except FileNotFoundError:
             pass
         except _UNREADABLE:
-            # A power failure can damage a file. Then its image is correlated again.
+            # A power failure can damage the file of an image. Then the image is correlated again.
             pass
         self._remove_from(number)
         return None
@@ -168,7 +168,7 @@ class FinishedImages:
             if "from_first" in plain:
                 first = current = self._field("from_first", plain, stored, shared)
                 if "from_current" in plain:
-                    # Only displacements of this field are used: they are the next image's first guess.
+                    # Only the displacements of this field are used, as the first guess for the next image.
                     alone = {"settings": shared["settings"]}
                     current = self._field("from_current", plain, stored, alone)
                 image = replace(image, fields=SeriesFields(first, current))
@@ -181,7 +181,8 @@ class FinishedImages:
         return Field(**values, **shared)
 
     def _remove_from(self, number: int) -> None:
-        # The last image is removed first. If the program is killed meanwhile, no later image stays behind.
+        # Remove the last image first. If the program is killed meanwhile, no image remains after a removed
+        # image.
         for path in sorted(self._folder.glob("*.npz"), reverse=True):
             if int(path.stem) >= number:
                 path.unlink()
@@ -191,7 +192,7 @@ class FinishedImages:
 
 
 def _parts(field: Field) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the attributes of a field that are no arrays, and those that are."""
+    """Return two dicts: the attributes of a field that are not arrays, and those that are arrays."""
     values = {item.name: getattr(field, item.name) for item in fields(field) if item.name not in _NOT_STORED}
     arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
     return {name: value for name, value in values.items() if name not in arrays}, arrays
@@ -224,7 +225,7 @@ def unfinished(
 
     The folder stays if the `with` block raises an error, so that the measurement can go on later. At the end
     of the block, when the result file is complete, the folder is removed. Every job has a folder of its own,
-    so other settings never remove what was finished before.
+    so a measurement with other settings removes no finished images.
 
     Parameters
     ----------
@@ -235,7 +236,7 @@ def unfinished(
     outputs : iterable of Path
         The other files that the measurement writes.
     anew : bool
-        True if images that an equal measurement finished before it was interrupted are removed first.
+        True to remove first the images that an equal measurement finished before it was interrupted.
 
     Raises
     ------
@@ -295,11 +296,11 @@ def outputs_of(result: Path) -> list[Path]:
 
 @contextmanager
 def result_place(output: PathLike | None) -> Iterator[Path]:
-    """Give the path of the result file, or a temporary one if there is to be none."""
+    """Provide the path of the result file, or a temporary path if the user wants no result file."""
     if output is not None:
         yield Path(output)
         return
-    # Where an open file cannot be removed, the system removes the folder of temporary files.
+    # Ignore errors, because some systems cannot remove an open file. They remove temporary files later.
     with TemporaryDirectory(prefix="offaxis-", ignore_cleanup_errors=True) as folder:
         yield Path(folder) / "results.h5"
 

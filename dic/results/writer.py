@@ -100,7 +100,7 @@ class ResultWriter:
             Name of the group of the file that holds the series.
         measurement : Measurement
         correction : Correction, optional
-            The correction of the measurement. Give one for all images of a series, or for none.
+            The correction of the measurement. Give a correction for every image of a series, or for none.
         elsewhere : bool
             True if the corrected displacements and strains are stored in another group of the file. They are
             not stored twice, because they take most of the space in the file.
@@ -141,7 +141,7 @@ class ResultWriter:
         )
         table |= _known_rows({name: summary.get(name) for name in PLANE_KEYS})
         table[SHARED_KEY] = correction.shared_errors
-        # The parts that no image of the series has are left out.
+        # Leave out parts that no image of the series has.
         parts = [name for name in UNCERTAINTY_KEYS if name in summary or self._rows.holds(means, name)]
         self._rows.append(means, n, table | _known_rows({name: summary.get(name) for name in parts}))
         if correction.declined is None:

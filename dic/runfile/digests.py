@@ -91,7 +91,7 @@ def file_digest(path: Path, pixels: Iterable[tuple[int, int]]) -> str:
             file.seek(position)
             while position < min(first, end):
                 piece = file.read(min(_PIECE_BYTES, first - position))
-                if not piece:  # somebody cut the file off meanwhile
+                if not piece:  # another program has shortened the file meanwhile
                     break
                 digest.update(piece)
                 position += len(piece)

@@ -29,7 +29,7 @@ def read_interlocks(file: Any) -> dict[str, RunInterlock]:
     Raises
     ------
     Unlike
-        If the range of an interlock has no values.
+        If the range of an interlock is empty: its lower bound exceeds its upper bound.
     """
     return {
         name: _read(name, file["entry"][schema.INTERLOCKS_GROUP][name].attrs)

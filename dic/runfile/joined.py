@@ -1,4 +1,4 @@
-"""Read a run and the earlier run that it continues as a single run."""
+"""Read a run, together with the earlier run that it continues, as a single run."""
 
 import hashlib
 from pathlib import Path
@@ -28,7 +28,7 @@ def open_run(path: str | Path) -> RunFile:
     Raises
     ------
     RunFileError
-        If a file cannot be read, or if the earlier run is missing or is another one.
+        If a file cannot be read, or if the file of the earlier run is missing or was changed.
     """
     run = RunFile(path)
     if run.continues is None:
@@ -86,7 +86,8 @@ class JoinedRun(RunFile):
     def _open_earlier(self) -> RunFile:
         known: dict[str, Any] = self.continues or {}
         name = str(known.get("file", ""))
-        # A name only: a run file must not bring another file of the computer into a report.
+        # Accept only a name without folders, so that a run file cannot bring any file of the computer into a
+        # report.
         if not name or name != Path(name).name:
             raise self._damaged(f"the earlier run {name!r}")
         place = self.path.parent / name

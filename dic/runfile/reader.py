@@ -204,7 +204,7 @@ class RunFile:
             raise self._damaged(f"a damaged image {row} of {camera}") from error
 
     def columns(self, table: str) -> dict[str, NDArray[Any]]:
-        """Return the complete rows of a table below the entry, by column.
+        """Return the complete rows of a table in the file's group `entry`, by column.
 
         A table's name is, for example, "instrument/stage" or, for the interlock door, "interlocks/door".
         A table that the run does not have gives an empty dict.

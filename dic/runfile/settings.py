@@ -14,7 +14,7 @@ Setting = str | float | int | bool
 def settings_of(
     columns: Mapping[str, NDArray[Any]], device: str, moment: schema.Moment
 ) -> dict[str, Setting]:
-    """Return the settings of a device at a moment by name; none if the device did not report any.
+    """Return the settings of a device at a moment, by name; empty if the device did not report any.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def settings_of(
     Raises
     ------
     ValueError
-        If a value is no JSON.
+        If a value is not valid JSON.
     """
     if not columns:
         return {}

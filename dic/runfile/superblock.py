@@ -1,4 +1,4 @@
-"""The superblock of an HDF5 file, which says if the file is open for writing and how long the file is.
+"""The superblock of an HDF5 file, which says whether the file is open for writing, and how long it is.
 
 HDF5 refuses to open a file if its writer was killed, or if the file is shorter than its superblock says. This
 module repairs such files. The repair changes only the superblock and no other byte. Source: HDF5 File Format

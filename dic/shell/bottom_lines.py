@@ -1,4 +1,4 @@
-"""Lines at the bottom of a terminal that change while a command works; all printed lines stand above them."""
+"""Lines at the bottom of a terminal that change while a command works. Other lines are printed above them."""
 
 import os
 import stat
@@ -18,8 +18,8 @@ def bottom_lines(draw: "Callable[[], RenderableType]", refreshes_per_s: float) -
     """Return Rich's display of the lines that `draw` returns, or None if nothing may be drawn.
 
     Nothing may be drawn if standard error is not a terminal, or is a terminal that cannot move its cursor.
-    Nothing may be drawn either if standard output is a pipe: its reader, such as `tee`, may print on the same
-    terminal, and would then print into the drawn lines.
+    Nothing may be drawn if standard output is a pipe, because the reader of the pipe, such as `tee`, may
+    print on the same terminal, between the drawn lines.
 
     Parameters
     ----------
@@ -49,6 +49,6 @@ def _leads_to_a_reader() -> bool:
     try:
         mode = os.fstat(sys.stdout.fileno()).st_mode
     except (OSError, ValueError):
-        # a stream without a descriptor keeps its lines in memory
+        # A stream without a descriptor keeps its lines in memory, so no other program reads them.
         return False
     return stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode)

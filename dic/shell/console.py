@@ -66,7 +66,7 @@ def fail(sentence: str) -> None:
 
 def _status(command: click.Command, foreseen: tuple[type[Exception], ...], prefix: str) -> int:
     try:
-        # With standalone mode off, click returns the status of `Context.exit` and raises all errors.
+        # If standalone mode is off, click returns the status of `Context.exit` and raises all errors.
         with _ending_like_ctrl_c():
             return command.main(standalone_mode=False) or 0
     except SystemExit as end:

@@ -31,7 +31,8 @@ def require_places(
     force : bool
         True if existing files may be replaced. Folders, devices, pipes and inputs are never replaced.
     replaceable : iterable of path
-        Existing files that may be replaced in any case: those of the same work, which was interrupted.
+        Existing files that may be replaced in any case, because an interrupted run of the same work wrote
+        them.
     new_folders : iterable of path
         Folders that will be made before the work begins, with all folders above them.
 
@@ -63,13 +64,13 @@ def require_places(
 
 
 def _resolved(path: Path) -> Path:
-    # Path.resolve raises an error without a reason for a link that leads to itself.
+    # Use os.path, because Path.resolve raises an error without a reason for a link that leads to itself.
     return Path(os.path.realpath(path))
 
 
 def _obstacle(place: Path, made: Collection[Path]) -> str | None:
     if place.is_symlink():
-        # a resolved path is a link only if links form a circle
+        # A resolved path is still a link only if links form a circle.
         return "a link that leads to itself"
     if place.exists() and (kind := kind_of(place.stat().st_mode)):
         return kind

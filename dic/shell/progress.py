@@ -15,7 +15,7 @@ _REFRESHES_PER_S = 10.0
 
 
 class Bar:
-    """A progress bar below the printed lines, where `bottom_lines` may draw; elsewhere nothing is shown.
+    """A progress bar below the printed lines. It is shown only where `bottom_lines` may draw.
 
     All threads may use the same bar.
     """
