@@ -36,8 +36,8 @@ _SHOWN = {
 def assess(output: Path, json_file: Path | None, force: bool) -> None:
     """Repeat the paper's numerical assessment of the calibration, and write figures 2 to 14 and a table.
 
-    A simulated pinhole camera images an exact grid. Because this grid and its image have no errors, the
-    remaining error of the bicubic map is the error of the calibration method alone. Helm and Deaner claim
+    A simulated pinhole camera records an image of an exact grid. This grid and its image have no errors. So
+    the remaining error of the bicubic map is the error of the calibration method alone. Helm and Deaner claim
     errors below 0.02 px. The command prints the angles and distortions beyond which this claim does not hold.
     The command also compares the errors of the bicubic map with those of the pinhole model.
     """

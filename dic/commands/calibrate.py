@@ -123,8 +123,8 @@ def calibrate(
 
     A pinhole model is fitted in addition to Helm and Deaner's bicubic map. If the camera looks nearly
     straight at the target, further images of the tilted target by the same camera determine the focal length.
-    The target's plane in the first image is the plane of the measurement, unless --plate-mm tells that the
-    specimen's surface lies behind it.
+    The target's plane in the first image is the plane of the measurement. If the specimen's surface lies
+    behind this plane, give the distance with --plate-mm.
     """
     from dic import calibrate_images, plot_calibration, save_calibration
     from dic.commands.calibration_text import summarise, text

@@ -140,5 +140,5 @@ def _with_std(value: float, std: float) -> str:
 
 
 def _finite(value: float) -> float | None:
-    """Replace NaN, which marks an unknown value, by None, because JSON has no NaN."""
+    """Return None for NaN, which marks an unknown value, because JSON has no NaN."""
     return value if math.isfinite(value) else None

@@ -60,8 +60,8 @@ def correlate(
     """Correlate DEFORMED images with the REFERENCE image.
 
     DEFORMED are image files, folders, quoted patterns such as "img*.tif", and TIFF files and videos, whose
-    pages and frames are all measured. Names are taken in natural order: img2 before img10. Without DEFORMED,
-    the first image of a folder, pattern, TIFF file or video is the reference of the others.
+    pages and frames are all measured. Files are sorted in natural order: img2 before img10. Without DEFORMED,
+    the first image of a folder, pattern, TIFF file or video is the reference of the other images.
 
     If an image cannot be measured, the command reports the image and continues with the next. Ctrl-C ends
     the series after the current image and keeps its results. Exit status: 0 if all images are measured well,
@@ -124,7 +124,7 @@ def correlate(
         if outputs.json_file is not None:
             work.write_json(outputs.json_file, str(sources.reference), series.specimen)
         motion.save(work.alignment)
-        # Pictures come last: they can be made again from what is written by now.
+        # Write the pictures last, because they can be made again from the files that are written by now.
         work.draw()
         if not whole:
             correlated.stay()
@@ -137,11 +137,11 @@ def _require_places(
     new_folders: "Sequence[Path]",
     outputs: OutputOptions,
 ) -> None:
-    """Raise an error if an output file cannot be written; an unfinished result may be gone on with."""
+    """Raise an error if an output file cannot be written; an unfinished result may be continued."""
     from dic.results.unfinished import outputs_of
 
     standing = [] if outputs.output is None else [outputs.output]
     earlier = [path for output in standing for path in outputs_of(output)]
-    # Whether a result that stands there can be used is known when the reference is read.
+    # Only after the reference is read, it is known whether an existing result file can be used.
     replaceable = [*earlier, *standing]
     require_places(inputs, written, force=outputs.force, replaceable=replaceable, new_folders=new_folders)

@@ -53,7 +53,7 @@ fields_from_option = click.option(
     " are used, and nothing is correlated. Default: the file of -o, if it is such a file.",
 )
 COMMA_NEEDS = {"--decimal-comma": ["--csv"]}
-"""What `comma_option` needs beside it, for `option_group`."""
+"""The options of which `comma_option` needs one, for `option_group`."""
 poisson_option = click.option(
     "--poisson-ratio", default=0.33, show_default=True, help="Poisson's ratio of the specimen, for bending."
 )
@@ -161,7 +161,7 @@ class StrainOptions:
     strain_from: str | None
 
     def settings(self, known: "StrainSettings | None" = None) -> "StrainSettings":
-        """Return the options as `StrainSettings`; an option that is None has its value in `known`."""
+        """Return the options as `StrainSettings`; if an option is None, its value comes from `known`."""
         from dic import StrainSettings
 
         values = zip(

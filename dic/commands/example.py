@@ -22,8 +22,8 @@ NEXT = (
 def example(folder: Path, force: bool) -> None:
     """Write a small tension test to FOLDER: images, a mask, the machine's record, and the true strains.
 
-    The images are simulated, so the strain in each of them is known exactly. The printed commands measure
-    them.
+    The images are simulated, so the strain in each of them is known exactly. The command prints further
+    commands, which measure these images.
     """
     from dic import OutputError, write_example
     from dic.example.copy import FILES, example_places

@@ -32,9 +32,9 @@ def export(
 ) -> None:
     """Write the fields of all images in RESULTS for other programs: ParaView, MATLAB, a spreadsheet, Python.
 
-    RESULTS is a result file of `dic correlate` or `dic process`. Each image is read, written in each FORMAT,
-    and forgotten: csv (tables), tiff (one picture of floating point per value and image), vtk (ParaView), mat
-    (MATLAB), npz (NumPy), netcdf (xarray), dice (text in the columns of DICe).
+    RESULTS is a result file of `dic correlate` or `dic process`. Memory holds one image at a time. Each
+    FORMAT is one of: csv (tables), tiff (one picture of floating point per value and image), vtk (ParaView),
+    mat (MATLAB), npz (NumPy), netcdf (xarray), dice (text in the columns of DICe).
 
     Exit status: 0 if everything is written, 2 if not.
     """

@@ -49,7 +49,7 @@ class FieldOptions:
         camera: str | None = None,
         gauges: "Sequence[Gauge] | None" = None,
     ) -> "tuple[GaugeSeries, str, JoinedRecord | None]":
-        """Read the declared gauges, or else `gauges`, with the load of each image.
+        """Read the declared gauges, or `gauges` if none are declared, and the load of each image.
 
         Returns
         -------

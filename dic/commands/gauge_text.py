@@ -11,7 +11,7 @@ _NAME_WIDTH, _CELL_WIDTH, _MOST_WIDTH = 24, 19, 100
 
 
 def gauge_lines(series: "GaugeSeries") -> Iterator[str]:
-    """Yield a line about each gauge, and a table of their strains in all images, at most 100 characters wide.
+    """Yield a line about each gauge, and a table of all gauges' strains, at most 100 characters wide.
 
     If there are many gauges, the table has several parts.
     """
@@ -39,7 +39,7 @@ _IMAGE_TIMES = {
 
 
 def joined_line(joined: "JoinedRecord") -> str:
-    """Return how a machine's record was joined to the images."""
+    """Return a line that says how a machine's record was joined to the images."""
     if joined.offset_s is None:
         return f"load: joined by {joined.join}"
     std = "" if joined.offset_std_s is None else f" ± {joined.offset_std_s:.2g} s, found from load and strain"
@@ -48,7 +48,7 @@ def joined_line(joined: "JoinedRecord") -> str:
 
 
 def gauges_dict(series: "GaugeSeries") -> dict[str, Any]:
-    """Return gauges and readings for the JSON of a command that measures: `gauges` and `gauge_readings`."""
+    """Return `gauges` and `gauge_readings` for the JSON file of a command that measures images."""
     content = series.as_dict()
     return {"gauges": content["gauges"], "gauge_readings": content["images"]}
 

@@ -75,12 +75,12 @@ def gauges(
     """Read extensometers, strain-gauge areas, line cuts and points in all images of RESULTS.
 
     RESULTS is a result file of `dic correlate` or `dic process`. GAUGES is a TOML file that declares gauges
-    by name. Nothing is correlated again. For each gauge the best strain is printed: corrected, else
-    calibrated, else raw. With --record, the CSV table and the JSON file have the load of a testing machine
-    too.
+    by name. No image is correlated again. For each gauge the command prints the best strain: corrected strain
+    if it exists, else calibrated, else raw strain. With --record, the CSV table and the JSON file also
+    contain the load of a testing machine.
 
-    Exit status: 0 if every gauge has a reading in every image, 1 if one has none, 2 if the gauges or the
-    results cannot be used.
+    Exit status: 0 if every gauge has a reading in every image, 1 if a reading is missing, 2 if the gauges or
+    the results cannot be used.
     """
     from dic import measure_gauges, read_gauges, write_gauge_picture, write_gauge_table
     from dic.commands.gauge_text import gauge_lines, joined_line

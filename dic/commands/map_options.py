@@ -33,7 +33,7 @@ class MapOptions:
     sheets: tuple[str, ...]
 
     def settings(self, *, calibrated: bool) -> "MapSettings":
-        """Return the options as `MapSettings`; `calibrated` if there is a calibration for axes in mm."""
+        """Return the options as `MapSettings`; `calibrated` is True if there is a calibration for mm."""
         from dic import MapSettings
 
         parts = self._settings, self._limits, self._require_format, self.contact_sheets
@@ -98,7 +98,7 @@ class MapOptions:
             )
 
 
-# A contact sheet is always on the reference and has one scale.
+# A contact sheet always shows the reference image and has one scale.
 _OF_MAPS = "format", "quantities", "on", "scale"
 _OF_ALL_PICTURES = "axes", "limits", "colours", "width-mm", "dpi"
 

@@ -28,8 +28,8 @@ def option_group(
     *options
         Results of `click.option`, in the order of the help text.
     needs : mapping of str to sequence of str, optional
-        For an option such as ``"--decimal-comma"`` the options of which it needs at least one. If it is given
-        without any of them, the command raises an error.
+        Maps an option, such as ``"--decimal-comma"``, to other options of which it needs at least one. If the
+        option is given without any of these, the command raises an error.
     """
     names = [field.name for field in fields(kind)]
 
@@ -58,7 +58,7 @@ def _require_effect(needs: Mapping[str, Sequence[str]]) -> None:
     }
     idle = [option for option, partners in needs.items() if option in given and not given & set(partners)]
     if idle:
-        # an option that gives all of them an effect, if there is one
+        # the one option that gives an effect to all given options, if there is such an option
         shared = [name for name in needs[idle[0]] if all(name in needs[option] for option in idle)]
         partners = " or ".join(shared or dict.fromkeys(name for option in idle for name in needs[option]))
         options = ", ".join(idle)
@@ -68,7 +68,7 @@ def _require_effect(needs: Mapping[str, Sequence[str]]) -> None:
 
 
 def as_in_results(command: click.Command, names: Sequence[str]) -> None:
-    """Let options without a value mean the value with which the results on file were computed."""
+    """Let an option without a value mean the value with which the results in a file were computed."""
     for parameter in command.params:
         if isinstance(parameter, click.Option) and parameter.name in names:
             parameter.default, parameter.show_default = None, "as in RESULTS"

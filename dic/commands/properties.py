@@ -36,7 +36,7 @@ class ColumnOptions:
     gauge_length_mm: float | None
 
     def require_results(self, path: Path) -> None:
-        """Raise an error if an option is given that a result file does not use."""
+        """Raise an error if an option is given that has no effect on a result file."""
         from dic import CurveError
 
         given = {
@@ -112,9 +112,9 @@ def properties(
     """Compute E, Rp0.2, ReH, ReL, Rm, elongations, Poisson's ratio, r and n from a tensile test.
 
     CURVE is the table of a testing machine: text with any separator, decimal points or commas, and lines of
-    text at the top. Or CURVE is a result file of `dic correlate` or `dic process`, in which gauges are read;
-    the load comes from the run, or from the machine's table with --record. Each value has a standard
-    deviation, and flags that say what speaks against it.
+    text at the top. Or CURVE is a result file of `dic correlate` or `dic process`, in which gauges are read.
+    The load then comes from the run, or from the machine's table with --record. Each value has a standard
+    deviation, and flags that name the objections to it.
 
     Exit status: 0 if E was found, 1 if not, 2 if the record cannot be used.
     """
@@ -150,7 +150,7 @@ def properties(
 def _require_no_gauges(
     path: Path, given: Mapping[str, object], choice: StrainChoice, record: RecordOptions
 ) -> None:
-    """Raise an error if an option is given that a table does not use."""
+    """Raise an error if an option is given that has no effect on a table."""
     from dic import CurveError
 
     given = {**given, "--kind": choice.strain_kind, "--camera": choice.camera}
@@ -162,7 +162,7 @@ def _require_no_gauges(
 
 
 def _say_all(found: "Properties") -> None:
-    """Print a line for each value, and what speaks against it below."""
+    """Print a line for each value, and the objections to the value below this line."""
     for name, value in found.values.items():
         symbol = name.partition("_")[0]
         if value.value is None:

@@ -154,7 +154,7 @@ def _check(
     plot_file: Path | None,
     write_mask: Path | None,
 ) -> dict[str, Any]:
-    """Check an image, print what is found, and return it for JSON."""
+    """Check an image, print the results, and return them for JSON."""
     from dic import assess_quality, plot_quality, quality_findings, write_region
     from dic.shell.console import fail, say
 
@@ -182,7 +182,7 @@ def _check(
 
 
 def _require_one(images: list[Path], options: dict[str, Path | None]) -> None:
-    """Raise an error if there are several images, but an option that is about one."""
+    """Raise an error if there are several images, but an option holds for a single image."""
     from dic import CorrelationError
 
     for option, value in options.items():

@@ -1,4 +1,4 @@
-"""Options for the record of a testing machine beside the images, for `dic gauges` and `dic properties`."""
+"""Options for the record of a testing machine, for `dic gauges` and `dic properties`."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,7 +37,7 @@ class RecordOptions:
     def joined(
         self, series: "GaugeSeries", load: str | None, time: str | None, gauge: str | None = None
     ) -> "tuple[GaugeSeries, JoinedRecord | None]":
-        """Return the series with the machine's load; unchanged without a record.
+        """Return the series with the machine's load; without a record, return the series unchanged.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class RecordOptions:
         self.require_none("--record beside it", load=load, time=time)
 
     def require_none(self, expected: str, **others: object) -> None:
-        """Raise an error if one of these options, or of the others, is given; "0" is the usual offset."""
+        """Raise an error if one of these options or of `others` is given; an offset "0" is allowed."""
         from dic import CurveError
 
         usual = {"offset_s": "0", "record_file": None}
@@ -99,7 +99,7 @@ class RecordOptions:
             raise CurveError(
                 str(self.record_file), "--load", "the column of the load and its unit", "none", remedy
             )
-        # In a table of image times, the column of names belongs to that table.
+        # If there is a table of image times, the column of names is a column of that table.
         image = None if self.image_times is not None else self.image_column
         return read_machine_record(
             self.record_file, load=load, displacement=self.displacement, time=time, image=image

@@ -81,10 +81,11 @@ def report(
     """Write one self-contained HTML report from RESULTS.
 
     RESULTS are the result files of one or more runs, from `dic process`, or of one or more series of images,
-    from `dic correlate`. With gauges, a machine's record or an area, the report of one tensile test also has
-    its material properties, from each camera without and with the correction. The load comes from the run, or
-    from the machine's table with --record; the area comes from the run, or from --area-mm2. Without declared
-    gauges, the strain of the whole measured field is taken, upwards along the specimen.
+    from `dic correlate`. If gauges, a machine's record or an area are given, RESULTS is one tensile test, and
+    the report also contains its material properties, from each camera without and with the correction. The
+    load comes from the run, or from the machine's table with --record. The area comes from the run, or from
+    --area-mm2. Without declared gauges, the strain is the mean over the whole measured field, with the axis
+    of the test upwards in the image.
     """
     from dic import MeasurementError, RunFileError
 
@@ -100,7 +101,7 @@ def report(
     except (MeasurementError, OSError):
         raise
     except Exception as error:
-        # A file can be read and still contradict itself, for example with maps of different sizes.
+        # A readable file can still contradict itself, for example if its maps have different sizes.
         raise RunFileError(
             ", ".join(map(str, results)),
             "write report",
@@ -142,7 +143,7 @@ def _tests(
     record: RecordOptions,
     test: TestOptions,
 ) -> "list[TensileTest]":
-    """Return the tensile test that the options describe; none if no option asks for one."""
+    """Return a list with the tensile test that the options describe; empty if no option asks for a test."""
     from dic import RunFileError, tensile_test, whole_field_gauges
 
     if not (any(field.given.values()) or record.record_file or about.is_given or test.area_mm2 is not None):

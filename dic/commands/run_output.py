@@ -98,13 +98,13 @@ class OutputOptions:
         try:
             content |= self.read_gauges(result, gauges) if gauges else {}
         finally:
-            # A gauge that does not fit the results takes nothing else away.
+            # If a gauge does not fit the results, all other outputs are written nevertheless.
             if self.json_file is not None:
                 write_text(self.json_file, json.dumps(content, indent=1))
 
 
 def end_run(run: str, result: "RunResult") -> None:
-    """Print what is wrong with the steps of a run, and end the command with its status."""
+    """Print the problems of a run's steps, and end the command with its exit status."""
     from dic.shell.console import fail
 
     failures = [failure for camera in result.cameras for failure in camera.failures]

@@ -103,13 +103,13 @@ def _notes(measurement: "Measurement") -> list[str]:
 
 
 def _declined_text(steps: Sequence[str], reason: str) -> str:
-    """Return which steps were not corrected, and why."""
+    """Return a text that says which steps were not corrected, and why."""
     which = steps[0] if len(steps) == 1 else f"{len(steps)} steps from {steps[0]} to {steps[-1]}"
     return f"  not corrected, {which}: {reason}"
 
 
 def _readings(steps: Iterable["RunStep"]) -> list[tuple[str, str, int]]:
-    """Return those readings that at least one of the steps has; the others were not measured."""
+    """Return the readings that at least one of the steps has."""
     kept = list(steps)
     return [reading for reading in _READINGS if any(_known(getattr(step, reading[0])) for step in kept)]
 

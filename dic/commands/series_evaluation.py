@@ -94,11 +94,11 @@ class SeriesEvaluation:
         images : iterable of FinishedImage
             The images, which are correlated or read when they are used.
         again : callable
-            Function that returns an image of a rotation for a second time, by its index.
+            Function that returns an image for a second time, by its index. A rotation needs all images twice.
         origin : Provenance or None
             Where the results come from, for the result file.
         doing : str
-            What the progress bar says.
+            Text of the progress bar.
         """
         calibration, motion = self._set_up.calibration, self._set_up.motion
         with self._outputs(self._places.files, origin) as results:
@@ -121,7 +121,7 @@ class SeriesEvaluation:
 
     @contextmanager
     def _outputs(self, files: "SeriesFiles", origin: "Provenance | None") -> "Iterator[SeriesOutputs]":
-        """Print what all images share, and open the output files; the table of strains comes last."""
+        """Print the values that all images share, and open the output files; write the table of strains."""
         from dic.commands.gauge_text import gauge_lines, gauges_dict
         from dic.pipeline.series_files import SeriesOutputs
         from dic.pipeline.series_maps import SeriesMaps
@@ -190,7 +190,7 @@ class SeriesEvaluation:
         return True
 
     def _correct(self, results: "SeriesOutputs", again: "Callable[[int], FinishedImage]") -> None:
-        """Correct, print and write all images of a rotation together, and solve the stage's alignment."""
+        """Solve the stage's alignment from all images of a rotation; correct, print and write the images."""
         from dic import corrected_rotation
 
         set_up, numbers = self._set_up, self.record.measured
@@ -228,7 +228,7 @@ class SeriesEvaluation:
 
 
 def end(record: SeriesRecord) -> None:
-    """Print what is wrong with images, and end the command with its status."""
+    """Print the problems of the images, and end the command with its exit status."""
     import click
 
     from dic.shell.console import fail

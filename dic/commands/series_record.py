@@ -25,7 +25,8 @@ class SeriesRecord:
     ----------
     rows : Spool of dict
         The summaries and failures of all images by their index in the series, in a temporary file. A failure
-        has the keys `file` and `error`; in a summary `error` is None or an objection.
+        has the keys `file` and `error`; in a summary, `error` is None, or a sentence about a poor
+        measurement.
     measured : list of int
         Indices of the images that could be measured.
     failures : list of dict
@@ -57,7 +58,7 @@ class SeriesRecord:
             self.bad.append(f"{image.label}: measured, but {measurement.objection}")
 
     def correct(self, number: int, image: "MeasuredImage") -> None:
-        """Print the correction of an image, which became known after the last image, and record it."""
+        """Print and record the correction of an image of a rotation, known only after the last image."""
         if image.measurement is None or image.correction is None:
             return
         self._headed = self._headed and number != self.measured[0]
@@ -78,7 +79,7 @@ class SeriesRecord:
         return [{name: value for name, value in row.items() if name != "error"} for row in kept]
 
     def _say(self, lines: Sequence[str]) -> None:
-        """Print lines of the table, at first below its heading."""
+        """Print lines of the table; the first call also prints the heading."""
         for line in lines if self._headed else [self._table.heading(), *lines]:
             say(line)
         self._headed = True

@@ -8,9 +8,9 @@ from typing import Any
 from dic.commands.strain_table import COMPONENTS, Column, StrainTable, share_text
 
 _OTHERS = ("images", "calibration", "mounting", "model")
-"""Parts of the standard deviation beside the shift; see `dic.out_of_plane.strain_parts`."""
+"""All parts of the standard deviation except the shift; see `dic.out_of_plane.strain_parts`."""
 _LOST_MIN = 0.03
-"""Smallest fraction of the amplitude of local strain whose loss is printed."""
+"""A loss of the amplitude of local strain is printed if it is at least this fraction."""
 _NAME_WIDTH_MAX = 24
 _ROTATION_WIDTH = 8
 
@@ -57,9 +57,9 @@ def corrected_lines(table: StrainTable, summary: dict[str, Any]) -> list[str]:
 def strains_of(summary: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     """Return the mean strains that were measured, by their kind: raw, calibrated and corrected.
 
-    With a calibration, raw strain has no standard deviations here, and calibrated strain only those that
-    contain the motion out of the grid's plane, because the noise alone is a small part of their errors. The
-    corrected strain is left out if the strain was not corrected.
+    With a calibration, raw strain has no standard deviations here, because the noise alone is a small part of
+    its error. For the same reason, calibrated strain has standard deviations only if they contain the motion
+    out of the grid's plane. If the strain was not corrected, corrected strain is left out.
     """
     if "calibrated" not in summary:
         return {"raw": summary["raw"]}
@@ -67,7 +67,7 @@ def strains_of(summary: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     calibrated = summary["calibrated"]
     strains = {
         "raw": summary["raw"] | unknown,
-        # Result files of earlier versions have the noise alone.
+        # Standard deviations in result files of earlier versions contain the noise alone.
         "calibrated": calibrated if "exx_std_images" in calibrated else calibrated | unknown,
     }
     return strains | ({"corrected": corrected} if corrected.get("applied") else {})
@@ -79,7 +79,7 @@ def name_of(file: str) -> str:
 
 
 def _points_text(summary: dict[str, Any]) -> str:
-    """Return the numbers of points without a value and the reasons, or "" if every point has a value."""
+    """Return the numbers of points without a value, by reason; "" if every point has a value."""
     lost = ", ".join(f"{count} {reason}" for reason, count in summary["failures"].items())
     return f"{summary['points'] + summary['out_of_view']} points: {lost}" if lost else ""
 
@@ -97,9 +97,10 @@ def _settings_texts(summary: dict[str, Any], first: bool) -> Iterator[str]:
 
 
 def corrected_texts(corrected: dict[str, Any]) -> list[str]:
-    """Return what the correction found in addition to the strain, or the reason why there is none.
+    """Return the results of the correction in addition to the strain, or the reason why there is no
+    correction.
 
-    Each text fits a line of 100 characters, except a reason.
+    Each text fits a line of 100 characters. Only a reason may be longer.
 
     Parameters
     ----------

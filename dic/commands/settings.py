@@ -27,8 +27,8 @@ _HEAD = """\
 def settings(results: Path | None) -> None:
     """Write a settings file with every default explained, to standard output.
 
-    With RESULTS, a result file of `dic correlate`, `dic process` or `dic strain`, the file has the settings
-    with which RESULTS was made. Use it as: dic settings > settings.toml
+    RESULTS is a result file of `dic correlate`, `dic process` or `dic strain`. With RESULTS, the settings
+    file has the settings with which RESULTS was made. Use it as: dic settings > settings.toml
     """
     from dic.shell.console import say
 
@@ -52,7 +52,7 @@ def settings_text(values: Mapping[str, Any]) -> str:
         about = f"{option.help} Used by {', '.join(f'dic {name}' for name in commands)}."
         lines += [f"# {line}" for line in textwrap.wrap(about, _WIDTH)]
         value = values.get(f"{table}.{setting.key}", option.default)
-        # A setting without a default is shown as a comment.
+        # Write a setting without a default as a comment.
         known = isinstance(value, str | int | float | list | tuple)
         text = toml_text(value) if known else setting.example
         lines.append(f"{'' if known else '# '}{setting.key} = {text}")

@@ -33,7 +33,7 @@ class Setting:
     parameter : str
         Name of the option's value in a command.
     kinds : tuple of type
-        Types of the value in the file; a list is a pair of numbers.
+        Types that the value may have in the file. The type list means a pair of numbers.
     example : str
         A value as text in TOML, for a setting without a default.
     to_option : callable
@@ -49,7 +49,7 @@ class Setting:
 
     @property
     def expected(self) -> str:
-        """What the file may hold, as text."""
+        """The allowed values in the file, as text."""
         names = {int: "a whole number", float: "a number", str: "text", list: "two numbers [X, Y]"}
         any_number = float in self.kinds
         return " or ".join(names[kind] for kind in self.kinds if not (any_number and kind is int))
@@ -141,7 +141,7 @@ _FILE = "dic.settings_file"
 
 
 def _use(context: click.Context, _: click.Parameter, path: Path | None) -> Path | None:
-    """Take the values of the file as defaults, so that options on the command line win over them."""
+    """Use the values of the file as defaults, so that options on the command line have priority."""
     if path is not None:
         context.default_map = {**(context.default_map or {}), **read_settings(path)}
         context.meta[_FILE] = path

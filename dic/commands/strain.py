@@ -1,4 +1,4 @@
-"""The command `dic strain`, which computes strain anew from the displacement fields of a result file."""
+"""The command `dic strain`, which computes strain again from the displacement fields of a result file."""
 
 from dataclasses import dataclass, fields, replace
 from functools import partial
@@ -33,7 +33,7 @@ _FILE = click.Path(path_type=Path)
 
 @dataclass(frozen=True)
 class AnewOptions:
-    """Options for calibration, plate, motion and corrections; None for the value in RESULTS."""
+    """Options for calibration, plate, motion and corrections; None stands for the value in RESULTS."""
 
     calibration_file: Path | None
     plate_mm: float | None
@@ -44,7 +44,7 @@ class AnewOptions:
     alignments: tuple[str, ...]
 
     def of_series(self, known: "Motion") -> "Motion":
-        """Return the motion of a series, whose values without an option are in `known`."""
+        """Return the motion of a series; a value without an option comes from `known`."""
         from dic import load_alignment
 
         if self.motion is not None and self.motion != known.kind:
@@ -58,7 +58,7 @@ class AnewOptions:
         return replace(known, **values)
 
     def of_run(self, known: "CorrectionSettings") -> "CorrectionSettings | None":
-        """Return the settings of the corrections of a run; None without options, for those of the result."""
+        """Return a run's settings of corrections; None without options, so that the old settings hold."""
         values = self._values()
         if self.alignments:
             found = all_of(*(partial(read_alignment, text) for text in self.alignments))
@@ -66,14 +66,14 @@ class AnewOptions:
         return replace(known, **values) if values else None
 
     def require(self, source: str, *, series: bool) -> None:
-        """Raise an error for an option that only the other kind of results can use."""
+        """Raise an error if an option of a run is given for a series, or an option of a series for a run."""
         from dic import CorrelationError
 
         idle = {"--plate-mm": "plate_mm"}
         if not series:
             idle = {"--calibration": "calibration_file", "--motion": "motion"}
         for option, name in idle.items():
-            # A settings file may hold values for both kinds.
+            # A settings file may hold values for a series and for a run, so only the command line is checked.
             if click.get_current_context().get_parameter_source(name) is ParameterSource.COMMANDLINE:
                 other, kind = ("a run", "a series of images") if series else ("a series of images", "a run")
                 expected, remedy = f"the results of {other}", f"leave out {option}"
@@ -138,11 +138,11 @@ class OutputOptions:
     needs=COMMA_NEEDS,
 )
 def strain(results: Path, strain: StrainOptions, anew: AnewOptions, outputs: OutputOptions) -> None:
-    """Compute strain anew from the displacement fields in RESULTS, without images and without correlation.
+    """Compute strain again from the displacement fields in RESULTS, without images and without correlation.
 
     RESULTS is the result file of `dic correlate` or `dic process`. Settings without an option stay as they
-    were in RESULTS: strain window, calibration, assumed motion. The results are those of a whole measurement
-    with the same settings.
+    were in RESULTS: strain window, calibration, assumed motion. The results are equal to those of a whole
+    measurement with the same settings.
 
     Exit status: 0 if all images are measured well, 1 if an image is measured poorly, 2 if an image could not
     be measured.

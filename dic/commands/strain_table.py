@@ -76,7 +76,7 @@ class StrainTable:
 def strain_text(value: float | None, std: float | None) -> str:
     """Return a strain and its standard deviation in µε; spaces if the strain is not known.
 
-    A standard deviation below 9.5 µε has one decimal, and so has its strain.
+    If the standard deviation is below 9.5 µε, both numbers have one decimal.
     """
     if value is None or value != value:
         return " " * (_VALUE_WIDTH + _STD_WIDTH + 1)
@@ -87,5 +87,5 @@ def strain_text(value: float | None, std: float | None) -> str:
 
 
 def share_text(converged: int, points: int) -> str:
-    """Return the share of the points that have a value, in %, rounded down: 100 % means all points."""
+    """Return the share of the points that have a value, rounded down, so that 100 % means all points."""
     return f"{1000 * converged // max(1, points) / 10:.1f}"

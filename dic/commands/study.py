@@ -25,7 +25,7 @@ _FILE = click.Path(path_type=Path)
 
 @dataclass(frozen=True)
 class AssumedOptions:
-    """Options of the assumed strain; None if the user has not given it."""
+    """Options of the assumed strain; an option that is not given is None."""
 
     period_px: float | None
     across_period_px: float | None
@@ -55,7 +55,7 @@ class SweepOptions:
     parts: int
 
     def sweep(self) -> "Sweep":
-        """Return the combinations; raise an error that names all wrong lists together."""
+        """Return the combinations to try; raise an error that names all wrong lists together."""
         from dic import Sweep
 
         subsets, steps, windows = all_of(

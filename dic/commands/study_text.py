@@ -7,7 +7,7 @@ if TYPE_CHECKING:
     from dic import CorrelationSettings, StrainSettings, StudiedSettings, Study
 
 _BEST = 8
-"""Number of settings in the table of the least error."""
+"""Number of settings in the table of the smallest errors."""
 _FRONT = 6
 """Largest number of settings in the table of the Pareto front."""
 

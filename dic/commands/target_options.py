@@ -36,7 +36,7 @@ class _Direction(click.ParamType[str | float]):
         try:
             return float(value)
         except ValueError:
-            # `dic.targets` checks the word later
+            # `dic.targets` checks the word later.
             return str(value)
 
 

@@ -24,12 +24,12 @@ class TestOptions:
     hardening_percent: tuple[float, float]
 
     def settings(self, known_mm2: float | None = None) -> "PropertySettings":
-        """Return the settings; Rp0.2 is always computed.
+        """Return the settings. Rp0.2 is always among the properties.
 
         Parameters
         ----------
         known_mm2 : float, optional
-            Area that holds if none was given, such as that of a run's protocol.
+            Area that is used if the option is not given, such as the area in a run's protocol.
 
         Raises
         ------

@@ -51,12 +51,13 @@ def background_of(image: NDArray[Any], places: Places) -> Background:
     spacing = max(right - left, upper - lower) / _MOST_PX
     columns, rows = max(1, round((right - left) / spacing)), max(1, round((upper - lower) / spacing))
     right, lower = left + columns * spacing, upper - rows * spacing
-    # The first pixel's centre, (0, 0), is half a pixel away from the left and from the upper limit.
+    # The centre of the first pixel is (0, 0). The left and the upper limit are half a pixel away from it.
     to_raster = np.array(
         [[1 / spacing, 0.0, -left / spacing - 0.5], [0.0, -1 / spacing, upper / spacing - 0.5], [0, 0, 1]]
     )
     to_drawn = to_raster @ places.to_axes
-    # warpPerspective averages no pixels, so in a small picture speckles would be coarse and edges jagged.
+    # `warpPerspective` does not average pixels, so speckles and edges would be jagged in a small picture.
+    # Therefore shrink the image first.
     small, to_whole = _shrunk(image, _magnification(to_drawn, places.corners))
     seen = cv2.warpPerspective(
         small,
@@ -70,7 +71,7 @@ def background_of(image: NDArray[Any], places: Places) -> Background:
 
 
 def _magnification(homography: Float, points: Float) -> tuple[float, float]:
-    """Return the largest size of a pixel's width and height that a homography draws at points (…, 2)."""
+    """Return the largest width and height that a homography gives to a pixel at any of the points (…, 2)."""
     here = mapped(homography, points)
     across, down = (np.linalg.norm(mapped(homography, points + step) - here, axis=-1) for step in np.eye(2))
     return float(across.max()), float(down.max())
@@ -87,7 +88,7 @@ def _shrunk(image: NDArray[Any], shares: tuple[float, float]) -> tuple[NDArray[n
     size = tuple(max(1, round(side * min(1.0, share))) for side, share in zip(whole, shares, strict=True))
     small = cv2.resize(image.astype(np.float32), size, interpolation=cv2.INTER_AREA)
     right, down = (side / kept for side, kept in zip(whole, size, strict=True))
-    # Pixels' centres have whole numbers, so the image's left edge is at -0.5 in both images.
+    # The centres of pixels have integer coordinates, so the left edge is at -0.5 in both images.
     to_whole = np.array([[right, 0.0, (right - 1) / 2], [0.0, down, (down - 1) / 2], [0.0, 0.0, 1.0]])
     return np.asarray(small, np.float32), to_whole
 

@@ -45,7 +45,7 @@ def write_contact_sheet(
     Parameters
     ----------
     measurements : sequence of Measurement
-        At least one; a series of more than 48 images is shown by 48 of them.
+        At least one measurement. If there are more than 48 images, 48 of them are shown.
     reference : ndarray, shape (height, width), or path
         The reference image, which is drawn under all maps.
     path : path
@@ -53,7 +53,8 @@ def write_contact_sheet(
     quantity : str
         "u", "v", "exx", "eyy" or "exy".
     corrections : sequence of Correction or None, optional
-        Corrections of the measurements, in their order. Where there is one, corrected values are shown.
+        Corrections of the measurements, in the same order. If a measurement has a correction, its map shows
+        corrected values.
     settings : MapSettings, optional
 
     Raises
@@ -87,7 +88,7 @@ def draw_contact_sheet(
         Number of all images of the series.
     settings : MapSettings
     scale : mapping
-        Lower and upper end of the quantity.
+        Lower and upper end of the colours of each quantity.
     """
     if not images:
         raise CorrelationError("contact sheet", "draw", "at least one measured image", "none", "measure one")

@@ -16,7 +16,7 @@ _LEAST_AXES_MM = 22.0
 
 @dataclass(frozen=True)
 class Layout:
-    """Places of equal panels side by side, each with a bar of colours unless one bar serves all.
+    """The places of panels of equal size, and of their colour bars: one for each panel, or one for all.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Layout:
     title : bool
         True if the picture has a title.
     bars : bool
-        True if each panel has its own bar of colours; False for a single bar beside all panels.
+        True if each panel has its own colour bar; False for a single colour bar beside all panels.
     """
 
     number: int
@@ -63,7 +63,7 @@ class Layout:
         return _PANEL_TITLE_MM + self._axes_mm[1] + below
 
     def readable(self) -> "Layout":
-        """Return the layout with as many panels in a row as have room for their axes, at least one."""
+        """Return the layout with fewer panels in a row, if the axes would be too small otherwise."""
         layout = self
         while layout.columns > 1 and layout._axes_mm[0] < _LEAST_AXES_MM:
             layout = replace(layout, columns=layout.columns - 1)
@@ -93,7 +93,7 @@ class Layout:
         return figure.add_axes(self._rectangle(left, self._top_mm(row) + _PANEL_TITLE_MM, width, height))
 
     def add_bar(self, figure: Any, index: int) -> Any:
-        """Add the axes of a panel's bar of colours; without `bars`, of the bar of all panels."""
+        """Add the axes of a panel's colour bar; if `bars` is False, the axes of the bar for all panels."""
         row, column = divmod(index, self.columns)
         width, height = self._axes_mm
         if self.bars:

@@ -78,7 +78,7 @@ def draw_maps(maps: Maps, image: NDArray[Any], title: str, settings: MapSettings
     for index, panel in enumerate(maps.panels):
         axis = layout.add_axes(figure, index)
         draw_background(axis, background, maps.places.unit)
-        # with a given height, matplotlib does not measure all labels to find one
+        # If the height of the title is given, matplotlib need not measure all labels to find it.
         axis.set_title(panel.title, fontsize=FONT_PT, pad=2.5, y=1.0)
         mesh = draw_panel(axis, panel, corners, settings, scale)
         if mesh is not None:
@@ -118,14 +118,14 @@ def draw_panel(axis: Any, panel: Panel, corners: Float, settings: MapSettings, s
 
 
 def draw_bar(figure: Any, mesh: Any, axis: Any, extend: str) -> None:
-    """Draw the bar of colours. Its end is an arrow where values lie beyond the scale."""
+    """Draw the colour bar. An end is an arrow if values lie beyond this end of the scale."""
     bar = figure.colorbar(mesh, cax=axis, extend=extend, extendfrac=0.04)
     bar.ax.tick_params(labelsize=FONT_PT - 1, length=2, pad=1.5)
     bar.ax.ticklabel_format(useOffset=False)
 
 
 def cut_ends(panels: list[Panel], scale: Scale) -> str:
-    """Return which ends of the scale are exceeded by values: "neither", "min", "max" or "both"."""
+    """Return at which ends values exceed the scale: "neither", "min", "max" or "both"."""
     low, high = scale[panels[0].quantity]
     least = min(float(np.nanmin(panel.values)) for panel in panels)
     most = max(float(np.nanmax(panel.values)) for panel in panels)

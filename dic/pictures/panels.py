@@ -1,4 +1,4 @@
-"""What a map shows of a measurement: its values, their place in the image, and their scale."""
+"""The content of a map: the values of a measurement, their places in the image, and their scale."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ _PERCENTILES = (1.0, 99.0)
 _LEAST_SPREAD = 1e-3
 """Least range of a scale, as a fraction of its values."""
 _LEAST_RANGE = 1e-9
-"""Least range of the scale of an image without any motion."""
+"""Least range of the scale for an image without any motion."""
 
 _STRAIN_NAMES = {"exx": "εxx", "eyy": "εyy", "exy": "εxy"}
 
@@ -50,7 +50,7 @@ class Panel:
 
     @property
     def span(self) -> tuple[float, float] | None:
-        """The ends of the values without single extreme points; None if there are no values."""
+        """The lowest and the highest value without single extreme points; None if there are no values."""
         known = self.values[np.isfinite(self.values)]
         if not known.size:
             return None
@@ -117,7 +117,7 @@ def finished(scale: Scale, settings: MapSettings) -> Scale:
 
 
 def _spread(low: float, high: float) -> tuple[float, float]:
-    """Return ends that clearly differ; the values of a uniform field differ by rounding errors only."""
+    """Return ends that differ clearly, even for a uniform field with rounding errors only."""
     least = max(_LEAST_SPREAD * max(abs(low), abs(high)), _LEAST_RANGE)
     if high - low >= least:
         return low, high

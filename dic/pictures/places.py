@@ -44,12 +44,13 @@ class Places:
 def places_of(measurement: Measurement, settings: MapSettings) -> Places:
     """Return where the points of a measurement are drawn.
 
-    Axes "auto" are in px without a calibration, and if the points do not determine how to rectify the image.
+    The axes "auto" are in px if there is no calibration, or if the points do not determine how to rectify the
+    image.
 
     Raises
     ------
     CorrelationError
-        If axes in mm are asked for, but there is no calibration, or the points do not determine them.
+        If axes in mm are asked for, but there is no calibration, or the points do not determine the axes.
     """
     corners = _cell_corners(measurement.field, deformed=settings.on == "deformed")
     settings.require_calibration(settings.axes, calibrated=measurement.calibrated is not None)
@@ -94,8 +95,9 @@ def _homography(points_px: Float, position_mm: Float) -> Float | None:
 def _determine_homography(points: Float) -> bool:
     """Return True if only one homography fits the points (n, 2) and their images.
 
-    The points alone decide this: the linear equations of a homography (Hartley and Zisserman, Multiple View
-    Geometry, section 4.1) have the same rank for all images of them, so each point serves as its own image.
+    The images of the points do not matter: the linear equations of a homography (Hartley and Zisserman,
+    Multiple View Geometry, section 4.1) have the same rank for all possible images. So the function uses each
+    point as its own image.
     """
     if len(points) < 4:
         return False
@@ -108,7 +110,7 @@ def _determine_homography(points: Float) -> bool:
             np.stack([zero, zero, zero, x, y, one, -x * y, -y * y, -y], axis=1),
         ]
     )
-    # The least of the nine eigenvalues belongs to the homography itself.
+    # The least of the nine eigenvalues is 0 for every exact homography, so the second least decides.
     eigenvalues = np.linalg.eigvalsh(equations.T @ equations)
     return bool(eigenvalues[1] > _DETERMINED * eigenvalues[-1])
 
@@ -127,7 +129,7 @@ def _cell_corners(field: Field, *, deformed: bool) -> Float:
     total, count = np.zeros_like(corners), np.zeros(corners.shape[:2])
     points = field.points.reshape(rows, columns, 2).astype(np.float64)
     shift = np.stack([field.u_px, field.v_px], axis=-1)
-    # a field that was read from a result file may have no gradients: its cells keep their shape
+    # A field that was read from a result file may have no gradients. Its cells then keep their shape.
     gradient = np.nan_to_num(field.gradient).reshape(rows, columns, 2, 2)
     for down, right in _CORNERS:
         window = slice(down, down + rows), slice(right, right + columns)
@@ -136,12 +138,12 @@ def _cell_corners(field: Field, *, deformed: bool) -> Float:
         known = np.isfinite(moved).all(axis=-1)
         total[window] += np.where(known[..., None], moved, 0.0)
         count[window] += known
-    # corners without a measured neighbour belong to cells that are not drawn
+    # Corners without a measured neighbour belong to cells that are not drawn.
     return np.asarray(corners + total / np.maximum(count, 1.0)[..., None])
 
 
 def _between(positions: Float) -> Float:
-    """Return the limits of cells around positions (n,), shape (n + 1,); a single one is 1 px wide."""
+    """Return the limits of cells around positions (n,), shape (n + 1,); a single cell is 1 px wide."""
     middle = (positions[1:] + positions[:-1]) / 2
     half = (positions[1] - positions[0]) / 2 if positions.size > 1 else 0.5
     return np.concatenate([[positions[0] - half], middle, [positions[-1] + half]])

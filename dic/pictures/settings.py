@@ -1,4 +1,4 @@
-"""Settings of maps: which quantities, on which image, in which axes, colours, size and resolution."""
+"""Settings of maps: the quantities, the image, the axes, the colours, the size and the resolution."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,9 +16,9 @@ COLOURS = {
     "grey": "gray",
     "diverging": "RdBu_r",
 }
-"""Name of each range of colours, and matplotlib's name for it.
+"""The name of each colour map, and matplotlib's name for it.
 
-All of them can be told apart by colour-blind people. The lightness of the first four grows evenly with the
+Colour-blind people can read all these colour maps. In the first four, the lightness grows evenly with the
 value. "diverging" is white at zero.
 """
 
@@ -45,12 +45,12 @@ class MapSettings:
         "mm" for millimetres on the specimen, "px" for pixels, "off" for none. "auto" gives millimetres if
         there is a calibration. In millimetres the picture shows the specimen as if seen straight on.
     scale : str
-        "series" for the same scale in all images of a series, "image" for a scale of each image's own.
+        "series" for the same scale in all images of a series, "image" for a separate scale for each image.
     limits : mapping of str to (float, float)
         Lower and upper end of the scale of a quantity, in the unit of its map: px or mm for displacement,
         µε for strain. Quantities without limits get them from `scale`.
     colours : str
-        Range of colours, a name in `COLOURS`.
+        Colour map, a name in `COLOURS`.
     opacity : float
         Opacity of the colours over the image, above 0 and at most 1.
     width_mm : float

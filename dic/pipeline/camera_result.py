@@ -32,7 +32,7 @@ class CameraResult:
     specimen : Specimen or None
         The specimen in the calibrated part of the reference image; None for results from a file.
     outcomes : sequence of Outcome
-        What became of the image of each step but the reference; empty for files of earlier versions.
+        The outcome of the image of each step except the reference; empty for files of earlier versions.
     fields : StoredFields or None
         The fields of the measurements in a result file; None without a file or without a measurement.
     """

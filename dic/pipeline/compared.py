@@ -38,16 +38,17 @@ def compare_results(
     peer : PeerField or path
         The result of `read_peer`, or a result file of DICe, Ncorr or OpenCorr.
     image : int, optional
-        Number of the image in the results, from 1. Needed if there are several.
+        Number of the image in the results, from 1. Needed if the results have several images.
     camera : str, optional
-        Camera of a run. Needed if there are several.
+        Camera of a run. Needed if the run has several cameras.
     picture : path, optional
-        A picture to write: both results and their difference. The ending determines the format.
+        File for a picture of both results and their difference. The ending of the name determines the format.
 
     Raises
     ------
     RunFileError
-        If a file cannot be read, an image or a camera must be chosen, or no point is common.
+        If a file cannot be read; if the choice of an image or a camera is missing; or if the results have no
+        common point.
     OSError
         If the picture cannot be written.
     """

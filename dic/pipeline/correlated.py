@@ -1,4 +1,4 @@
-"""The correlation of a series of images, one by one, which goes on after images that are finished already."""
+"""The correlation of a series of images, one by one; images that are finished already are skipped."""
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -17,7 +17,7 @@ from dic.results.unfinished import FinishedImage, FinishedImages
 from dic.typing import Float, ImageLike
 
 UNREADABLE = "unreadable"
-"""In place of the digest of an image that cannot be read."""
+"""This text replaces the digest of an image that cannot be read."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def correlate_series(
     finished: FinishedImages | None = None,
     before: Sequence[FinishedImage] = (),
 ) -> Iterator[FinishedImage]:
-    """Correlate the images of a series one by one, when the caller asks for the next result.
+    """Correlate the images of a series one by one; each when the caller asks for the next result.
 
     No image and no field stays in memory, except for the data that `Series` needs.
 
@@ -72,10 +72,11 @@ def correlate_series(
     series : Series
     images : iterable of ndarray, path or SeriesImage
     finished : FinishedImages, optional
-        The images that were finished before. They are not correlated again. Each further image is added. All
-        images must have digests.
+        The images that were finished before. They are not correlated again. Every other image is added after
+        its correlation. All images must have digests.
     before : sequence of FinishedImage
-        The outcomes of the first images, all of them with the first reference, from a result file.
+        The outcomes of the first images, from a result file. All of them must have been correlated with the
+        first reference.
     """
     going_on = finished is not None
     for number, given in enumerate(images, 1):
@@ -118,7 +119,7 @@ def of_page(digest: str, image: Path) -> str:
 
 
 def series_job(series: Series, reference: str, incremental: str) -> dict[str, Any]:
-    """Return all that determines the fields of a series beside its images, for `unfinished`.
+    """Return everything except the images that determines the fields of a series, for `unfinished`.
 
     Parameters
     ----------
@@ -134,11 +135,11 @@ def series_job(series: Series, reference: str, incremental: str) -> dict[str, An
 
 
 _MOST_BYTES = 2**36
-"""Size above which a file is not read through, although it could be a stack of images: 64 GiB."""
+"""A larger file is not read as a whole to compute its digest, even if it is a stack of images: 64 GiB."""
 
 
 class FileDigests:
-    """SHA-256 digests of image files, each computed once although a file may hold many images."""
+    """SHA-256 digests of image files. Each is computed once, even if the file holds many images."""
 
     def __init__(self) -> None:
         self._known: dict[Path, str] = {}
@@ -150,6 +151,6 @@ class FileDigests:
             try:
                 self._known[file] = file_digest(file, _MOST_BYTES)
             except OSError:
-                # The reader of the image gives the reason.
+                # The reader of the image will report the reason.
                 return UNREADABLE
         return self._known[file]

@@ -1,4 +1,4 @@
-"""Exports of results: each image is read from the result file, written in all formats, and forgotten."""
+"""Exports of results. Each image is read from the result file, written in all formats, and not kept."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -35,7 +35,7 @@ _KINDS = MeasuredSeries | SeriesResult | RunResult
 
 @dataclass(frozen=True)
 class Export:
-    """What an export has written.
+    """The files that an export has written.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class ExportSource:
     names : list of str
         Name of the files of each image.
     known : list of mapping
-        For each step of a run what is known of it; empty for a series.
+        The known values of each step of a run, such as its load; empty for a series.
     about : mapping of str to str or float
     """
 
@@ -80,7 +80,7 @@ class ExportSource:
     about: Mapping[str, str | float]
 
     def exported(self, failed: Callable[[MeasuredImage], None] = lambda image: None) -> Iterator[ExportImage]:
-        """Yield the images that could be measured, each read when it is asked for; tell of the others."""
+        """Yield the measured images, each read when it is needed; call `failed` for the others."""
         for k, image in enumerate(self.images):
             if image.measurement is None:
                 failed(image)
@@ -90,7 +90,7 @@ class ExportSource:
             yield ExportImage(k + 1, self.names[k], points, readings_of(known), image.row() | known)
 
     def series(self, first: Measurement) -> ExportSeries:
-        """Return what all images share, of which the first measurement knows the settings."""
+        """Return what all images share; the settings come from the first measurement."""
         settings: dict[str, str | float] = {
             "subset_px": first.settings.subset_px,
             "step_px": first.settings.step_px,
@@ -201,7 +201,7 @@ def _of_camera(result: RunResult, camera: str) -> ExportSource:
 
 @dataclass
 class _Work:
-    """The export of one series: its exporters are made when the first image is known."""
+    """The export of one series. The exporters are created when the first image is known."""
 
     folders: Mapping[str, Path]
     comma: bool
@@ -264,7 +264,7 @@ def _export(
 
 @contextmanager
 def _as_output_error(folders: Mapping[str, Path]) -> Iterator[None]:
-    """Turn an error of the file system into one sentence; a result file that is read gives other errors."""
+    """Turn an error of the file system into one sentence; errors of reading a result file pass unchanged."""
     try:
         yield
     except OSError as error:

@@ -64,13 +64,13 @@ def to_pandas(results: Results, *, camera: str | None = None) -> "pandas.DataFra
 def to_xarray(results: Results, *, camera: str | None = None) -> "xarray.Dataset":
     """Return a dataset of xarray with the dimensions image, y_px and x_px.
 
-    All images are in memory. For a long series write a file with `export_results(…, ["netcdf"])`, and open it
-    with `xarray.open_dataset`, which reads what is used.
+    The dataset holds all images in memory. For a long series write a file with `export_results(…,
+    ["netcdf"])`, and open it with `xarray.open_dataset`, which reads only the data that are used.
 
     Parameters
     ----------
     results, camera
-        As for `to_pandas`. Of a run with several cameras, one must be chosen.
+        As for `to_pandas`. If a run has several cameras, one of them must be chosen.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def to_xarray(results: Results, *, camera: str | None = None) -> "xarray.Dataset
     OutputError
         If xarray is not installed.
     RunFileError
-        As for `to_pandas`, and if the camera must be chosen.
+        As for `to_pandas`, and if a run has several cameras and none is chosen.
     """
     package = _package("xarray", "to_xarray")
     found = _images(results, camera, of_one_camera=True)
@@ -132,7 +132,7 @@ def _images(results: Results, camera: str | None, *, of_one_camera: bool = False
 
 
 def _masked(image: ExportImage, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Return a value at all points; NaN where the image has none, and off the region."""
+    """Return a value at all points; NaN where the image has no value, and outside the region."""
     values = image.points.values.get(name)
     if values is None:
         return np.full(shape, np.nan)

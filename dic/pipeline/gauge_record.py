@@ -1,4 +1,4 @@
-"""Gauges beside load: the record of a testing machine joined to images, and the curve of a tensile test."""
+"""Gauges together with load: join the record of a testing machine to images; curve of a tensile test."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from dic.typing import Float, Mask
 class ImageClock:
     """The times of the images, and the offset between the camera's clock and the machine's clock.
 
-    Without times and interval, the times are those of the image files.
+    Without `interval_s` and `times_s`, the times come from the image files.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class ImageClock:
     times_s : mapping of str to float, or None
         Times by the images' names, such as from `read_image_times`.
     offset_s : float or None
-        Machine's time minus image's time. None to find it from strain and load.
+        Machine's time minus image's time. None if the offset is to be found from strain and load.
     """
 
     interval_s: float | None = None
@@ -90,7 +90,8 @@ def join_record(
     record : MachineRecord
         From `read_machine_record`.
     join : str
-        "name" (the record names the images), "row" (its lines belong to the images in order) or "time".
+        "name" (the record names the images), "row" (the lines of the record belong to the images in order) or
+        "time" (the time joins lines and images).
     clock : ImageClock, optional
         The images' times; needed for "time".
     gauge : str, optional
@@ -100,7 +101,7 @@ def join_record(
     Returns
     -------
     GaugeSeries
-        With load_n, displacement_mm and time_s in `GaugeImage.known`.
+        The series with load_n, displacement_mm and time_s in `GaugeImage.known`.
     JoinedRecord
 
     Raises
@@ -121,7 +122,7 @@ def join_record(
         if clock.offset_s is None:
             strain, _ = series.strain(gauge or _first_along(series, record))
         joined = replace(join_by_time(record, labels, times_s, clock.offset_s, strain), image_times=source)
-    # The machine's time replaces that of the image.
+    # The machine's time replaces the image's time.
     own = {"time_s", "time_source"} if joined.time_s is not None else set()
     images = tuple(
         replace(image, known={name: image.known[name] for name in image.known if name not in own} | reading)
@@ -142,8 +143,9 @@ class GaugeCurve:
     shared_std : ndarray, shape (n,)
         Standard deviation of the strain by calibration and motion out of the plane; NaN if it is not known.
     shared_transverse : ndarray, shape (n, 2), or None
-        The error of the transverse strain: the part that comes with one standard deviation of the error of
-        the strain, with its sign, and the standard deviation of the rest. None without a transverse gauge.
+        The error of the transverse strain in two parts. The first column is the part, with its sign, that
+        accompanies one standard deviation of the axial strain's error. The second column is the standard
+        deviation of the rest. None without a transverse gauge.
     kind : str
         "raw", "calibrated" or "corrected".
     left_out : int
@@ -173,7 +175,7 @@ def gauge_curve(
     Parameters
     ----------
     series : GaugeSeries
-        With the load of each image: from a run file, or from `join_record`.
+        A series with the load of each image. The load comes from a run file, or from `join_record`.
     gauge : str
         Name of the gauge along the specimen.
     transverse : str, optional
@@ -181,7 +183,7 @@ def gauge_curve(
     kind : str, optional
         "raw", "calibrated" or "corrected". Default: the best kind that any image has.
     camera : str, optional
-        Camera of a run; needed if the series has readings of several.
+        Camera of a run; needed if the series has readings of several cameras.
 
     Raises
     ------
@@ -200,7 +202,7 @@ def gauge_curve(
     load_n = np.array([float(each.get("load_n", np.nan)) for each in known])
     read = np.isfinite(strain) & np.isfinite(load_n)
     last = int(np.flatnonzero(read)[-1]) if read.any() else len(read)
-    # Images after the last reading keep their loads: the largest load may be among them.
+    # Keep the loads of images after the last reading, because the largest load may be among them.
     use = read | (np.isfinite(load_n) & (np.arange(len(read)) > last))
     time_s = np.array([float(each.get("time_s", np.nan)) for each in known])[use]
     curve = Curve(
@@ -211,7 +213,7 @@ def gauge_curve(
         time_s if np.isfinite(time_s).all() else None,
         _passed(load_n, use),
     )
-    # Of the errors of raw strain, only those that the images cause are known.
+    # For raw strain, only the errors that the images cause are known.
     shared = np.full(len(use), np.nan) if chosen == "raw" else _shared_std(series, gauge, chosen)
     beside = None if transverse is None else _shared_transverse(series, gauge, transverse, chosen)[use]
     labels = tuple(str(image.known.get("step", image.label)) for image in series.images)
@@ -246,7 +248,7 @@ def _shared_transverse(series: GaugeSeries, gauge: str, transverse: str, kind: s
         readings = [image.readings.get(name, {}).get(kind) for name in (gauge, transverse)]
         parts = [one.shared if isinstance(one, Reading) else None for one in readings]
         if parts[0] is None or parts[1] is None:
-            # Without the covariance of both errors, they count as independent.
+            # If the covariance of both errors is not known, they count as independent.
             if isinstance(readings[1], Reading):
                 whole, images = readings[1].strain_std, readings[1].strain_std_images
                 found[k] = 0.0, np.sqrt(max(whole**2 - images**2, 0.0))

@@ -1,4 +1,4 @@
-"""The readings of gauges in the images of a result file, or of a series that was measured just now."""
+"""The readings of gauges in the images of a result file, or of a series that has just been measured."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -35,7 +35,7 @@ class GaugeReader:
     ----------
     gauges : sequence of Gauge
     calibration : Calibration or None
-        Results that were read from a file need it for the errors of calibrated displacements.
+        Needed for the errors of calibrated displacements, if the results were read from a file.
     image_shape : tuple of int
         Height and width of the images, px.
     """
@@ -52,7 +52,8 @@ class GaugeReader:
         Raises
         ------
         GaugeError
-            At the first image that could be measured, if a gauge lies off the measured points.
+            If a gauge lies outside the measured points. The error is raised at the first image that could be
+            measured.
         """
         known = image.time.as_dict() | known
         measurement = image.measurement
@@ -79,7 +80,7 @@ def measure_gauges(results: Results, gauges: Sequence[Gauge], *, camera: str | N
     Raises
     ------
     GaugeError
-        If a gauge lies outside of the image or off the measured points, or two have one name.
+        If a gauge lies outside the image or outside the measured points, or if two gauges have the same name.
     RunFileError
         If the result file cannot be read.
     """
@@ -101,12 +102,12 @@ def measure_gauges(results: Results, gauges: Sequence[Gauge], *, camera: str | N
 def write_gauge_picture(
     results: Results, gauges: Sequence[Gauge], path: PathLike, *, camera: str | None = None
 ) -> None:
-    """Write a picture of the reference image with each gauge, its name, and the measured points it uses.
+    """Write a picture of the reference image with the gauges, their names, and the points that they use.
 
     Parameters
     ----------
     results, gauges, camera
-        As for `measure_gauges`. Of several cameras, the first one is shown.
+        As for `measure_gauges`. If there are several cameras, the picture shows the first one.
     path : path
         The ending determines the format, such as .png or .pdf.
 
@@ -134,14 +135,14 @@ def write_gauge_picture(
 def use_results(
     path: PathLike, use: Callable[[SeriesResult | RunResult], Result], *, local_strain: bool = False
 ) -> Result:
-    """Return what `use` returns for a result file of `dic correlate` or `dic process`.
+    """Call `use` with the results of a result file of `dic correlate` or `dic process`; return its result.
 
     Without `local_strain`, the local strains are not read, and must not be used.
 
     Raises
     ------
     RunFileError
-        If the file is neither, or is damaged.
+        If the file is not a result file of these commands, or is damaged.
     """
     if not Path(path).exists():
         expected = "a result file of `dic correlate -o` or `dic process`"

@@ -91,7 +91,7 @@ def measure_images(
 def _sources(
     reference: ImageLike, images: ImageLike | SeriesImage | Iterable[ImageLike | SeriesImage] | None
 ) -> tuple[ImageLike, Iterable[ImageLike | SeriesImage]]:
-    """Return the reference and the images one by one; a path may be a folder, a pattern or a stack."""
+    """Return the reference, and the images one by one; a path may be a folder, a pattern or a stack."""
     if isinstance(images, SeriesImage):
         return reference, [images]
     several = None if images is None else one_by_one(images)
@@ -109,7 +109,7 @@ def _sources(
 def _timed(
     reference: ImageLike, images: Iterable[ImageLike | SeriesImage]
 ) -> Iterator[ImageLike | SeriesImage]:
-    """Yield images; those that are given by paths, as the reference is, with their times."""
+    """Yield images; if the reference and an image are given by paths, the image has its time."""
     times = SeriesTimes(reference) if isinstance(reference, str | Path) else None
     for image in images:
         if times is None or not isinstance(image, str | Path):
@@ -166,7 +166,7 @@ def measured(
     strain: StrainSettings | None,
     motion: Motion | None = None,
 ) -> MeasuredImage:
-    """Return the measurement of a correlated image, with its correction where one image is enough for it."""
+    """Return the measurement of a correlated image, with its correction if this needs one image only."""
     if found.fields is None:
         return MeasuredImage(found.label, failure=found.failure, time=found.time)
     measurement = measurement_of(found, calibration, strain)

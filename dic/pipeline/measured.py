@@ -1,4 +1,4 @@
-"""The measurement of one correlated image, with all errors that its strain may have."""
+"""The measurement of one correlated image, with all errors of its strain."""
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field

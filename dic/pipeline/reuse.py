@@ -26,26 +26,28 @@ def fields_on_file(
     *,
     begun: bool = False,
 ) -> Result | None:
-    """Return the result on file whose fields are those of a measurement; None if there is none.
+    """Return the result file whose fields are those of a measurement; None if there is no such file.
 
     Parameters
     ----------
     place : ResultPlace
-        Names the file: that of the result to be written, or the one from which the user wants the fields.
+        The place that names the file: the result file to be written, or the file whose fields the user wants
+        to use.
     load : callable
         Function that reads a result file.
     fields : mapping
-        All that determines the fields beside the images, as values for JSON.
+        Everything except the images that determines the fields, as values for JSON.
     images : callable
-        Function that returns the images of the measurement, by their camera's name ("" for a series of
+        Function that returns the images of the measurement, keyed by the camera's name ("" for a series of
         images).
     begun : bool
-        True if a result of the first images of the measurement is wanted too: images were appended since.
+        True if a result of only the first images is accepted too, because images may have been appended
+        since.
 
     Raises
     ------
     RunFileError
-        If the user named a file whose fields are of another measurement, or cannot be used.
+        If the user named a file whose fields belong to another measurement or cannot be used.
     OutputError
         If the file at the place of the results is damaged or no result file, and must not be replaced.
     """
@@ -92,7 +94,7 @@ def _difference(
     images: Callable[[], Mapping[str, Sequence[Outcome]]],
     begun: bool,
 ) -> str:
-    """Return the names of what differs between a result and a measurement; "" if nothing does."""
+    """Return the names of all differences between a result and a measurement; "" without a difference."""
     found, wanted = json.loads(job_of_fields(result).fields), json.loads(json.dumps(fields))
     different = [name for name in {**wanted, **found} if found.get(name) != wanted.get(name)]
     if different:
@@ -109,7 +111,7 @@ def _difference(
 
 
 def _is_same(found: Outcome, wanted: Outcome) -> bool:
-    """Return True if the outcome of an image on file is that of an image to be measured.
+    """Return True if the outcome of an image in the file is the outcome of an image to be measured.
 
     The reason for a failure may name the image, so images that failed must have the same name.
     """

@@ -41,9 +41,9 @@ def process_run(
 ) -> RunResult:
     """Calibrate and correlate all cameras of a run in parallel.
 
-    Every image is correlated, written to the disk and forgotten, so a long run need not fit into memory. The
-    corrections are computed at the end from what is written. The fields of the result are read from its file
-    when they are used.
+    Every image is correlated, written to the disk and removed from memory, so a long run need not fit into
+    memory. The corrections are computed at the end from the written data. The fields of the result are read
+    from the result file when they are used.
 
     Parameters
     ----------
@@ -65,10 +65,10 @@ def process_run(
         Function that is called once, before the first image, with the number of images.
     output : path or ResultPlace, optional
         The result file, which is replaced when it is complete. Until then the finished images are in a folder
-        beside it, with the ending ".unfinished". If the program is stopped or killed, an equal call goes on
-        after them. If the file holds the results of an equal call, these are returned; if only settings of
-        strain and corrections have changed, its fields are used again, and nothing is correlated. Default: a
-        temporary file.
+        beside the file, with the ending ".unfinished". If the program is stopped or killed, a call with the
+        same arguments continues after these images. If the file already holds the results of the same call,
+        these results are returned. If only settings of strain or corrections have changed, the fields in the
+        file are used, and nothing is correlated. Default: a temporary file.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def process_run(
 
 
 def _images(run: RunFile) -> dict[str, list[Outcome]]:
-    """Return the images of each camera that are to be measured."""
+    """Return the images to be measured, for each camera."""
     return {
         camera: [Outcome(f"step {step.index}", step_content(run, camera, step)) for step in run.series()[1:]]
         for camera in run.cameras
@@ -123,7 +123,7 @@ def _images(run: RunFile) -> dict[str, list[Outcome]]:
 
 
 def _fields_job(run: RunFile, settings: CorrelationSettings, incremental: str) -> dict[str, Any]:
-    """Return all that determines the fields of a run beside the images of its steps."""
+    """Return everything except the images of the steps that determines the fields of a run."""
     fixed = [run.step_of_kind("grid"), run.step_of_kind("reference")]
     digests = [run.digest(camera, step) for camera in run.cameras for step in fixed]
     return {

@@ -65,11 +65,11 @@ class CorrectionSettings:
 
     @property
     def shift(self) -> Shift:
-        """What is known of the specimen's shift towards the camera."""
+        """The knowledge about the specimen's shift towards the camera."""
         return Shift.of(self.shift_std_um, self.tilt_axis_mm)
 
     def completed(self, mounting: RunMounting) -> "CorrectionSettings":
-        """Return the settings, with the values that a run file declares for those that are not given."""
+        """Return the settings; a setting that is not given has the value that the run file declares."""
         shift_std_um = mounting.shift_std_um if self.shift_std_um is None else self.shift_std_um
         hinge_mm = mounting.tilt_axis_mm if self.tilt_axis_mm is None else self.tilt_axis_mm
         return replace(self, shift_std_um=shift_std_um, tilt_axis_mm=hinge_mm)
@@ -171,8 +171,8 @@ class RunCorrections:
     def best(self, camera: str, step: int, place: int) -> Correction:
         """Return the best correction of a step.
 
-        The best correction is the correction by two cameras together if the step has one, else the correction
-        by this camera alone.
+        The best correction is the correction by two cameras together, if the step has such a correction.
+        Otherwise it is the correction by this camera alone.
 
         Parameters
         ----------
@@ -198,8 +198,8 @@ class CorrectedStep:
     ----------
     step : RunStep
     measurements : dict of str to Measurement
-        The measurement of each camera that could measure the step. Its calibrated strains state the errors
-        that the best correction found.
+        The measurement of each camera that could measure the step. The standard deviations of its calibrated
+        strains follow from the best correction.
     corrections : dict of str to Correction
         The correction of each of these measurements by this camera alone.
     means : dict of str to (MeanStrain or None)
@@ -272,7 +272,7 @@ class RunCorrector:
         Parameters
         ----------
         steps : sequence of CorrectedStep
-            All steps that `steps` has yielded, of which the corrections may be outlines.
+            All steps that the method `steps` has yielded, or their outlines.
         """
         single, findings = {}, {}
         for camera in self._cameras:

@@ -79,7 +79,7 @@ class RunCorrelation:
 
     def correlate(self, camera: str) -> CameraResult:
         """Correlate the images of a camera. Its measurements are computed when they are used."""
-        # The fields do not depend on the plate, so another plate needs no correlation.
+        # The fields do not depend on the thickness of the plate, so a new thickness needs no new correlation.
         run, lines = self.run, _calibrate(self.run, camera)
         calibration = behind(lines, self.plate_mm) if self.plate_mm else lines
         first, *others = run.series()
@@ -116,7 +116,7 @@ class RunCorrelation:
         )
 
     def _series(self, reference: Grey, area: Mask) -> Series:
-        """Return the series of a camera, on the specimen in the calibrated area, or on all of this area."""
+        """Return a camera's series on the specimen, or on the calibrated area if no specimen is found."""
         how: dict[str, Any] = {
             "incremental": self.incremental,
             "threads": max(1, processors() // len(self.run.cameras)),
@@ -124,7 +124,8 @@ class RunCorrelation:
         try:
             return Series(reference, None, self.settings, within=area, **how)
         except SpecimenNotFound:
-            # A run has no other place than the calibrated area. Each subset there is checked for texture.
+            # A run can only be measured in the calibrated area, so use all of this area. Each subset is
+            # checked for texture.
             return Series(reference, area, self.settings, **how)
 
 
@@ -140,7 +141,7 @@ def step_digest(run: RunFile, camera: str, step: RunStep) -> str:
     try:
         return run.digest(camera, step)
     except RunFileError:
-        # Reading the image raises an error that names the reason.
+        # The later reading of the image will raise an error with the reason.
         return UNREADABLE
 
 

@@ -32,7 +32,7 @@ class RunResult:
     file : str
         Path of the result file; "" if the results were not read from a file.
     note : str
-        A sentence that says which results on file `process_run` used; "" if it correlated the images.
+        A sentence that says which result file `process_run` used; "" if it correlated the images.
     """
 
     source: str
@@ -52,8 +52,8 @@ class RunResult:
     def series(self, camera: str) -> MeasuredSeries:
         """Return a camera's results in the form that `measure_images` returns.
 
-        Each step has its best correction: the correction by two cameras together if the step has one, else
-        the correction by this camera alone.
+        Each step has its best correction. This is the correction by two cameras together, if the step has
+        such a correction; otherwise it is the correction by this camera alone.
 
         Parameters
         ----------

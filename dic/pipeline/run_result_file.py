@@ -112,7 +112,7 @@ class RunResultWriter:
         correcting: CorrectionSettings,
         corrections: RunCorrections,
     ) -> None:
-        """Write what belongs to the run as a whole, after the last step."""
+        """Write the data of the run as a whole, after the last step."""
         writer = self._writer
         writer.group("run").attrs.update(asdict(info) | {"source": source, "motion": corrections.motion})
         writer.group("settings").attrs.update(vars(settings) | {"correcting": correcting.as_text()})
@@ -157,8 +157,8 @@ def load_run_result(path: PathLike) -> RunResult:
     into memory.
 
     Files of earlier versions lack some values, which are computed when the file is read. Result files do not
-    store the gradients and the errors of calibrated displacements. Call `dic.measure` to compute these
-    gradients and errors.
+    store the gradients and the errors of calibrated displacements. `dic.measure` computes these gradients and
+    errors.
 
     Raises
     ------
@@ -179,7 +179,7 @@ def load_run_result(path: PathLike) -> RunResult:
 def use_run_result(
     path: PathLike, use: Callable[[RunResult], Result], *, local_strain: bool = False
 ) -> Result:
-    """Return what `use` makes of the results of a run, and close the file.
+    """Call `use` with the results of a run, close the file, and return what `use` returned.
 
     Without `local_strain`, the local strains are not read, and must not be used.
 

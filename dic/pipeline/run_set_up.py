@@ -1,4 +1,4 @@
-"""What the strains of a run are computed with, once its fields are known, and the file that they give."""
+"""The inputs from which a run's fields give its strains, and the writing of the result file."""
 
 import json
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from dic.strain.strain import StrainSettings
 
 @dataclass(frozen=True)
 class RunSetUp:
-    """A run, and what its strains are computed with beside its fields.
+    """A run, and the inputs from which its strains are computed, in addition to its fields.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class RunSetUp:
     plate_mm: float
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what identifies strain and corrections as values for JSON."""
+        """Return the values that identify strain and corrections, for JSON."""
         correcting = json.loads(self.correcting.as_text())
         return {"strain": vars(self.strain), "correcting": correcting, "plate_mm": self.plate_mm}
 
@@ -59,7 +59,7 @@ class RunSetUp:
 
 
 def strain_of_job(job: Job) -> StrainSettings:
-    """Return the settings of the strain with which the result of a run was computed."""
+    """Return the strain settings with which the result of a run was computed."""
     return StrainSettings(**json.loads(job.strains)["strain"])
 
 

@@ -29,7 +29,7 @@ def write_run_tables(result: RunResult, folder: Path, *, decimal_comma: bool = F
 
 
 def _rows(result: RunResult) -> Iterator[dict[str, Any]]:
-    """Yield the rows of all cameras and steps for `write_strain_table`; both cameras together come last."""
+    """Yield the rows of all cameras and steps for `write_strain_table`; joint results come last."""
     steps = {}
     for camera in result.cameras:
         corrections = result.corrections.cameras[camera.camera].images

@@ -36,9 +36,9 @@ def require_calibration(motion: Motion | None, calibration: Calibration | None) 
 def corrected(image: MeasuredImage, calibration: Calibration | None, motion: Motion | None) -> MeasuredImage:
     """Return the image with its correction; the errors of its calibrated strain contain the correction.
 
-    An image of a rotating specimen is returned without a correction. `corrected_rotation` computes the
-    correction from all images. Until then the errors of its calibrated strain contain the expected motion of
-    a specimen.
+    An image of a rotating specimen is returned without a correction, because `corrected_rotation` computes
+    the correction from all images. Until then, the errors of the calibrated strain contain the motion that is
+    expected of a specimen.
     """
     if image.measurement is None or calibration is None:
         return image
@@ -58,7 +58,7 @@ def corrected_rotation(
     Returns
     -------
     sequence of MeasuredImage
-        The given images, each with its correction, which is computed when it is used.
+        The given images with their corrections. Each correction is computed when it is used.
     Alignment or None
         Alignment of the specimen on the rotation stage: solved from the images if possible, else the
         alignment of the given motion.

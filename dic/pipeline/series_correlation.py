@@ -36,9 +36,10 @@ class SeriesCorrelation:
     kept : Unfinished or None
         The folder of finished images, within `keeping`.
     known : SeriesResult or None
-        A result on file that holds the fields, after `look_up`.
+        After `look_up`: a result file that holds the fields of all images.
     begun : SeriesResult or None
-        A result on file that holds the fields of the first images, after `look_up`: images were appended.
+        After `look_up`: a result file that holds the fields of the first images, if images were appended to
+        the series later.
     """
 
     series: Series
@@ -55,21 +56,21 @@ class SeriesCorrelation:
 
     @property
     def job(self) -> dict[str, Any]:
-        """All that determines the fields beside the images, as values for JSON."""
+        """Everything except the images that determines the fields, as values for JSON."""
         reference = self.sources.reference
         known = of_page(self._digests.of(reference), reference)
         return series_job(self.series, known, self.incremental)
 
     def look_up(self, place: ResultPlace, set_up: SeriesSetUp) -> SeriesResult | None:
-        """Look for a result on file that holds the fields; return it if it holds the strains too.
+        """Look for a result file that holds the fields; return its result if it holds the strains too.
 
         A result of the first images with equal settings may be replaced, because it becomes a part of the new
-        one.
+        result.
 
         Raises
         ------
         OutputError
-            If there are other results, which must not be replaced.
+            If the file holds results of another measurement, which must not be replaced.
         RunFileError
             If the user named a file whose fields are of another measurement.
         """
@@ -94,7 +95,7 @@ class SeriesCorrelation:
 
     @contextmanager
     def keeping(self, place: ResultPlace | None, written: Iterable[Path | None]) -> Iterator[None]:
-        """Keep every image that is finished, in a folder beside the result file until the block ends.
+        """Keep every finished image in a folder beside the result file until the `with` block ends.
 
         Parameters
         ----------
@@ -111,10 +112,10 @@ class SeriesCorrelation:
             yield
 
     def images(self) -> Iterator[FinishedImage]:
-        """Correlate the images one by one, when the caller asks for the next, or read their fields."""
+        """Correlate the images one by one, each when the caller asks for it, or read their fields."""
         if self.known is not None:
             return map(self.again, range(len(self.sources.images)))
-        # Without the folder no image is looked for among those that are finished.
+        # Digests are needed only to find images in the folder of finished images.
         kept, before = self.kept, range(self.used_again)
         given = (self._image(path, digested=kept is not None) for path in self.sources.images)
         finished = None if kept is None else kept.series(0)
@@ -123,7 +124,7 @@ class SeriesCorrelation:
     def again(self, number: int) -> FinishedImage:
         """Return an image that was correlated, by its index in the series."""
         if self.known is not None:
-            # The file knows the times from before; copying an image changes that of its file.
+            # Take the times from the result file, because copying an image file changes its time.
             return replace(self.known.correlated[number], label=str(self.sources.images[number]))
         if number < self.used_again:
             return self._before(number)
@@ -146,7 +147,7 @@ class SeriesCorrelation:
 
     @property
     def begun_text(self) -> str:
-        """What is used again of the result of earlier images, as a sentence; "" without such a result."""
+        """A sentence that says which fields of the first images are used again; "" if there are none."""
         if self.begun is None:
             return ""
         count, held, used = len(self.sources.images), len(self.begun.outcomes), self.used_again
@@ -163,7 +164,7 @@ class SeriesCorrelation:
         return replace(self.begun.correlated[number], label=str(path), time=self._times.of(path))
 
     def stay(self) -> None:
-        """Leave the folder of finished images when the block of `keeping` ends."""
+        """Do not remove the folder of finished images when the block of `keeping` ends."""
         if self.kept is not None:
             self.kept.stays = True
 

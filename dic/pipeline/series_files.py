@@ -63,7 +63,7 @@ class SeriesFiles:
         self.pictures = MapFiles(maps, sheets or {})
 
     def make_folders(self) -> None:
-        """Make the folders that do not exist yet; call it after all checks, so that a refusal makes none."""
+        """Make the missing folders. Call this after all checks, so that an error leaves no empty folder."""
         for folder in self.folders:
             folder.mkdir(parents=True, exist_ok=True)
 
@@ -140,7 +140,7 @@ class SeriesOutputs:
         outcomes: Sequence[Outcome],
         alignment: Alignment | None,
     ) -> None:
-        """Write what a report needs beside the images, after the last one; see `write_set_up`."""
+        """Write the data that a report needs in addition to the images; see `write_set_up`."""
         if self._writer is not None and self._measured:
             write_set_up(self._writer, reference, calibration, outcomes, alignment)
 

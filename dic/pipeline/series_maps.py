@@ -26,7 +26,7 @@ class MapFiles:
     maps : sequence of path
         The picture of each image; empty for no pictures.
     sheets : mapping of str to path
-        The contact sheet of each quantity that is to have one.
+        The file of each contact sheet, keyed by its quantity.
     """
 
     maps: Sequence[Path]
@@ -49,9 +49,9 @@ class _Waiting:
 class SeriesMaps:
     """Draw the maps of a series of image files.
 
-    A scale that serves all images is known only after the last image. Until then the values wait in a
-    temporary file. With a scale for each image, its picture is drawn at once. A picture that cannot be drawn
-    does not end the measurement: `draw` raises its error, after all other pictures are drawn.
+    A scale that serves all images is known only after the last image. Until then the values are in a
+    temporary file. If each image has a scale of its own, its picture is drawn at once. A picture that cannot
+    be drawn does not end the measurement: `draw` raises the error after all other pictures are drawn.
 
     Parameters
     ----------
@@ -68,7 +68,8 @@ class SeriesMaps:
         self._failed: dict[int, MeasurementError | OSError] = {}
 
     def add(self, number: int, title: str, measurement: Measurement, correction: Correction | None) -> None:
-        """Add an image; `number` is its index in the series, from 0, and its label is its file.
+        """Add an image; `number` is its index in the series, from 0. The label of its measurement is its
+        file.
 
         An image that is added again, for example after a correction, replaces what was added before.
         """
@@ -90,7 +91,7 @@ class SeriesMaps:
 
     @property
     def pictures_left(self) -> int:
-        """Number of pictures that `draw` will write, or whose error it will raise."""
+        """Number of pictures that `draw` will try to write."""
         if not len(self._waiting):
             return len(self._failed)
         return len(self._failed) + len(self._files.sheets) + (len(self._waiting) if self._maps_wait else 0)
@@ -100,7 +101,7 @@ class SeriesMaps:
         return bool(self._files.maps) and not self._at_once
 
     def draw(self, on_picture: Callable[[], None] = lambda: None) -> None:
-        """Write all pictures that have waited for the last image. Call `on_picture` after each.
+        """Write all pictures that need the scale of the whole series. Call `on_picture` after each.
 
         Raises
         ------

@@ -44,7 +44,7 @@ class MeasuredImage:
 
     @property
     def mean(self) -> MeanStrain:
-        """Mean strain of the image: the corrected strain if there is one, else the calibrated or raw strain.
+        """Mean strain of the image: the corrected strain if it exists, else the calibrated or raw strain.
 
         Raises
         ------
@@ -55,7 +55,7 @@ class MeasuredImage:
 
     @property
     def strain(self) -> StrainField:
-        """Local strain of the image: the corrected strain if there is one, else the calibrated or raw strain.
+        """Local strain of the image: the corrected strain if it exists, else the calibrated or raw strain.
 
         Raises
         ------
@@ -94,8 +94,8 @@ class MeasuredSeries:
     reference : ndarray of float32, shape (height, width)
         The reference image.
     images : sequence of MeasuredImage
-        The results of all images in order, including the images that could not be measured. Those of a run
-        are read from its result file when they are used.
+        The results of all images in order, including the images that could not be measured. The results of a
+        run are read from its result file when they are used.
     alignment : Alignment or None
         Alignment of the specimen on the rotation stage; None if the alignment is not known.
     sensitivity : Sensitivity or None

@@ -67,7 +67,7 @@ class SeriesResult:
 
     @property
     def correlated(self) -> Sequence[FinishedImage]:
-        """The outcome of the correlation of each image, in the order of the series, read when it is used."""
+        """The correlated images in the order of the series; each is read when it is used."""
         return self.fields.images(self.outcomes)
 
 
@@ -78,7 +78,7 @@ def write_set_up(
     outcomes: Sequence[Outcome],
     alignment: Alignment | None,
 ) -> None:
-    """Write what a report needs beside the measured images of a series, after the last image.
+    """After the last image, write the data that a report needs in addition to the measured images.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def load_series_result(path: PathLike) -> SeriesResult:
 def use_series_result(
     path: PathLike, use: Callable[[SeriesResult], Result], *, local_strain: bool = False
 ) -> Result:
-    """Return what `use` makes of the results of a series, and close the file.
+    """Call `use` with the results of a series, close the file, and return what `use` returned.
 
     Without `local_strain`, the local strains are not read, and must not be used.
 
@@ -184,14 +184,14 @@ def _read(path: Path, file: Any, *, local_strain: bool = True) -> SeriesResult:
 
 
 def _older_outcomes(group: Any, measured: int) -> list[Outcome]:
-    """Return the outcomes of a file of an earlier version: it lists failures without their places."""
+    """Return the outcomes of a file of an earlier version, which lists failures without their positions."""
     labels, reasons = (group[name].asstr()[:] for name in ("failed_label", "failure"))
     failures = [Outcome(str(label), "", str(why)) for label, why in zip(labels, reasons, strict=True)]
     return [Outcome("", "")] * measured + failures
 
 
 def _places(outcomes: Sequence[Outcome]) -> list[int | Outcome]:
-    """Return for each image its row, or its outcome if it has no row because it failed."""
+    """Return the row number of each image; for an image that failed and has no row, its outcome."""
     rows = count()
     return [next(rows) if each.failure is None else each for each in outcomes]
 

@@ -1,4 +1,4 @@
-"""What the strains of a series of images are computed with, once its displacement fields are known."""
+"""The inputs from which the displacement fields of a series of images give its strains."""
 
 import json
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from dic.strain.strain import StrainSettings
 
 @dataclass(frozen=True)
 class SeriesSetUp:
-    """What the strains of a series are computed with, beside its fields.
+    """The inputs from which the strains of a series are computed, in addition to its fields.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class SeriesSetUp:
     calibration_digest: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what identifies the set-up as values for JSON."""
+        """Return the values that identify the set-up, for JSON."""
         return {
             "strain": vars(self.strain),
             "motion": self.motion.as_dict(),

@@ -23,7 +23,8 @@ class SeriesSources:
     images : list of Path
         The images of the deformed specimen, or pages of files.
     notes : list of str
-        What a person should know about the choice: the reference of a stack or folder, images left out.
+        Sentences about the choice of images for the user: the reference of a stack or folder, and images that
+        were left out.
     """
 
     reference: Path
@@ -32,7 +33,7 @@ class SeriesSources:
 
     @property
     def files(self) -> list[Path]:
-        """All files of the series, also of pages."""
+        """All files of the series, including the files that hold pages."""
         return files_of([self.reference, *self.images])
 
     @classmethod
@@ -44,8 +45,8 @@ class SeriesSources:
         Parameters
         ----------
         reference : path
-            A file; or a TIFF file of several pages, a video, a folder or a pattern. Of these the first image
-            is the reference.
+            An image file, or a TIFF file of several pages, a video, a folder or a pattern. If it has several
+            images, the first image is the reference.
         images : sequence of path, optional
             Files, TIFF files of several pages, videos, folders and patterns. Default: the other images of
             `reference`.
@@ -56,15 +57,15 @@ class SeriesSources:
         Raises
         ------
         ImageError, CorrelationError
-            If a folder or a pattern has no images, or if there is no image but the reference.
+            If a folder or a pattern has no images, or if the reference is the only image.
         """
         first, *others = list_images(reference)
         notes = [] if first == Path(reference) else [f"the reference is {first}"]
         if images is None:
             if others or not split_page(first)[0].exists():
-                # Reading refuses a reference that does not exist.
+                # If the reference does not exist, the later reading raises an error.
                 return cls(first, others, notes)
-            # A damaged stack or video keeps its name; reading it gives the reason.
+            # Keep the name of a damaged stack or video. The later reading reports the reason.
             read_image(first)
             expected, remedy = "images of the deformed specimen", "name them, or a folder, stack or video"
             raise CorrelationError(str(reference), "list images", expected, "none", remedy)

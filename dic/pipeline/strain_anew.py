@@ -1,4 +1,4 @@
-"""Strain anew from the displacement fields of a result file: no image is read, and nothing is correlated."""
+"""Compute strain again from the fields of a result file: no image is read, and nothing is correlated."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -29,12 +29,12 @@ from dic.typing import PathLike
 
 
 def job_of_fields(result: SeriesResult | RunResult) -> Job:
-    """Return the job of a result, if its fields have all that strain needs.
+    """Return the job of a result, if its fields have all data that the computation of strain needs.
 
     Raises
     ------
     RunFileError
-        If the file is of an earlier version, which did not store which pixels the subsets used.
+        If the file is of an earlier version. Earlier versions did not store which pixels the subsets used.
     """
     cameras = result.cameras if isinstance(result, RunResult) else []
     known = [camera.fields for camera in cameras] if cameras else [getattr(result, "fields", None)]
@@ -51,7 +51,7 @@ def job_of_fields(result: SeriesResult | RunResult) -> Job:
 
 
 def origin_anew(result: SeriesResult | RunResult, inputs: Iterable[Path | None], job: Job) -> Provenance:
-    """Return the provenance of strain anew: the inputs of `result`, and the further `inputs`."""
+    """Return the provenance of recomputed strain: the inputs of `result`, and the additional `inputs`."""
     origin = Provenance.of(inputs, job)
     earlier = {} if result.provenance is None else dict(result.provenance.inputs)
     return replace(origin, inputs=earlier | dict(origin.inputs))
@@ -64,7 +64,7 @@ def strain_of_series(
     calibration: Calibration | None = None,
     motion: Motion | None = None,
 ) -> MeasuredSeries:
-    """Compute strains and corrections of a series anew from the fields of its result file.
+    """Compute strains and corrections of a series again, from the fields of its result file.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def strain_of_run(
     plate_mm: float | None = None,
     on_image: Callable[[], None] = lambda: None,
 ) -> RunResult:
-    """Compute strains and corrections of a run anew from the fields of its result file.
+    """Compute strains and corrections of a run again, from the fields of its result file.
 
     Parameters
     ----------

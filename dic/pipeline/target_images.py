@@ -61,8 +61,8 @@ def calibrate_images(
     greys = [grey_image(image, name) for image, name in zip(given, names, strict=True)]
     _require_same_size(greys, names)
     first = find_target(greys[0], target, names[0], x_axis=x_axis, origin_px=origin_px, region_px=region_px)
-    # The other images determine only the parameters of the lens, which do not depend on the directions of X
-    # and Y.
+    # Use the directions of the axes in the first image only. The other images determine the lens parameters,
+    # which do not depend on the directions of X and Y.
     others = [
         find_target(grey, target, name, region_px=region_px)
         for grey, name in zip(greys[1:], names[1:], strict=True)

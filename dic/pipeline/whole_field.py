@@ -1,4 +1,4 @@
-"""Gauges over the whole measured field, for a test in which nobody declared gauges."""
+"""Gauges over the whole measured field, for a test without declared gauges."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from dic.strain.measurement import Measurement
 from dic.typing import Float
 
 _ROOM = 1e-6
-"""Part of the field's size by which the rectangle is wider than the outermost points."""
+"""The rectangle extends beyond the outermost points by this fraction of the field's size."""
 
 
 def whole_field_gauges(results: Results) -> tuple[StrainGauge, StrainGauge]:

@@ -27,7 +27,7 @@ _LEAST_DEG = 1.0
 """Smallest off-axis angle that the report shows. A smaller angle is within the usual error of alignment."""
 
 _ALONG_DEG = 15.0
-"""Largest angle between a camera's tilt and an axis at which false strain counts as strain along that axis.
+"""Largest angle between a camera's tilt and an axis for which false strain counts as strain along the axis.
 
 At this angle, 7 % of the false strain is along the other axis.
 """
@@ -118,7 +118,8 @@ class CameraSeries:
     def calibrated_std(self) -> Float:
         """Standard deviations of the calibrated mean strain, µε, shape (k, 3); NaN if not known.
 
-        Result files of earlier versions have the part of the images only, which is a small part of the error.
+        Result files of earlier versions contain only the part that the images cause, which is a small part of
+        the error.
         """
         return strain_stds([None if m.by_images is None else m.calibrated_mean for m in self.measurements])
 

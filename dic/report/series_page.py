@@ -94,7 +94,8 @@ def _row(image: MeasuredImage, kinds: Sequence[str]) -> ImageRow:
     for kind in kinds:
         mean = row.get(kind, {})
         known = kind != "corrected" or mean.get("applied", False)
-        # Beside a calibration, raw strain lacks the part of motion out of the grid's plane.
+        # If there is a calibration, leave out the standard deviations of raw strain: they lack the part that
+        # motion out of the grid's plane causes.
         stated = kind != "raw" or len(kinds) == 1
         strains += [_strain(mean, name, stated=stated) if known else "–" for name in _COMPONENTS]
     reason = row.get("corrected", {}).get("reason")

@@ -13,7 +13,7 @@ from dic.report.strains import MICRO, plane_slopes
 from dic.report.style import CONFIDENCE
 
 _OPEN_SHARE = 0.05
-"""Limit for the relative uncertainty of a camera's distance; above it the report asks for better data."""
+"""Above this relative uncertainty of a camera's distance, the report asks for better data."""
 
 _PERCENT = 100.0
 

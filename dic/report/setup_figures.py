@@ -79,7 +79,7 @@ def motion_figure(run: Run) -> str:
     for k, axis in enumerate(axes[:2]):
         known = [float(np.nanmedian(stds[:, k])) for *_, stds in series]
         for std, (label, style, loads_kn, slopes, stds) in zip(known, series, strict=True):
-            # Leave out slopes with very long error bars, because these would hide all others.
+            # Leave out slopes with very long error bars, because these bars would hide the other slopes.
             if std <= _HARDLY * min(known):
                 _draw_bars(axis, loads_kn, slopes[:, k], stds[:, k], label, style)
         axis.set_ylabel(f"slope along {'XY'[k]}, °")

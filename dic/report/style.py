@@ -32,11 +32,11 @@ _TOP_IN = 0.18
 _LEGEND_LINE_IN = 0.19
 _LEGEND_EDGE_IN = 0.16
 _MARGIN_PX = 6
-# The type is Any, because matplotlib's own type for this dictionary lists every possible key.
+# The type is Any, because matplotlib's own type for this dictionary is a long list of all possible keys.
 _RC: Any = {
     "font.size": 9,
     "axes.titlesize": 10,
-    # With a given height, matplotlib does not measure all labels to find a height for the titles.
+    # If the height of the titles is given, matplotlib need not measure all labels to find it.
     "axes.titley": 1.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -67,8 +67,8 @@ def plot_style() -> Any:
 def new_figure(columns: int, height_in: float = 3.6) -> tuple[Any, Any]:
     """Return a matplotlib figure as wide as the page, and its axes side by side.
 
-    The axes keep fixed distances for their labels. Matplotlib's layout engines find the distances themselves,
-    but need as long for this as for drawing the figure.
+    The distances for labels are fixed. Matplotlib's layout engines could find suitable distances, but they
+    take as long for this as for drawing the figure.
     """
     from matplotlib.figure import Figure
 

@@ -124,7 +124,7 @@ def _poisson(run: Run) -> str:
 
 def _strain_rows(run: Run) -> list[tuple[str, str]]:
     rows = []
-    # All images of a series have the same settings, and reading one image is enough.
+    # All images of a series have the same settings, so it is enough to read one image.
     firsts = [m for camera in run.cameras for m in camera.measurements[:1]]
     for measure in sorted({m.strain_settings.measure for m in firsts}):
         name = _MEASURES[measure]

@@ -30,7 +30,7 @@ class PropertyRow:
 
 @dataclass(frozen=True)
 class Remarks:
-    """What speaks against the values of a column, one sentence each."""
+    """The objections to the values of a column, one sentence each."""
 
     label: str
     sentences: list[str]
@@ -94,7 +94,7 @@ def _cell(value: PropertyValue, digits: int) -> str:
 
 
 def _grouped(test: TensileTest) -> list[Remarks]:
-    """Return what speaks against the values: first what holds for all columns, then each column's own."""
+    """Return the objections to the values: first those to all columns, then those to single columns."""
     own = [_remarks(column) for column in test.columns]
     if len(own) == 1:
         return [Remarks(test.main.label, own[0])]
@@ -137,7 +137,7 @@ def _about(test: TensileTest) -> list[tuple[str, str]]:
 
 
 def _lengths(test: TensileTest, name: str) -> str:
-    """Return the precise gauge lengths that were found, of all cameras."""
+    """Return the precise gauge lengths that were found in the images of all cameras, as text."""
     found = set()
     for image in test.series.images:
         if name in image.readings:

@@ -27,7 +27,7 @@ SYMBOLS = {
     "r": ("r", "plastic strain ratio"),
     "n": ("n", "strain hardening exponent"),
 }
-"""Symbol of ISO 6892-1, ISO 10113 or ISO 10275, and name, of each property."""
+"""Symbol (ISO 6892-1, ISO 10113 or ISO 10275) and name of each property."""
 _UNCORRECTED = {"calibrated": "calibrated, uncorrected", "raw": "raw, uncorrected", "corrected": "corrected"}
 
 
@@ -97,7 +97,7 @@ class TensileTest:
         Names of the gauges along and across the specimen.
     settings : PropertySettings
     columns : tuple of TestColumn
-        From the least to the best strain of each camera.
+        The columns of each camera, from the least accurate kind of strain to the best.
     known : mapping of str to float
         True or certified values, by the keys of the properties; {} if none are known.
     """
@@ -146,7 +146,7 @@ def tensile_test(
     Parameters
     ----------
     series : GaugeSeries
-        With the load of each image: from a run, or from `join_record`.
+        A series with the load of each image. The load comes from a run, or from `join_record`.
     gauge, transverse : str, str or None
         Names of the gauges along and across the specimen.
     settings : PropertySettings
@@ -167,12 +167,13 @@ def tensile_test(
             remedy = "correct the name or the value, or leave it out"
             raise CurveError("known values", name, expected, repr(value), remedy)
     cameras = list(dict.fromkeys(str(image.known.get("camera", "")) for image in series.images))
-    cameras.sort(key=lambda camera: camera != "on_axis")  # the one that the others are compared with
+    cameras.sort(key=lambda camera: camera != "on_axis")  # the other cameras are compared with on_axis
     columns = []
     for camera in cameras:
         own = tuple(image for image in series.images if str(image.known.get("camera", "")) == camera)
         part = GaugeSeries(series.source, series.gauges, own)
-        # Raw strain has the scale of the reference and says the same as calibrated strain, but less well.
+        # Raw strain contains the same information as calibrated strain, but it is less accurate, so leave it
+        # out.
         kinds = [kind for kind in reversed(part.kinds) if kind != "raw"] or ["raw"]
         columns += [_column(part, camera, gauge, transverse, settings, kind) for kind in kinds]
     name = title or Path(series.source).name

@@ -20,7 +20,7 @@ NARROWEST_PX = 7
 """Smallest width of a subset, px."""
 
 _WORTH_SAYING = 0.01
-"""Smallest share of the image that is named."""
+"""A reason is named only if at least this share of the image was left out for it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +67,10 @@ class SpecimenNotFound(CorrelationError):
 def find_specimen(image: ImageLike, subset_px: int = 41, within: Mask | PathLike | None = None) -> Specimen:
     """Find the specimen in an image by its speckles.
 
-    A surface belongs to the specimen if its texture is stronger than the image's noise, has slopes in every
-    direction, is as dense, sharp and bright as the rest of the specimen, and is wider than a subset. The
-    outline follows the outermost speckles and edges. Holes that are wider than the gaps between speckles are
-    left out.
+    A surface belongs to the specimen if it is wider than a subset, and if its texture fulfils these
+    conditions: it is stronger than the image's noise, it has slopes in every direction, and it is about as
+    dense, sharp and bright as the rest of the specimen. The outline follows the outermost speckles and edges.
+    Holes that are wider than the gaps between speckles are left out.
 
     Parameters
     ----------

@@ -10,16 +10,16 @@ _EDGE = 0.2
 """A pixel belongs to a speckle's edge if its energy exceeds this fraction of the specimen's mean energy."""
 
 _EDGE_ABOVE_NOISE = 8.0
-"""White noise exceeds this multiple of its mean at 2 % of the pixels (the energy is chi-squared)."""
+"""An edge's energy must exceed this multiple of `noise`. White noise does so at 2 % of the pixels."""
 
 _GAPS = 99.9
-"""Percentile of the distances to the nearest edge; wider gaps without an edge are holes."""
+"""A gap wider than this percentile of the distances to the nearest edge is a hole."""
 
 _NEAR = 0.28
-"""The outline lies within this fraction of a window from the windows that are half full."""
+"""The outline is at most this fraction of a window away from the windows that are half full of texture."""
 
 _ROUND = 0.3
-"""Parts that are narrower than this fraction of the specimen are no specimen, such as a cable beside it."""
+"""Parts narrower than this fraction of the specimen, such as a cable beside it, do not belong to it."""
 
 _NO_SUBSET_PX = 4
 """No subset uses the outermost pixels of the image, so the image's dark border does not matter there."""
@@ -45,7 +45,7 @@ def outline(maps: TextureMaps, surfaces: Surfaces, shape: tuple[int, ...]) -> Ma
     gap = _widest_gap(edge, surfaces.inside, maps.window)
     margin = 2 * maps.window
     around = (margin,) * 4
-    # Beyond the image's edge the specimen goes on, so a gap between speckles and this edge is closed, too.
+    # The specimen continues beyond the image's edge, so close the gaps between speckles and this edge too.
     edge = cv2.copyMakeBorder(edge, *around, cv2.BORDER_CONSTANT, value=1)
     inside = cv2.copyMakeBorder(surfaces.inside, *around, cv2.BORDER_REPLICATE)
     closed = cv2.morphologyEx(edge, cv2.MORPH_CLOSE, square(2 * gap + 1))[margin:-margin, margin:-margin]
@@ -83,7 +83,8 @@ def _smoothed(whole: Bits, inside: Bits, radius: int) -> Bits:
     shared = np.bincount(labels[inside > 0], minlength=count)
     kept = shared > 0.2 * boxes[:, cv2.CC_STAT_AREA]
     kept[0] = False
-    # Opening with a disc has rounded the corners; their tips are 0.41 times the radius away.
+    # Opening with a disc has rounded the corners. It has moved their tips inwards by 0.41 times the radius,
+    # so dilate by this distance.
     corners = cv2.dilate(kept.astype(np.uint8)[labels], _disc(max(1, int(0.41 * radius)))) & whole
     return np.asarray(cv2.morphologyEx(corners, cv2.MORPH_CLOSE, _disc(max(2, radius // 3))), np.uint8)
 
@@ -95,7 +96,7 @@ def _at_full_resolution(found: Bits, reduction: int, shape: tuple[int, ...]) -> 
         found.astype(np.float32), None, fx=reduction, fy=reduction, interpolation=cv2.INTER_LINEAR
     )
     mask = (enlarged[: shape[0], : shape[1]] > 0.5).astype(np.uint8)
-    # An edge between grey levels is seen about half a reduced pixel on both its sides.
+    # The slope filter responds about half a reduced pixel beyond an edge, so erode the mask by this distance.
     mask = np.asarray(cv2.erode(mask, square(reduction + 1)), np.uint8)
     border = _NO_SUBSET_PX
     inner = mask[border:-border, border:-border]

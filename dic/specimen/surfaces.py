@@ -16,18 +16,18 @@ _LEAST_SPREAD = 0.4
 _WEAK = 0.03
 """A window with less than this fraction of the strong windows' texture is background."""
 
-# Limits of a further surface, relative to the main one.
+# Limits of other surfaces, relative to the main surface.
 _LEAST_AREA, _LEAST_STRENGTH, _LEAST_ISOTROPY, _LEAST_LIKENESS = 0.15, 0.05, 0.5, 0.8
 
 # Limits of the windows in the second look, relative to the windows inside the surfaces.
 _HALF = 0.58
-"""A window on the straight edge of a surface is half full of its texture, and of some of the edge itself."""
+"""A window on the straight edge of a surface has this share of texture: half, and a part from the edge."""
 _LEAST_SHARPNESS = 0.3
 _TONE, _TONE_SPREADS = 0.3, 4.0
-"""A surface's brightness may differ by 30 %, or by this multiple of its own usual difference."""
+"""A window's brightness may differ by 30 %, or by this multiple of the usual difference."""
 
 _AS_FULL_ENERGY = 2.7
-"""Ratio of the mean energy to the smaller eigenvalue in windows of few speckles; 2 for many speckles."""
+"""Ratio of mean energy to smaller eigenvalue in a window with few speckles. With many speckles it is 2."""
 
 _SPARSE = 4
 """Fields that change slowly are computed at every fourth pixel."""
@@ -47,7 +47,8 @@ class Surfaces:
     inside : ndarray of uint8
         1 at the centres of windows that certainly lie on the specimen.
     energy : ndarray
-        Mean energy that the specimen's texture has here, or would have here; infinite far from the specimen.
+        Mean energy of the specimen's texture at each pixel. Beside the specimen it is extrapolated, and far
+        from the specimen it is infinite.
     """
 
     windows: Bits
@@ -67,7 +68,7 @@ class FirstLook:
     light : ndarray
         Brightness above the darkest parts of the image.
     dense : ndarray of bool
-        True where strong slopes fill the window in every direction.
+        True where strong slopes in every direction fill the window.
     weak : ndarray of bool
         True where there is texture, but little compared with the strong windows.
     chosen : ndarray of bool
@@ -107,9 +108,11 @@ def find_surfaces(maps: TextureMaps, look: FirstLook) -> Surfaces | None:
     inside = np.asarray(inside if inside.any() else core, np.uint8)
     usual = _around(maps.window, inside, [maps.weakest, look.light, _mean(maps, maps.curvature)])
     energy = np.float32(_AS_FULL_ENERGY) * usual[0]
-    # Windows are compared with the sharpness nearby, because a side of the specimen may be blurred.
+    # Compare windows with the sharpness of the specimen nearby, because one side of the specimen may be
+    # blurred.
     windows = _resembling(maps, inside, energy, usual[2] / usual[0])
-    # The tone of a window at the edge is a mean of both sides, so its neighbour's tone is enough.
+    # The brightness of a window at the edge is a mean of the specimen and the background. So it is enough if
+    # a neighbouring window has the right brightness.
     tone = np.abs(np.log(look.light / usual[1]))
     same = tone < max(_TONE, _TONE_SPREADS * _median(tone, inside > 0))
     windows &= cv2.dilate(windows & same.view(np.uint8), square(maps.window + 2))
@@ -153,7 +156,7 @@ def _medians(maps: TextureMaps, look: FirstLook, labels: Float, boxes: Float, la
 
 
 def _median(values: Grey | Float, own: Mask) -> float:
-    """Return the median over a mask; use only every fourth row and column if these are enough."""
+    """Return the median over a mask, from every fourth row and column if these have enough values."""
     sparse = (slice(None, None, _SPARSE), slice(None, None, _SPARSE))
     sample = values[sparse][own[sparse]]
     return float(np.median(sample if sample.size >= _SAMPLE else values[own]))
@@ -162,8 +165,8 @@ def _median(values: Grey | Float, own: Mask) -> float:
 def _around(window: int, inside: Bits, values: list[Grey]) -> list[Grey]:
     """Return the usual value of each map on the specimen around every pixel, also outside the specimen.
 
-    The usual value is a weighted geometric mean over the pixels in `inside`. Far from them, the first map
-    gives infinity.
+    The usual value is a weighted geometric mean over the pixels in `inside`. Far from these pixels, the usual
+    value of the first map is infinity.
     """
     import cv2
 

@@ -29,11 +29,11 @@ _ABOVE_NOISE = 3.0
 """A window has texture if its smaller eigenvalue exceeds this multiple of what white noise causes.
 
 White noise alone gives multiples around 1, with a largest value of 2.1 in windows of 11 px. Blobs of 0.6 px
-(standard deviation), the finest that are worth a try, give 8.
+(standard deviation), the finest blobs that may be measurable, give 8.
 """
 
 EVERY_DIRECTION = 0.12
-"""Least ratio of the eigenvalues. Speckles seen at 70° have 0.12, streaks and straight edges have less."""
+"""Least ratio of the eigenvalues. Speckles seen at 70° have 0.12; streaks and straight edges have less."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def eigenvalues(xx: Grey, yy: Grey, xy: Grey) -> tuple[Grey, Grey]:
 
 
 def _strength(maps: TextureMaps) -> float:
-    """Return the smaller eigenvalue that a tenth of all windows exceeds; one without texture counts as 0."""
+    """Return the smaller eigenvalue that 10 % of all windows exceed; a window without texture counts as 0."""
     every_other = (slice(None, None, 2), slice(None, None, 2))
     good = (maps.above_noise & maps.in_every_direction)[every_other]
     return float(np.percentile(np.where(good, maps.weakest[every_other], 0.0), 90))

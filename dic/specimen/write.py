@@ -1,4 +1,4 @@
-"""Write a region as a mask image and polygons that can be edited, and as a picture to check it."""
+"""Write a region as a mask image and as polygons, which can be edited, and draw a picture to check it."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +16,7 @@ _TOLERANCE_PX = 0.6
 """Largest distance of the polygons from the outline of the mask."""
 
 _SMALLEST_HOLE_PX = 4
-"""Polygons leave out specks and holes of fewer pixels."""
+"""Polygons leave out specks and holes that have fewer pixels than this."""
 
 _OUTLINE = (0, 140, 255)
 """Orange in the order blue, green, red: visible on every grey level, also for colour-blind people."""

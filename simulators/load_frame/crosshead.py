@@ -16,8 +16,10 @@ STIFFNESS_MIN_N_MM = 1_000.0
 
 
 class LoadString(Protocol):
-    """Interface of specimen, grips and load frame in series; the load depends on earlier plastic
-    deformation."""
+    """Interface of specimen, grips and load frame in series.
+
+    The load depends on earlier plastic deformation.
+    """
 
     def stretch_to(self, displacement_mm: float) -> float:
         """Move the crosshead to `displacement_mm`, counted from the test's start; return the load in N."""
@@ -87,7 +89,7 @@ class Crosshead:
         return self.cell.load_n(self._force_n, self._time_s)
 
     def lie(self, lie: Lie, drift_n_s: float = 0.0) -> None:
-        """Make the load cell show a wrong load; with `Lie.NONE` the load cell shows the real load again."""
+        """Make the load cell show a wrong load; with `Lie.NONE` the cell shows the real load again."""
         self.cell.begin(lie, self._force_n, self._time_s, drift_n_s)
 
     def wait_until(self, time_s: float) -> None:
@@ -170,8 +172,10 @@ class Crosshead:
 
 
 def _beyond(limits: MachineLimits, load_n: float, displacement_mm: float, out: bool) -> FaultCode:
-    """Return a fault if the crosshead moved outwards beyond a limit. Motion back between the limits is always
-    allowed."""
+    """Return a fault if the crosshead moved outwards beyond a limit.
+
+    Motion back towards the allowed range is never a fault.
+    """
     if out:
         overload = load_n > limits.load_max_n + LOAD_TOLERANCE_N
         overtravel = displacement_mm > limits.displacement_max_mm + TRAVEL_TOLERANCE_MM

@@ -90,7 +90,7 @@ class LoadFrameDevice:
         self._noise = (0.0, 0.0)
 
     def mount_load_cell(self, settings: LoadCellSettings) -> None:
-        """Mount a load cell with this noise and error; the zero is that of the unloaded cell."""
+        """Mount a load cell with this noise and error. Its zero is the reading without load."""
         with self._lock:
             self._load_noise_n = settings.noise_n
             self._crosshead.cell = LoadCell(settings.error_percent)
@@ -122,8 +122,7 @@ class LoadFrameDevice:
 
     @property
     def watchdog_s(self) -> float:
-        """The time in s without a new heartbeat after which the watchdog stops a motion; 0 if the watchdog is
-        off."""
+        """Time in s without a new heartbeat after which the watchdog stops a motion; 0 for no watchdog."""
         return self._watchdog_s
 
     def set_watchdog(self, timeout_s: float) -> None:
@@ -258,7 +257,7 @@ class LoadFrameDevice:
             self._crosshead.lie(lie, drift_n_s)
 
     def freeze(self) -> None:
-        """Freeze the readings and their sample counter, while the machine continues to work."""
+        """Freeze the readings and their sample counter. The machine continues to work."""
         with self._lock:
             self._frozen = self.read()
 

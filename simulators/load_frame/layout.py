@@ -17,13 +17,12 @@ _ENCODINGS = {kind: struct.Struct(form) for kind, form in _FORMATS.items()}
 _SIZES = {kind: encoding.size // 2 for kind, encoding in _ENCODINGS.items()}
 WORD_ORDERS = {"ABCD": (0, 1, 2, 3), "CDAB": (2, 3, 0, 1), "BADC": (1, 0, 3, 2), "DCBA": (3, 2, 1, 0)}
 NO_VALUE = 0x7FFFFFFF
-"""Load reading of a device with integer registers if the device cannot measure the load."""
+"""The load reading in integer registers that means that the device cannot measure the load."""
 
 
 @dataclass(frozen=True)
 class Register:
-    """A value in the Modbus registers: its name, its type, and the factor from raw value to value in its
-    unit."""
+    """A value in the Modbus registers: its name, its type, and the factor from the raw value to the unit."""
 
     name: str
     kind: str
@@ -61,7 +60,8 @@ class Layout:
     command, limits, watchdog, heartbeat : Block
         Blocks that a client writes completely, each in one request.
     setpoints : Block, optional
-        Block of targets and rates, to be written before the command; None if `command` contains these values.
+        Block of targets and rates, which a client writes before the command. None if `command` contains these
+        values.
     bits : mapping of str to int
         Bit number of each status, such as ``moving``, in the status word.
     commands : mapping of int to str

@@ -77,7 +77,7 @@ class LoadCell:
         self._zero_n = self._distorted(force_n, now_s)
 
     def reset(self) -> None:
-        """Reset the zero of the reading, as after a power cut. A wrong reading stays wrong."""
+        """Reset the zero of the reading, as after a power cut. The fault `lie` does not change."""
         self._zero_n = 0.0
 
     def _distorted(self, force_n: float, now_s: float) -> float:

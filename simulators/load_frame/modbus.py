@@ -36,8 +36,7 @@ class _LoadFrameLine(Server):
         self.registers = registers or LoadFrameRegisters(device, layout, serial, self.faults)
 
     def answer(self, unit: int, request: bytes) -> bytes | None:
-        """Execute one Modbus protocol data unit (function code and data); return the answer's data unit, or
-        None."""
+        """Execute one Modbus protocol data unit (function code and data); return the answer's, or None."""
         return self.registers.answer(request)
 
 
@@ -78,8 +77,10 @@ class LoadFrameServer(_LoadFrameLine, ModbusTcpServer):
         self._port = port_of(self, host, port)
 
     def answer(self, unit: int, request: bytes) -> bytes | None:
-        """Execute one protocol data unit. A request for another unit is answered with Modbus exception 11, as
-        by a gateway."""
+        """Execute one protocol data unit.
+
+        As a gateway does, the server answers a request for another unit with Modbus exception 11.
+        """
         if unit != self.unit:
             return struct.pack(">BB", request[0] | 0x80, TARGET_SILENT)
         return super().answer(unit, request)

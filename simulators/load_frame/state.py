@@ -44,8 +44,7 @@ class MachineLimits:
     load_rate_max_n_s: float
 
     def encloses(self, other: "MachineLimits") -> bool:
-        """Return True if the limits `other` lie within these limits, and each lower limit is below its upper
-        limit."""
+        """Return True if the limits `other` lie within these limits, and no range of `other` is empty."""
         return (
             self.load_min_n <= other.load_min_n < other.load_max_n <= self.load_max_n
             and self.displacement_min_mm <= other.displacement_min_mm

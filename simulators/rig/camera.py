@@ -22,8 +22,8 @@ from simulators.wire.rig_faults import RigFaults
 
 # The bit that V4L2 sets in the flags of a damaged buffer.
 FLAG_ERROR = 0x40
-# Sine of the smallest allowed angle between the ray of a pixel and the grid's plane. The margin lets the
-# surface tilt by some degrees.
+# Sine of the smallest allowed angle between the ray of a pixel and the grid's plane. This angle leaves room
+# for a tilt of the surface by some degrees.
 GRAZING = 0.2
 
 

@@ -34,7 +34,7 @@ class SimulatedOperator:
     clock : Clock
     duration_s : float
     on_action : callable, optional
-        Called with the action, and with False at its begin and True at its end.
+        Called with two arguments: the action, and False at its beginning or True at its end.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class SimulatedOperator:
 
 
 def _open(settings: OperatorSettings, context: OpenContext) -> SimulatedOperator:
-    # imported here, because the scene loads numba, which a run on a rig in another program does not need
+    # Import here: the scene loads numba, which is not needed if another program simulates the rig.
     from simulators.scene.scene import scene_of
 
     return SimulatedOperator(scene_of(context), context.clock, settings.duration_s)

@@ -14,7 +14,7 @@ class PictureFaults:
     Parameters
     ----------
     clock : Clock
-        The clock of the rig, by which the time of an unreachable camera ends.
+        The clock of the rig. It determines when an unreachable camera becomes reachable again.
     panel : FaultPanel, optional
         The panel on which the faults are switched.
     """
@@ -25,14 +25,15 @@ class PictureFaults:
         self._absent_until_s: dict[str, float] = {}
 
     def frozen(self) -> bool:
-        """Return True if the next frame shows the picture of the frame before."""
+        """Return True if the next frame shows the same picture as the previous frame."""
         return self.panel.take("frozen") is not None
 
     def alter(self, reflectance: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the light that reaches the sensor, after the faults have changed `reflectance`."""
         sigma_px, length_px, percent = (self.panel.take(name) for name in ("defocus", "blur", "light"))
         if sigma_px is not None:
-            # imported here, because scipy.ndimage takes a third of a second of each start of a virtual rig
+            # Import here: the import of scipy.ndimage would delay each start of a virtual rig by a third of a
+            # second.
             from scipy.ndimage import gaussian_filter
 
             reflectance = gaussian_filter(reflectance, float(sigma_px))
@@ -45,8 +46,10 @@ class PictureFaults:
         return reflectance
 
     def require_present(self, name: str, step: str) -> None:
-        """Raise `LinkLost` while the camera `name` is unreachable; it becomes unreachable if the fault is
-        on."""
+        """Raise `LinkLost` while the camera `name` is unreachable.
+
+        The camera becomes unreachable at the first call with the fault switched on.
+        """
         absent_s = self.panel.take("dropout") if step == "grab" else None
         if absent_s is not None:
             self._absent_until_s[name] = self._clock.now_s() + float(absent_s)

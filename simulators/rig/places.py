@@ -65,7 +65,8 @@ class Link:
 
     def __init__(self, path: Path, terminal: Path) -> None:
         self._path, self._terminal = path, terminal
-        # the folder exists as long as the simulation runs; the terminal can be missing while unplugged
+        # Check the folder, not the terminal: the folder exists as long as the simulation runs, but the
+        # terminal is missing while it is unplugged.
         if path.is_symlink():
             folder = path.readlink().parent
             if folder.name.startswith(PREFIX) and not folder.exists():

@@ -107,7 +107,7 @@ class RigTables:
         scene = addresses["scene"]
         parts = [
             f"# Devices of a simulation that was started on {SystemClock().utc():%Y-%m-%d %H:%M} UTC.",
-            # a driver cannot detect from the protocol that its device is simulated
+            # A driver cannot detect from the protocol that its device is simulated.
             toml_table(["rig"], {**self.content.get("rig", DEFAULTS["rig"]), "simulated": True}),
         ]
         for name in _ON_WIRES:

@@ -34,7 +34,7 @@ class _RemoteSettings(Settings):
 class RemoteOperatorSettings(_RemoteSettings):
     """Address of the simulation, as printed by ``rig simulate``, and the duration of the operator's actions.
 
-    The duration is only shown: the simulation determines it.
+    The duration is only shown to the user. The simulation determines how long an action takes.
     """
 
     duration_s: float | None = Field(default=None, ge=0, le=3600)
@@ -107,7 +107,7 @@ class SceneClient:
     def close(self) -> None:
         """Close the connection; a repeated call does nothing."""
         if self._socket is not None:
-            # `shutdown` ends the wait of another thread for an answer; `close` alone would not
+            # `shutdown` wakes another thread that waits for an answer. `close` alone would not wake it.
             with suppress(OSError):
                 self._socket.shutdown(socket.SHUT_RDWR)
             self._socket.close()

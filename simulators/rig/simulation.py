@@ -55,7 +55,7 @@ class Simulation:
     places : iterable of str
         Addresses of servers in the form that `simulators.rig.places.Places.read` accepts.
     say : callable, optional
-        Called with a line about each action of the operator, on another thread. May be set later.
+        Called on another thread, with a line about each action of the operator. May be set later.
 
     Raises
     ------

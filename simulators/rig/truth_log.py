@@ -67,7 +67,7 @@ class TruthLog:
     def write(self, what: str, **values: Any) -> None:
         """Write one line to the log. After `close`, this method does nothing."""
         now_s, now = self._clock.now_s(), self._clock.utc()
-        # write the time of the event, also if the event is reported late
+        # Write the time of the event itself, because the event may be reported late.
         happened = now - timedelta(seconds=now_s - values.get("time_s", now_s))
         line = {"what": what, "utc": happened.isoformat(), "time_s": now_s, **values}
         with self._lock:

@@ -52,7 +52,7 @@ class VirtualRigSettings(Settings):
     specimen: SpecimenSettings = SpecimenSettings()
 
     def exact_properties(self) -> dict[str, Any]:
-        """Return the exact material properties of the specimen, which no measurement reads."""
+        """Return the exact material properties of the specimen, for comparison with measured values."""
         return exact_properties(self.specimen)
 
 
@@ -83,10 +83,10 @@ class VirtualRig:
         on Modbus TCP, on Modbus RTU on a pseudo-terminal, and on Modbus RTU over TCP. ``interlocks`` is a
         module with contacts and analogue inputs on Modbus TCP.
     patience_s : float
-        Additional real time of a driver for each call, and for each answer while a device is opened. 0 in
-        real time, in which a late answer is a fault.
+        Additional real time in s that a driver waits for each call, and for each answer while a device is
+        opened. The value is 0 if the rig runs in real time, because a late answer is then a fault.
     exact_properties : dict
-        The exact material properties of the specimen, which no measurement reads.
+        The exact material properties of the specimen, for comparison with measured values.
     faults : RigFaults
         Faults that can be switched on while the rig runs.
     picture_faults : PictureFaults

@@ -1,4 +1,4 @@
-"""The exact material properties of a virtual specimen, from its laws and without its curve or its images."""
+"""The exact material properties of a virtual specimen, computed from its material laws alone."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ def exact_properties(settings: SpecimenSettings) -> dict[str, Any]:
 
     The keys are E_gpa, nu, Rp02_mpa, ReH_mpa, ReL_mpa, Ae_percent, Rm_mpa, Ag_percent, Agt_percent, A_percent
     and r, and `law` describes the hardening. A value is None if the specimen has no such property: a sheet
-    with a plateau has no Rp0.2 of its own, one without has no ReH.
+    with a plateau has no Rp0.2, and a sheet without a plateau has no ReH.
 
     The strain is stress / E + plastic strain. So Rp0.2 is the stress at the plastic strain 0.002, A is the
     plastic strain at the break, and Ae lies between ReH and the end of the plateau.

@@ -1,7 +1,8 @@
 """The curve of first loading of the virtual specimen: nominal stress and plastic strain along one path.
 
-A path in MPa orders the points of the curve. It exists because neither stress nor plastic strain orders them
-alone: the stress falls after an upper yield point, and the plastic strain is zero in the elastic part.
+A parameter in MPa, the path, numbers the points of the curve in order. Neither stress nor plastic strain
+could do this alone: the stress falls after an upper yield point, and the plastic strain is zero in the whole
+elastic part.
 """
 
 from dataclasses import dataclass
@@ -75,7 +76,7 @@ class RambergOsgood:
 class ByFlowCurve:
     """Linear elastic up to the beginning of plastic flow, then a flow curve.
 
-    Up to the beginning of plastic flow the path is the stress. Behind it, the path grows by Young's modulus
+    Up to the beginning of plastic flow, the path is the stress. Afterwards, the path grows by Young's modulus
     times the plastic strain.
     """
 

@@ -69,8 +69,11 @@ HardeningLaw = Annotated[Swift | Voce, Field(discriminator="law")]
 
 
 class YieldPoint(Settings):
-    """Upper yield point and plateau. The stress falls linearly from the upper to the lower yield strength,
-    stays there until the end of the plateau, and then rises by as much as the law of hardening does."""
+    """Upper yield point and plateau.
+
+    The stress falls linearly from the upper to the lower yield strength. It stays there until the end of the
+    plateau, and then rises by as much as the law of hardening does.
+    """
 
     upper_mpa: float = Field(gt=0)
     lower_mpa: float = Field(gt=0)
@@ -125,7 +128,7 @@ class FlowCurve:
         return max(self.onset_mpa, self.stress_mpa(min(plastic, self.uniform)))
 
     def _hardened_mpa(self, plastic: float) -> float:
-        """Return the true stress behind the plateau."""
+        """Return the true stress after the plateau."""
         rise = self._law.true_stress_mpa(log(1.0 + plastic) - self._start)
         if self._point is None:
             return rise

@@ -17,6 +17,7 @@ def compiled(function: F) -> F:
     try:
         result: F = numba.njit(cache=True, nogil=True)(function)
     except RuntimeError:
-        # Without a cache on disk: neither the installation folder nor the home folder is writable.
+        # Compile without a cache on disk, because neither the installation folder nor the home folder is
+        # writable.
         result = numba.njit(nogil=True)(function)
     return result

@@ -99,8 +99,8 @@ class PinholeCamera:
 def _undistorted_scale(distorted_px2: float, k1_per_px2: float) -> float:
     """Return the ratio s = r / r_distorted of undistorted and distorted radius, from r_distorted squared.
 
-    With k = k1 r_distorted², the distortion model is s + k s³ = 1. Newton's method starts at s = 1 and
-    approaches the root from one side for either sign of k.
+    With k = k1 r_distorted², the distortion model is s + k s³ = 1. Newton's method starts at s = 1. For both
+    signs of k it approaches the root from one side only.
     """
     k = k1_per_px2 * distorted_px2
     s = 1.0

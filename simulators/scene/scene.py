@@ -178,7 +178,7 @@ class Scene:
         return Surface(self._speckle, pose, state.deformation_gradient(), np.array([0.0, travel_mm]))
 
     def _recession(self) -> Pose:
-        """Return the motion of the surface away from the camera because the sheet becomes thinner."""
+        """Return the motion of the surface away from the camera when the sheet becomes thinner."""
         settings = self.specimen.settings
         change_mm = settings.thickness_mm * self.specimen.state.thickness_strain
         return Pose(translation_mm=np.array([0.0, 0.0, settings.resting_depth * change_mm]))

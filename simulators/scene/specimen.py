@@ -1,4 +1,4 @@
-"""A dog-bone specimen of 2024-T3 sheet between grips: load and strain at a given displacement."""
+"""A dog-bone specimen of 2024-T3 sheet between grips: load and strain for a given displacement."""
 
 from dataclasses import dataclass
 from math import exp
@@ -81,7 +81,8 @@ class SpecimenSettings(Settings):
         flow = self.flow_curve()
         if self.yield_point is not None and self.yield_point.plateau_strain >= flow.uniform:
             raise ValueError("the law of hardening does not rise behind the plateau; give one that hardens")
-        # A soft load frame springs back faster than a steep drop of stress lets the specimen grow.
+        # If the stress drops steeply, a soft load frame springs back faster than the specimen lengthens. The
+        # displacement would then have to decrease.
         steepest = min(flow.slope_mpa(0.0), flow.slope_mpa(self.fracture_strain))
         if self.parallel_length_mm + self.elastic_mm_per_n * self.area_mm2 * steepest <= 0.0:
             raise ValueError(
@@ -148,18 +149,19 @@ class SpecimenState:
 
 
 class Specimen:
-    """Specimen, grips and load frame in series. The furthest point so far determines plastic strain and slip.
+    """Specimen, grips and load frame in series. The furthest point of the loading so far determines plastic
+    strain and slip.
 
     The strain is ``stress / E + plastic strain``, with Young's modulus E and the stress over the original
     area. The law of the first loading gives stress and plastic strain (`simulators.scene.first_loading`).
     Load frame and grips add their elastic compliance and the slip ``slip (1 - exp(-load / slip load))`` of
     the highest load. Unloading is elastic: plastic strain and slip do not change. The specimen carries no
-    compression. Beyond the fracture strain, the specimen is broken. Its strain is uniform, also on the
-    plateau and after the largest load: there are no bands and there is no neck.
+    compression. Beyond the fracture strain, the specimen is broken. The strain is always uniform: there are
+    no bands on the plateau, and there is no neck after the largest load.
 
     Elastic strain narrows the sheet by Poisson's ratio. Plastic flow does not change the volume. With the
-    strain ratio r and the plastic strain p, the plastic stretch of the width is (1 + p)^(-r / (1 + r)), that
-    of the thickness (1 + p)^(-1 / (1 + r)).
+    strain ratio r and the plastic strain p, the plastic stretch of the width is (1 + p)^(-r / (1 + r)), and
+    that of the thickness is (1 + p)^(-1 / (1 + r)).
     """
 
     def __init__(self, settings: SpecimenSettings) -> None:
@@ -226,7 +228,8 @@ class Specimen:
     def _virgin_path_mpa(self, displacement_mm: float, beyond_mm: float) -> float:
         """Return the path on the curve of first loading, by Newton's method between two bounds."""
         low = self._furthest_mpa
-        # The elastic compliance is the lowest possible one, so this reach is enough while the stress rises.
+        # No compliance is lower than the elastic one, so this upper bound is high enough while the stress
+        # rises.
         reach = beyond_mm / self._elastic_mm_per_n / self.settings.area_mm2
         while self._virgin_displacement_mm(low + reach) < displacement_mm:
             reach *= 2.0

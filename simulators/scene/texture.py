@@ -140,7 +140,7 @@ def _speckle(points_mm: Array, dots: Array, first: NDArray[np.int64], cell_mm: f
             continue
         darkness = 0.0
         for cell in range((row - 1) * cells + column, (row + 2) * cells + column, cells):
-            # the dots of three neighbouring cells in a row are stored one after the other in `dots`
+            # The dots of three neighbouring cells in a row are stored one after the other in `dots`.
             for d in range(first[cell - 1], first[cell + 2]):
                 dx, dy = x - dots[d, 0], y - dots[d, 1]
                 q = max(0.0, 1.0 - (dx * dx + dy * dy) * dots[d, 2])

@@ -91,8 +91,8 @@ class StageDevice:
     clock : Clock
         The clock of the simulated motion.
     power_up_angle_deg : float
-        Angle of the shaft when the stage is switched on. The counter starts at 0 for any angle. The stage has
-        no reference (flag WR) until it is homed.
+        Angle of the shaft when the stage is switched on. The counter always starts at 0, whatever this angle
+        is. The stage has no reference (flag WR) until it is homed.
     microsteps_per_deg : int
     speed_deg_s, acceleration_deg_s2 : float
         The initial values of the settings `maxspeed` and `accel`.
@@ -191,7 +191,7 @@ class StageDevice:
     def _start(
         self, name: str, plan: list[float], speed: float | None = None, acceleration: float | None = None
     ) -> None:
-        """Begin to move to the shaft angles in `plan` one after the other; first brake a current motion."""
+        """Begin to move to the shaft angles in `plan` in turn; a present motion is braked first."""
         if self._disabled:
             raise RefusedError("DRIVERDISABLED")
         if self.parked:
@@ -260,7 +260,7 @@ class StageDevice:
             self._offset_deg = self.angle_deg() - position / self.microsteps_per_deg
 
     def stop(self, acceleration: float | None = None) -> None:
-        """Brake to a standstill. If the stop interrupts a motion, the flag NI is set."""
+        """Brake to a standstill. If this interrupts a motion, the flag NI is set."""
         with self._lock:
             if self.moving:
                 self._start("stop", [], acceleration=acceleration)
@@ -270,8 +270,7 @@ class StageDevice:
             raise RefusedError("BADDATA")
 
     def clear_flags(self) -> None:
-        """Clear the flags of past events. Flags for a missing reference or a switched-off motor driver
-        remain."""
+        """Clear the flags of past events; flags for a missing reference or a driver that is off remain."""
         with self._lock:
             self._flags &= {"WR", "WH", *(DISABLING_FLAGS if self._disabled else ())}
 

@@ -25,7 +25,7 @@ AXES = 3
 DEGREE = 7
 NUMBER_MAX = 2e9
 HOME_MODES = range(7)
-# The home mode in which the stage does not search, but moves to the counter value 0.
+# The home mode in which the stage moves to the counter value 0 instead of searching for the mark.
 TO_THE_COUNTERS_ZERO = 0
 # The answer to ``ZS?``: the software limits are active (bit 0) and stop the motion (bit 2).
 SOFT_LIMITS = "5H"
@@ -54,7 +54,7 @@ class NewportServer(Server):
     Attributes
     ----------
     home_mode : int
-        Mode of a home search if the command ``OR`` gives no mode.
+        Mode of a home search for a command ``OR`` without a mode.
     soft_limits : str
         The action at the software limits, as the answer to ``ZS?``.
     """
@@ -92,12 +92,14 @@ class NewportServer(Server):
         return [line for line in lines if line], rest[-LINE_MAX:]
 
     def damaged(self, reply: bytes) -> bytes:
-        """Return the answer with a damaged first character. The protocol has no checksum, so a client cannot
-        detect the damage."""
+        """Return the answer with a damaged first character.
+
+        The protocol has no checksum, so a client cannot detect the damage.
+        """
         return bytes([reply[0] | 0x80]) + reply[1:]
 
     def readdressed(self, reply: bytes) -> bytes:
-        """Return the answer unchanged, because answers of this protocol have no address."""
+        """Return the answer unchanged, because answers in this protocol have no address."""
         return reply
 
     def respond(self, message: bytes) -> bytes:
@@ -172,7 +174,7 @@ class NewportServer(Server):
     def _tell(self, axis: int, name: str, value: str) -> None:
         device = self.device
         if name in ("ST", "AB", "RS"):
-            # without an axis number, these commands are for all axes
+            # Without an axis number, these commands are for all axes.
             if name == "RS":
                 device.power_cycle()
             elif name == "ST" or not device.moving:

@@ -50,7 +50,7 @@ _AXIS_TEXTS = {
 SERVO_CYCLE_S = 0.0004
 QUEUE_MAX = 10
 
-# For each flag of the stage: the error code of this controller, and True if the motor loses power.
+# The error code of this controller for each flag of the stage, and True if the motor loses power.
 _FLAGS = {
     "FS": (AXIS + FOLLOWING_ERROR, True),
     "FE": (AXIS + HARD_LIMIT, False),

@@ -71,8 +71,7 @@ class ZaberServer(Server):
             return self.answer(message)
 
     def damaged(self, reply: bytes) -> bytes:
-        """Return the answer with one bit flipped. A client detects the damage if the answer has a
-        checksum."""
+        """Return the answer with one bit flipped; a client detects this if the answer has a checksum."""
         return _changed(reply, len(reply) // 2, reply[len(reply) // 2] ^ 0x04)
 
     def readdressed(self, reply: bytes) -> bytes:

@@ -14,8 +14,7 @@ MACHINES = (STAGE, NEWPORT, LOAD_FRAME)
 LINES = (*MACHINES, INTERLOCK)
 DEVICES = (*LINES, CAMERA)
 PICTURE = "picture"
-"""The device name for faults of the pictures of all cameras, such as blur. No driver can notice such
-faults."""
+"""Device name of faults in the pictures of all cameras, such as blur. Drivers cannot notice them."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +136,7 @@ class FaultPanel:
     def __init__(self, device: str) -> None:
         self.device = device
         self._lock = threading.Lock()
-        # with this lock, only one thread at a time switches a fault
+        # With this lock, only one thread at a time switches a fault.
         self._switching = threading.RLock()
         self._on: dict[str, tuple[str, int | None]] = {}
         self._effects: dict[str, list[tuple[Callable[[], None], Callable[[], None] | None]]] = {}
@@ -172,8 +171,7 @@ class FaultPanel:
                     on()
 
     def clear(self, name: str = "") -> None:
-        """Switch off the fault `name`, or all faults if no name is given. A fault that is already off stays
-        off.
+        """Switch off the fault `name`, or all faults without a name. A fault that is off stays off.
 
         Raises
         ------
@@ -197,8 +195,10 @@ class FaultPanel:
             return list(self._on)
 
     def take(self, name: str) -> str | None:
-        """Return the value of a fault that is on, otherwise None; count one message less if the fault has a
-        count."""
+        """Return the value of a fault that is on, otherwise None.
+
+        If the fault has a count, the count decreases by one message.
+        """
         with self._lock:
             if name not in self._on:
                 return None

@@ -12,7 +12,7 @@ from simulators.wire.ports import Server
 WRITE_MANY = 16
 """Modbus function code of a request that writes several registers."""
 BROADCAST = 0
-"""Address of a serial message to all units, which none of them answers."""
+"""Address of a broadcast: a serial message to all units, which no unit answers."""
 HEADER = 7
 ADU_MAX = 260
 RTU_MAX = 256

@@ -21,7 +21,7 @@ PREFIX = "offaxis-pty-"
 
 @functools.cache
 def _sweep() -> None:
-    """Remove links to pseudo-terminals that killed processes left behind; only the first call does this."""
+    """Remove links to pseudo-terminals that killed processes left behind; later calls do nothing."""
     for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
         owner = folder.name.removeprefix(PREFIX).partition("-")[0]
         if owner.isdecimal() and not Path("/proc", owner).exists():
@@ -35,7 +35,8 @@ class PtyPort:
     ----------
     address : str
         The path for the client: a link to the terminal, like the links in /dev/serial/by-id. While the
-        terminal is unplugged, the link is missing. Afterwards the link has the same path again.
+        terminal is unplugged, the link is missing. When the terminal is plugged in again, the link has the
+        same path as before.
     """
 
     def __init__(self, wire: Wire) -> None:
@@ -52,7 +53,7 @@ class PtyPort:
         """Create the pseudo-terminal; do nothing if it exists."""
         if self._thread is not None:
             return
-        # keep the client's end open here too, so that a client can close and reopen the terminal
+        # Keep the client's end open here too, so that a client can close and reopen the terminal.
         self._near, self._far = os.openpty()
         tty.setraw(self._far)
         os.set_blocking(self._near, False)
@@ -71,7 +72,7 @@ class PtyPort:
             line.receive(os.read(self._near, 4096))
 
     def _send(self, reply: bytes) -> None:
-        # as on a UART, bytes that no client reads are lost
+        # As on a UART, bytes that no client reads are lost.
         with contextlib.suppress(BlockingIOError):
             os.write(self._near, reply)
 

@@ -42,7 +42,7 @@ class TcpServer:
             try:
                 connection, _ = self._listener.accept()
             except OSError:
-                # this process has no free file descriptor at the moment: let the client wait
+                # This process has no free file descriptor at the moment, so let the client wait.
                 if self._closing.wait(RETRY_S):
                     return
                 continue
@@ -77,7 +77,7 @@ class TcpServer:
         """Stop listening, close every connection and wait for the threads; a repeated call does nothing."""
         with self._lock:
             self._closing.set()
-        # `close` alone does not wake a thread that waits in `accept`
+        # `close` alone does not wake a thread that waits in `accept`.
         with contextlib.suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)
         self._accepting.join()
