@@ -19,7 +19,7 @@ from dic.typing import Float
 
 _REPLICAS: tuple[Replica, ...] = tuple((down, right) for down in (-1, 0, 1) for right in (-1, 0, 1))
 _LOWEST = 0.45
-"""Frequencies below this share of the Nyquist frequency are not fitted: they depend on the speckles' size."""
+"""The fit ignores frequencies below this share of Nyquist's, because they depend on the speckles' size."""
 
 _STEPS = 4
 _POWERS = np.arange(0.0, 4.5, 0.5)
@@ -39,8 +39,8 @@ def replica_shares(
     noise_variance : float
         Variance of the white noise.
     noise_known : bool
-        True if `noise_variance` is known, from two images. False if it is an upper bound; the fit then also
-        finds the variance.
+        True if `noise_variance` is known, from two images. False if `noise_variance` is only an upper bound.
+        The fit then determines the variance.
 
     Returns
     -------

@@ -103,6 +103,6 @@ def _predicts(p: Float, other: Float, dx: Indices, dy: Indices | int) -> Mask:
 def _plausible(planes: Float) -> Mask:
     """Return True for warps, shape (6, …), with a deformation gradient that a real surface can have."""
     a, b, c, d = 1 + planes[1], planes[2], planes[4], 1 + planes[5]
-    # Singular values of a 2 x 2 matrix in closed form; the smaller one is negative if the matrix mirrors.
+    # Compute the singular values of a 2 x 2 matrix. The smaller value is negative if the matrix mirrors.
     mean, half = np.sqrt((a + d) ** 2 + (c - b) ** 2) / 2, np.sqrt((a - d) ** 2 + (b + c) ** 2) / 2
     return np.asarray((mean + half < _LARGEST_STRETCH) & (mean - half > _SMALLEST_STRETCH))

@@ -203,11 +203,11 @@ class Correlator:
     def _solve_lost_points(
         self, image: TurnableImage, quarters: int, solution: kernel.Solution, previous: Field | None
     ) -> bool:
-        """Search new start points among failed points, which may lie on a second body that moves differently.
+        """Search new start points among failed points, because these may lie on a second body.
 
-        New start points ("seeds") are searched only among points that converged in the previous image. So
-        points that have failed in many images of a series are not searched again in every image. Return True
-        if new seeds were found.
+        A second body can move in another way than the first. New start points ("seeds") are searched only
+        among points that converged in the previous image. So points that have failed in many images of a
+        series are not searched again in every image. Return True if new seeds were found.
         """
         grid = self._reference.grid
         lost = grid.active & ~solution.converged & (solution.status != Status.OUT_OF_VIEW)
@@ -222,9 +222,9 @@ class Correlator:
         return True
 
     def _reject_inconsistent(self, solver: Solver, solution: kernel.Solution) -> None:
-        """Reject points whose displacement no neighbour predicts, after a second try to correlate them.
+        """Try points again whose displacement no neighbour predicts, and reject those that fail again.
 
-        In the second try the points start from the warps of consistent neighbours.
+        When a point is tried again, it starts from the warp of a consistent neighbour.
         """
         grid = self._reference.grid
         for last_try in (False, True):

@@ -52,7 +52,7 @@ class Matches:
     gradient: Float
 
     def warps_at(self, points: Float) -> Float:
-        """Return affine warps (n, 6) at `points` (n, 2), fitted to nearby matches; NaN if too few agree."""
+        """Return affine warps (n, 6) at `points` (n, 2), fitted to nearby matches; NaN if too few match."""
         from scipy.spatial import cKDTree
 
         count = min(_NEIGHBOURS, len(self.here))

@@ -6,8 +6,8 @@ angular frequency ω in an image that is displaced by τ, the interpolated image
 times E(ω, τ) = Σₙ φ(ω + 2πn) exp(2πinτ), where φ is the transfer function of the interpolation and n are all
 integers. The terms with n ≠ 0 are replicas of the spectrum, which perfect interpolation would remove.
 
-IC-GN finds the displacement at which the sum of slope × (interpolated image - reference) is 0. To first
-order, the error of the displacement is therefore
+The correlation (IC-GN) finds the displacement at which the sum of slope × (interpolated image - reference) is
+0. To first order, the error of the displacement is therefore
 
     b(τ) = - ∑ S D Im E / ∑ S D E'
 
@@ -49,7 +49,7 @@ def greatest_bias(
     smoothing: tuple[float, ...] = (1.0,),
     shares: dict[Replica, Float] | None = None,
 ) -> tuple[float, float]:
-    """Return the bias of u and of v at a sub-pixel displacement of 1/4 px, where it is greatest, px.
+    """Return the greatest bias of u and of v, px, which occurs at a sub-pixel displacement of 1/4 px.
 
     Parameters
     ----------
@@ -116,8 +116,9 @@ def bias_at(displacement_px: Float, gradient: Float, subset_px: int, greatest_px
 def slope_bias_at(displacement_px: Float, gradient: Float, subset_px: int, greatest_px: float) -> Float:
     """Return the predicted bias of the displacement gradient of a subset, shape (…, 2).
 
-    The arguments are those of `bias_at`. A displacement gradient changes the sub-pixel part, and with it the
-    bias, within the subset. The shape function is fitted to this changing bias: see `fitted_slope`.
+    The arguments are those of `bias_at`. A displacement gradient changes the sub-pixel part within the
+    subset, and so it changes the bias. The shape function is fitted to this changing bias: see
+    `fitted_slope`.
     """
     half = subset_px / 2
     x, y = gradient[..., 0], gradient[..., 1]

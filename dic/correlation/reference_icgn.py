@@ -1,8 +1,8 @@
 """A short but slow version of the IC-GN method for one point in plain NumPy.
 
-Read this module before the compiled kernel. The method is the same as in `dic.correlation.kernel.icgn`, but
-written as in the papers, with one array for each symbol and in double precision. Tests compare the kernel
-with this module.
+Read this module before the compiled kernel. The method is the same as in `dic.correlation.kernel.icgn`. The
+code is written as in the papers, with one array for each symbol, and computes in double precision. Tests
+compare the kernel with this module.
 """
 
 import numpy as np

@@ -1,9 +1,9 @@
 """Correlation of a series of images with a first reference, and with later references if necessary.
 
 After a large deformation or a change of the pattern, subsets look different from those of the reference. For
-this reason, an earlier image of the series then becomes the new reference. The displacements from the new
-reference are added to the displacements up to the new reference. Every new reference adds an error, so the
-reference changes only when the correlation drops.
+this reason, an earlier image of the series then becomes the new reference. The displacements from the first
+to the new reference are added to the displacements from the new reference. Every new reference adds an error,
+so the reference changes only when the correlation drops.
 """
 
 from collections.abc import Callable
@@ -25,9 +25,9 @@ from dic.typing import Float, Grey, ImageLike, Mask, PathLike
 INCREMENTAL = ("auto", "never", "always")
 
 _KEPT_SHARE = 0.98
-"""Smallest relative fraction of converged points with which a reference is kept.
+"""A reference is replaced if the fraction of converged points falls below this multiple of a first value.
 
-The fraction is divided by the fraction in the first image that was correlated with the reference.
+The first value is the fraction in the first image that was correlated with the reference.
 """
 
 
@@ -40,8 +40,8 @@ class SeriesFields:
     from_first : Field
         The field from the first reference to the image, which is the result.
     from_current : Field
-        The field from the reference with which the image was correlated. It is the same as `from_first` until
-        the first new reference.
+        The field from the reference with which the image was correlated. Until the first new reference, both
+        fields are the same.
     """
 
     from_first: Field
@@ -126,7 +126,7 @@ class Series:
         True if subsets use only pixels of the region. The default is True, except if the found specimen fills
         the image.
     within : ndarray of bool, shape (height, width), optional
-        Limits the points of interest to a part of the specimen; used only without a region.
+        Limits the points of interest to a part of the specimen. `within` is used only if no region is given.
     threads : int
         Number of threads. 0 means one thread for each processor.
 

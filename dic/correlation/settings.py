@@ -39,8 +39,8 @@ class CorrelationSettings:
         Largest number of iterations for each attempt at a point.
     smoothing_px : float or str
         Standard deviation of the Gaussian that smooths both images before they are interpolated; 0 for no
-        smoothing. With "auto", images are smoothed only if the predicted interpolation bias is above
-        0.001 px, and then as little as is needed to reduce the bias to this value.
+        smoothing. With "auto", images are smoothed only if the predicted interpolation bias is above 0.001
+        px, and the smoothing is only as strong as is necessary to reduce the bias to this value.
     """
 
     subset_px: int = 41

@@ -32,13 +32,14 @@ def compiled(function: Function) -> Function:
     """Compile `function` to machine code at its first call, and cache the machine code on disk.
 
     The machine code runs without Python's global lock. Division by zero gives infinity or NaN as in NumPy.
-    Sums keep their written order.
+    The order of the terms in a sum stays as it is written.
     """
     with _own_cache():
         try:
             return cast(Function, numba.njit(cache=True, **_OPTIONS)(function))
         except RuntimeError:
-            # No folder is writable for the cache: another user installed the package, and there is no home.
+            # There is no folder for the cache, because another user installed the package and there is no
+            # home folder.
             return cast(Function, numba.njit(**_OPTIONS)(function))
 
 

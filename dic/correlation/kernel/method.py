@@ -3,13 +3,13 @@
 from typing import NamedTuple
 
 Taps = tuple[float, ...]
-"""A tuple of 4 or 6 numbers, whose length is the number of spline coefficients (taps) in a direction.
+"""A tuple of 4 or 6 numbers. Its length is the number of spline coefficients (taps) in a direction.
 
 The numbers are not used. Numba compiles the code for this length.
 """
 
 Shape = tuple[float, ...]
-"""A tuple of 6 or 12 numbers, whose length is the number of warp parameters.
+"""A tuple of 6 or 12 numbers. Its length is the number of warp parameters.
 
 The numbers are not used. Numba compiles the code for this length.
 """

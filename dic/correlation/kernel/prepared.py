@@ -75,8 +75,8 @@ def prepare(image: Reference, shape: Shape, subset: Subset, work: Workspace, rec
 def recall(record: Flat, work: Workspace) -> None:
     """Copy the vectors s and t and the Cholesky factor from the record of a point to scratch memory.
 
-    The values of a record are rounded to float32. So a record from an earlier image and a new record give the
-    same results.
+    The values of every record are rounded to float32, also those of a new record. So results do not depend on
+    whether a record comes from an earlier image.
     """
     H, s, t = work.H, work.s, work.t
     k = FACTORS

@@ -72,7 +72,7 @@ def propagate(
     pending : ndarray of bool, shape (rows, columns)
         True for points that are still to be solved. Elements of converged points are set to False.
     prepared : Prepared, optional
-        Prepared data of the reference's subsets. Known records are used, and the others are filled. The
+        Prepared data of the reference's subsets. Known records are used, and unknown records are filled. The
         results of the correlation do not depend on prepared data.
     """
     task = Task(np.empty((0, 2), np.int64), True, pending)

@@ -19,8 +19,8 @@ from dic.typing import Float
 EDGE_PX = 2
 """Smallest distance of a subset from the deformed image's edge. The spline mirrors pixels at the edge."""
 
-# For each warp parameter: its direction (0 for x, 1 for y), and the powers of x and y and the factor of its
-# monomial.
+# These arrays hold, for each warp parameter, its direction (0 for x, 1 for y), the powers of x and y in its
+# monomial, and the factor of this monomial.
 SIDE = np.array([0, 0, 0, 1, 1, 1, 0, 0, 0, 1, 1, 1])
 POWER_X = np.array([0, 1, 0, 0, 1, 0, 2, 1, 0, 2, 1, 0])
 POWER_Y = np.array([0, 0, 1, 0, 0, 1, 0, 1, 2, 0, 1, 2])
