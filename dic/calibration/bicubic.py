@@ -103,7 +103,7 @@ class BicubicMap:
         return np.asarray(np.einsum("nk,kcq->ncq", design, self.coefficient_errors))
 
     def _coefficient_errors(self, design: Float, points_px: Float, points_mm: Float) -> Float:
-        """Return `coefficient_errors`, if the errors of the image points are as large as the residuals."""
+        """Return `coefficient_errors` for image points whose errors are as large as the residuals."""
         jacobian = self.jacobian(points_px)
         residual_mm = self.map(points_px) - points_mm
         residual_px = np.linalg.solve(jacobian, residual_mm[:, :, None])

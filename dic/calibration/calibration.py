@@ -141,7 +141,7 @@ class Calibration:
 
     @property
     def recommended(self) -> Model:
-        """The model with the smaller cross-validation error; without a clear difference, the bicubic map."""
+        """The model with the smaller cross-validation error; the bicubic map if the difference is unclear."""
         if self.pinhole is None:
             return "bicubic"
         # a bicubic map without cross-validation is not recommended if there is a pinhole model

@@ -105,7 +105,7 @@ def _is_shown(path: Path) -> bool:
 
 
 def _pages(file: Path) -> Sequence[Path]:
-    """Return the names of the pages or frames of a file; a file that cannot be read keeps its name."""
+    """Return the names of the pages or frames of a file; if the file cannot be read, return its own name."""
     try:
         number = _frames(file) if is_video(file) else _pages_of_tiff(file)
     except (OSError, struct.error, Damage):

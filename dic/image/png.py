@@ -42,7 +42,8 @@ def read_png(content: bytes) -> Container:
     )
     require_bounded(kept, len(content))
     stored_bits = depth * (1 if colour == 3 else _CHANNELS[colour])
-    # For an interlaced image this is a lower limit, without the filter bytes and padding of its seven passes.
+    # For an interlaced image, this number is a lower limit. It leaves out the filter bytes and the padding of
+    # the seven passes.
     needed = height * ((width * stored_bits + 7) // 8 + 1) if not interlaced else height * width // 8
     try:
         if inflated_bytes((data for kind, data, _ in chunks if kind == b"IDAT"), needed) < needed:

@@ -73,8 +73,8 @@ def read_image(path: str | Path) -> NDArray[np.float32]:
     Warns
     -----
     ImageWarning
-        If a TIFF file holds more than one page and the path names none of them, so that the first is read; if
-        the image is turned or mirrored because of the orientation tag in the file; or if the image was
+        If the path names no page of a TIFF file that holds several pages; the first page is then read. Also
+        if the image is turned or mirrored because of the orientation tag in the file, and if the image was
         compressed as JPEG or by a lossy codec.
     """
     require_kind("path", path, str | Path, "name an image file; arrays need no reading")

@@ -67,8 +67,8 @@ def edge_reach_px(order: int) -> int:
     """Return how far from a step of grey levels the spline of degree `order` still oscillates, in px.
 
     The oscillation decreases from pixel to pixel by the factor of the spline's largest pole, which is 0.268
-    for the cubic and 0.431 for the quintic spline (Unser 1999, table 1). Beyond the returned distance it is
-    less than 1.5 % of the oscillation at the step.
+    for the cubic and 0.431 for the quintic spline (Unser 1999, table 1). Beyond the returned distance, the
+    oscillation is less than 1.5 % of its value at the step.
     """
     return math.ceil(math.log(0.015) / math.log(_POLES[order]))
 
@@ -84,7 +84,7 @@ def spline_image(grey: NDArray[np.float32], order: int, threads: int = 1) -> Spl
     reach = len(taps) // 2
 
     def work(band: slice) -> None:
-        # Filter `reach` extra rows on either side and drop them, because they lack neighbours themselves.
+        # Filter `reach` extra rows on either side, and drop these rows, because these rows lack neighbours.
         first = max(0, band.start - reach)
         rows = grey[first : min(height, band.stop + reach)]
         filtered = cv2.sepFilter2D(rows, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101)

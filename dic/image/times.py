@@ -22,8 +22,9 @@ class ImageTime:
         Time since the reference image. For a frame of a video, if the reference is not in the same video:
         time since the first frame. NaN if the time is not known.
     source : str
-        "video" (the time that the file gives each frame), "exif" (DateTimeOriginal), "file" (last change of
-        the file, which is late by the time of writing), or "" if the time is not known.
+        Source of the time. For "video", it is the time that the file gives each frame. For "exif", it is the
+        tag DateTimeOriginal. For "file", it is the last change of the file, which is late by the time of
+        writing. The source is "" if the time is not known.
     """
 
     time_s: float = nan

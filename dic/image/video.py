@@ -29,12 +29,12 @@ _REMEDY = "convert it to images, for example with `ffmpeg -i VIDEO img%05d.png`"
 
 @dataclass(frozen=True)
 class Video:
-    """What is known of a video file after all its frames have been counted.
+    """The properties of a video file, after all its frames have been counted.
 
     Attributes
     ----------
     times_s : tuple of float
-        Time of each frame since the first one, as the file states it.
+        Time of each frame since the first frame, as the file states it.
     declared : int
         Number of frames that the file declares; 0 if it declares none.
     codec : str

@@ -20,8 +20,8 @@ class Picture:
     Attributes
     ----------
     dark_share, bright_share : float
-        Share of pixels at the lowest grey level of the image, and share at the highest one. If the highest
-        grey level of the sensor is known, `bright_share` is the share of pixels at that level.
+        Share of pixels at the lowest grey level of the image, and share of pixels at the highest grey level.
+        If the highest grey level of the sensor is known, `bright_share` is the share of pixels at that level.
     contrast : float
         Michelson contrast (bright - dark) / (bright + dark), where bright and dark are the 98th and the 2nd
         percentile of the grey levels.

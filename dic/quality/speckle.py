@@ -10,7 +10,7 @@ _LIGHT_PX = 101
 
 # Standard deviations of the two blurs that `edge_blur` applies to the image.
 _FINE_PX, _COARSE_PX = 1.0, 2.0
-# The pixels with the largest grey level gradients count as edges; this is their share of all pixels.
+# The pixels with the largest grey level gradients count as edges. This number is their share of all pixels.
 _EDGES = 0.05
 _FEWEST_EDGES = 50
 
@@ -103,12 +103,12 @@ def speckle_size(covariance: Float) -> float:
 def edge_blur(grey: Grey, region: Mask, noise: float) -> float:
     """Return the standard deviation of the blur at the sharpest edges, px.
 
-    The function blurs the image by two known amounts and compares the grey level gradients at edges. If an
-    edge is already blurred, more blur changes its gradient less. The method follows S. Zhuo, T. Sim, "Defocus
-    map estimation from a single image", Pattern Recognition 44 (2011) 1852-1858. Unlike that paper, the
-    function applies two blurs instead of one, to reduce the influence of noise. The finite size of the pixels
-    alone causes a blur of 0.29 px. If the speckles are less than five times as wide as their blur, the result
-    is too small.
+    The function blurs the image by two known amounts and compares the grey level gradients at edges. The more
+    an edge is already blurred, the less its gradient changes by further blur. The method follows S. Zhuo, T.
+    Sim, "Defocus map estimation from a single image", Pattern Recognition 44 (2011) 1852-1858. Unlike that
+    paper, the function applies two blurs instead of one, to reduce the influence of noise. The finite size of
+    the pixels alone causes a blur of 0.29 px. If the speckles are less than five times as wide as their blur,
+    the result is too small.
 
     Parameters
     ----------

@@ -92,7 +92,8 @@ class Displacement:
     noise : Noise or None
         Errors of the displacements; None if they are not known.
     sight : Sight or None
-        Tells which neighbours of a point lie on the same piece of the surface; None if this is not known.
+        Tells which neighbours of a point lie on the same piece of the surface. None if the region is not
+        known.
     """
 
     position: Float
@@ -175,7 +176,7 @@ def displacement_noise(field: Field, there: Float) -> Noise:
 
 
 def sight_of(field: Field) -> Sight | None:
-    """Return what tells which points of a field see each other; None if the region is not known."""
+    """Return the `Sight` that tells which points see each other; None if the region is not known."""
     return None if field.region is None else Sight(field.region, field.x_px, field.y_px)
 
 
@@ -194,7 +195,8 @@ def _in_axes(field: Field, here: Float, there: Float) -> tuple[Float, Noise]:
     by_gradient = both * field.std_gradient[..., None, :]
     covariance = by_gradient @ np.swapaxes(by_gradient, -1, -2)
     for part in (slice(0, 2), slice(2, 4)):
-        # The biases of u and v are independent; the bias of u changes both elements of its gradient together.
+        # The biases of u and of v are independent of each other. The bias of u changes both derivatives of u
+        # together.
         error = both[..., part] @ field.gradient_bias[..., part, None]
         covariance += error @ np.swapaxes(error, -1, -2)
     return gradient, replace(displacement_noise(field, there), gradient=covariance)

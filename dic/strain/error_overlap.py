@@ -156,7 +156,8 @@ class ClippedSubsets:
         """Write the correlations of clipped subsets with other clipped subsets into the table.
 
         The first point of the chunk has the number `first`. The array `others` has the numbers of the points
-        around each point of the chunk, and `weights` has the weights of the points from the first on.
+        around each point of the chunk, and `weights` has the weights of all points from the number `first`
+        on.
         """
         n, step, reach = self._settings.subset_px, self._settings.step_px, table.shape[1] // 2
         # A correlation belongs to both points of a pair. So half of the offsets are enough.

@@ -121,14 +121,14 @@ class Measurement:
 
     @cached_property
     def amplitude_kept(self) -> dict[str, Float]:
-        """The share of the amplitude that local strain keeps of "exx" and "eyy", shape (rows, columns).
+        """The share of their amplitude that "exx" and "eyy" keep in the local strain, shape (rows, columns).
 
         The share is estimated from the strain around each point. It is NaN where the strain cannot be
         distinguished from its noise. `dic.strain.resolution` describes the method.
         """
         filters, strain = Filters(self.settings, self.strain_settings), self.strain
-        # An error that all points share does not change the shape of the strain field. So it is not noise
-        # here.
+        # An error that all points share does not change the shape of the strain field. So leave it out of the
+        # noise.
         noise_xx, noise_yy = (
             std if images is None else images
             for std, images in (

@@ -36,7 +36,7 @@ class Filters:
     strain: StrainSettings
 
     def along(self, per_px: Float) -> Float:
-        """Return the share of their amplitude that waves along the direction of the derivative keep.
+        """Return the share of the amplitude that remains of waves along the direction of the derivative.
 
         Parameters
         ----------
@@ -50,7 +50,7 @@ class Filters:
         )
 
     def across(self, per_px: Float) -> Float:
-        """Return the share of their amplitude that waves across the direction of the derivative keep."""
+        """Return the share of the amplitude that remains of waves across the direction of the derivative."""
         if self.strain.source == "shape":
             return _mean(per_px, self._subset_px, 1)
         # Across this direction, a fitted plane and a fitted quadratic surface give all rows the same weight.
@@ -130,7 +130,7 @@ def amplitude_kept(values: Float, std: Float, filters: Filters, *, along_x: bool
     Returns
     -------
     ndarray, shape (rows, columns)
-        From 0.4 to 1; NaN where the strain cannot be distinguished from its noise.
+        The share, from 0.4 to 1. It is NaN where the strain cannot be distinguished from its noise.
     """
     known = np.isfinite(values) & np.isfinite(std)
     strain, variance = np.where(known, values, 0.0), np.where(known, std, 0.0) ** 2

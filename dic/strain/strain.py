@@ -146,7 +146,8 @@ class StrainField:
     exx_std, eyy_std, exy_std, e1_std, e2_std, direction_deg_std : ndarray, shape (rows, columns)
         Standard deviations of these strain values; NaN where they are not known.
     exx_std_images, eyy_std_images, exy_std_images : ndarray, shape (rows, columns), or None
-        The parts of the standard deviations that the images cause. None if there is no other part.
+        The parts of the standard deviations that the images cause. None if the images cause the whole
+        standard deviations.
     """
 
     exx: Float

@@ -20,7 +20,7 @@ def fit_slopes(
     use : ndarray of bool, shape (n, window, window)
         True for the points to which the surface is fitted.
     points : ndarray, shape (rows, columns, 4)
-        Position and displacement of each point; they need values where `use` is True.
+        Position and displacement of each point. Values are needed only where `use` is True.
     design : ndarray, shape (terms, window, window)
         Memory for the terms of the surface; 3 terms give a plane, 6 a quadratic surface.
     normal : ndarray, shape (terms, terms + 2)
@@ -104,7 +104,7 @@ def _solve(normal: Float, terms: int) -> None:
 
 @inner
 def _weigh(use: Mask, weights: Float, factors: Float, row: int, column: int, parts: Float) -> None:
-    """Fill the weighted factors of each point of a window; `add_covariances` describes them."""
+    """Fill the weighted factors of each point of a window; `add_covariances` describes these factors."""
     window = use.shape[0]
     for r in range(window):
         for c in range(window):
@@ -155,7 +155,8 @@ def add_covariances(
     overlap : ndarray, shape (m, n)
         `Noise.overlap`.
     number : ndarray of int, shape (n, window, window) or (n, 0, 0)
-        Number of each point with a clipped subset, -1 for other points; without elements if there is none.
+        Number of each point with a clipped subset, and -1 for all other points. The array has no elements if
+        no subset is clipped.
     clipped : ndarray, shape (clipped points, 2 window - 1, 2 window - 1)
         `ClippedSubsets.correlations`.
     parts : ndarray, shape (window², 8)
@@ -176,7 +177,7 @@ def add_covariances(
                 if not use[k, r, c]:
                     continue
                 p = r * window + c
-                # A pair of points counts once here, and its transpose is added below.
+                # Count each pair of points once here. The transpose is added below.
                 h = 0.5 * overlap[0, 0]
                 if edge and number[k, r, c] >= 0:
                     h = 0.5 * clipped[number[k, r, c], window - 1, window - 1]
@@ -223,7 +224,7 @@ def add_covariances(
 
 @compiled
 def add_shared(at: Indices, use: Mask, weights: Float, bias: Float, sums: Float, covariance: Float) -> None:
-    """Add the covariance of the slopes by errors that all points share, such as the interpolation bias.
+    """Add the covariance of the slopes that comes from shared errors, such as the interpolation bias.
 
     Parameters
     ----------

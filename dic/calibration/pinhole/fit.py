@@ -192,7 +192,8 @@ class _LeastSquares:
         last: list[tuple[Float, Float, Float]] = []
 
         def both(values: Float) -> tuple[Float, Float, Float]:
-            # `least_squares` calls `deviations` and then `slopes`, mostly with the same values
+            # Keep the last result, because `least_squares` mostly calls `deviations` and `slopes` with the
+            # same values.
             if not last or not np.array_equal(last[0][0], values):
                 every = start.copy()
                 every[free] = values
@@ -290,10 +291,10 @@ def _start(views: _Views, focal: float) -> tuple[CameraModel, Float]:
 def _start_focals(views: _Views) -> list[float]:
     """Return start values of the focal length, px, in the order in which to try them.
 
-    If the user gives the focal length, this is the only start value. Without a given focal length, the list
-    holds the focal length that follows from the homographies, if they determine one, and then the usual focal
-    length. A homography determines the focal length because the two axes of the grid are orthogonal and have
-    the same scale (Zhang).
+    If the user gives the focal length, this is the only start value. If no focal length is given, the list
+    begins with the focal length that follows from the homographies, if they determine one. The list then ends
+    with the usual focal length. A homography determines the focal length because the two axes of the grid are
+    orthogonal and have the same scale (Zhang).
     """
     prior = views.prior
     if prior.known.focal_px is not None:
