@@ -75,7 +75,7 @@ class Spool(Generic[Item]):
 
     def __getitem__(self, number: int) -> Item:
         self._file.seek(self._places[number])
-        found: Item = pickle.load(self._file)  # the file is this program's own, and has no name
+        found: Item = pickle.load(self._file)  # safe: no other program can write to the file
         return found
 
     def __iter__(self) -> Iterator[Item]:

@@ -1,4 +1,4 @@
-"""A lock on a file, which the operating system releases when the program ends, however it ends."""
+"""A lock on a file. The operating system releases the lock when the program ends, even after a crash."""
 
 import errno
 import os

@@ -1,1 +1,1 @@
-"""Open HDF5 files that may be damaged or from strangers, after another process has inspected them."""
+"""Open HDF5 files only after another process has inspected them, because a file may be damaged."""

@@ -216,7 +216,7 @@ def serve(requests: int, answers: int) -> None:
 
 
 def answer_once(path: Path) -> None:
-    """Inspect one file in this process, and print the answer; for systems that cannot copy a process."""
+    """Inspect one file in this process, and print the answer, on a system that cannot copy a process."""
     print(json.dumps((0, _report(path)[:_REPORT_BYTES_MAX])))
 
 

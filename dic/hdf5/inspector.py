@@ -14,7 +14,7 @@ _COMMAND = [sys.executable, "-P", "-m", "dic.hdf5.inspection"]
 _lock = threading.Lock()
 _process: subprocess.Popen[bytes] | None = None
 _owner = 0
-"""The process that started the inspector; a copy made by `os.fork` must not use the same pipes."""
+"""Number of the process that started the inspector. A copy of this process must not use the same pipes."""
 _of_others: list["subprocess.Popen[bytes]"] = []
 """Inspectors of the process from which this process was copied.
 

@@ -34,7 +34,8 @@ class NewFile:
 
         self._bytes = _Bytes(path)
         try:
-            # Rows are written once and whole. A cache would keep a megabyte of them for each dataset.
+            # Turn off the cache, because each row is written once as a whole. The cache would keep a megabyte
+            # of rows for each dataset.
             self.hdf5: Any = h5py.File(self._bytes, "w", rdcc_nbytes=0)
         except BaseException:
             self._bytes.close()

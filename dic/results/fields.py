@@ -22,7 +22,7 @@ NOT_SMOOTHED: dict[str, Any] = {"smoothing_px": 0.0}
 
 
 def read_settings(group: Any, settings: type[Any], prefix: str = "") -> dict[str, Any]:
-    """Return the settings of a series, which are attributes of its group, by their names."""
+    """Return the settings of a series by their names, from the attributes of the series' group."""
     names = [field.name for field in fields(settings)]
     older = {name: NOT_SMOOTHED[name] for name in names if name in NOT_SMOOTHED}
     stored = [name for name in names if name not in older or prefix + name in group.attrs]

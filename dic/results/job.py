@@ -83,7 +83,7 @@ def write_outcomes(group: Any, outcomes: Sequence[Outcome]) -> None:
 
 
 def read_outcomes(group: Any) -> list[Outcome]:
-    """Return what became of the images of a series; nothing from files of earlier versions."""
+    """Return what became of the images of a series; an empty list for files of earlier versions."""
     if "images" not in group:
         return []
     images = group["images"]

@@ -40,7 +40,7 @@ class Provenance:
 
     @classmethod
     def of(cls, inputs: Iterable[Path | None], job: Job | None = None) -> "Provenance":
-        """Return the provenance of results that this program makes from files; None stands for no file."""
+        """Return the provenance of results that this program computes from files; None means "no file"."""
         program, *arguments = sys.argv
         digests = {str(path): file_digest(path) for path in inputs if path is not None}
         return cls(shlex.join([Path(program).name, *arguments]), versions(), digests, job)

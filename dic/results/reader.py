@@ -1,7 +1,7 @@
 """The reader of result files, which returns stored values unchanged.
 
 Files of earlier versions lack some values, for example the number of points of a mean strain. The reader
-computes these values.
+computes the missing values.
 """
 
 from collections.abc import Mapping, Sequence
@@ -128,7 +128,8 @@ def read_two_cameras(
     tuple of str
         Names of the two cameras.
     mapping of int to TwoCameraStep
-        Result of both cameras together for each step, keyed by the step's number, read when it is used.
+        Result of both cameras together for each step, keyed by the step's number. A result is read when it is
+        used.
     """
     first, second = map(str, group.attrs["cameras"])
     indices = [int(index) for index in group["step"]] if "step" in group else []

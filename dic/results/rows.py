@@ -19,7 +19,8 @@ class Rows:
     """The growing datasets of an open result file.
 
     Arrays are written to the file at once. Single values, of which there are about a hundred for each image,
-    are written for many images together; writing each of them alone would take longer than all arrays.
+    are written for many images together, because writing each value alone would take longer than writing all
+    arrays.
     """
 
     def __init__(self) -> None:

@@ -236,7 +236,7 @@ def unfinished(
     outputs : iterable of Path
         The other files that the measurement writes.
     anew : bool
-        True to remove first the images that an equal measurement finished before it was interrupted.
+        True to remove first the images that the same measurement finished before it was interrupted.
 
     Raises
     ------
@@ -275,7 +275,7 @@ def unfinished(
 
 
 def _tidy(every: Path, folder: Path) -> None:
-    """Remove the folder of a job that finished no image, and then the folder of all jobs if none is left."""
+    """Remove the folder of a job without finished images, and the folder of all jobs if no job is left."""
     if folder.exists() and not any(path.is_dir() for path in folder.iterdir()):
         shutil.rmtree(folder)
     if [path.name for path in every.iterdir()] == [_LOCK]:
@@ -283,13 +283,13 @@ def _tidy(every: Path, folder: Path) -> None:
 
 
 def outputs_of(result: Path) -> list[Path]:
-    """Return the files that interrupted measurements into `result` may have written; often none."""
+    """Return the files that interrupted measurements into `result` may have written, often an empty list."""
     found = []
     for path in _folder(result).glob(f"*/{_OUTPUTS}"):
         try:
             found += [Path(name) for name in json.loads(read_text(path))]
         except (OSError, ValueError):
-            # The program was killed while it began. It had not written any output.
+            # The program was killed at its start, before it had written any output.
             continue
     return found
 

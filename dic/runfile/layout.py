@@ -28,7 +28,7 @@ def camera_names(file: Any) -> list[str]:
 
 
 def interlock_names(file: Any) -> list[str]:
-    """Return the names of the interlocks in an open run file; files of earlier programs have none."""
+    """Return the names of the interlocks in an open run file; files of earlier versions have none."""
     entry = _group(file, "entry")
     if schema.INTERLOCKS_GROUP not in entry:
         return []
@@ -93,7 +93,7 @@ def _table(group: Any, layout: schema.Group) -> int:
 
 
 def _require_item(group: Any, item: schema.Item, shape: tuple[int, ...] | None) -> Any | None:
-    """Check a data set, and return it; return None if it is missing from a file of an earlier program."""
+    """Check a data set, and return it; return None if it is missing from a file of an earlier version."""
     if item in schema.LATER and item.name not in group:
         return None
     dataset = _dataset(group, item.name)

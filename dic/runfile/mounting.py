@@ -29,7 +29,7 @@ class RunMounting:
 
 
 def read_mounting(file: Any) -> RunMounting:
-    """Return the mounting in an open run file. Files of earlier programs declare none.
+    """Return the mounting in an open run file. Files of earlier versions declare no mounting.
 
     Raises
     ------

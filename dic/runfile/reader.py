@@ -167,7 +167,7 @@ class RunFile:
             If a frame of the step is missing or damaged.
         """
         group, rows = self._detectors[camera], self.rows(camera, step)
-        # Files of earlier programs have HDF5's own checksums instead of digests.
+        # Files of earlier versions have HDF5's own checksums instead of digests.
         if schema.DIGEST.name not in group:
             return frame_digest(self.image(camera, step))
         try:
@@ -235,7 +235,7 @@ class RunFile:
         return self._file["entry"][folder][name] if dot else self._detectors[device]
 
     def asked(self, device: str) -> dict[str, Any]:
-        """Return what was recorded about a device's settings before the run; empty for old files.
+        """Return what was recorded about a device's settings before the run; empty for earlier versions.
 
         The keys are `driver`, `asked` (the settings in the rig file) and `reports_settings` (True if the
         driver reads the settings back).
@@ -276,7 +276,7 @@ class RunFile:
         """Return one frame; raise ValueError if the frame's digest is wrong."""
         group = self._detectors[camera]
         frame: NDArray[Any] = group[schema.PIXELS][row]
-        # Files of earlier programs have HDF5's own checksums instead of digests.
+        # Files of earlier versions have HDF5's own checksums instead of digests.
         if schema.DIGEST.name in group and read_text(group[schema.DIGEST.name], row) != frame_digest(frame):
             raise ValueError("a frame with a wrong digest")
         return frame
@@ -317,7 +317,7 @@ class RunFile:
         require_layout(self._file)
         entry = self._file["entry"]
         run, sample = read_scalars(entry, schema.ENTRY), read_scalars(entry["sample"], schema.SAMPLE)
-        # Files of earlier programs have no provenance.
+        # Files of earlier versions have no provenance.
         run.pop(schema.PROVENANCE.name, None)
         self.continues = read_object(str(run.pop(schema.CONTINUES.name, "")))
         # No caller needs the end time. The status tells whether a run has ended.
@@ -331,7 +331,7 @@ class RunFile:
         self.grid_pitch_mm = float(entry["grid"]["pitch_mm"][()])
         if not (min(lines) > 0 and max(lines) <= _LINES_MAX and 0.0 < self.grid_pitch_mm < np.inf):
             raise Unlike(f"a grid of {lines[0]} x {lines[1]} lines every {self.grid_pitch_mm:g} mm")
-        # Files of earlier programs have line grids only.
+        # Files of earlier versions have line grids only.
         if schema.TARGET[0].name in entry["grid"]:
             self.grid_target = read_text(entry["grid"]["target"])
             self.grid_marker_mm = float(entry["grid"]["marker_mm"][()])

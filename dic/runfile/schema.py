@@ -102,7 +102,7 @@ SAMPLE = Group(
 TARGET = (Item("target", "S16"), Item("marker_mm", "float64", "mm"), Item("dictionary", "S"))
 GRID = Group("NXcollection", (Item("lines", "int64", "1"), Item("pitch_mm", "float64", "mm"), *TARGET))
 MOUNTING_GROUP = "mounting"
-"""Name of the group with the declared mounting; files of earlier programs lack this group."""
+"""Name of the group with the declared mounting; files of earlier versions lack this group."""
 MOUNTING = Group(
     "NXcollection",
     (
@@ -180,7 +180,7 @@ COMPLETE = Item("complete", "uint8", "1")
 LATER: frozenset[Item] = frozenset(
     {PROVENANCE, CONTINUES, SETTINGS, DIGEST, ORDER, *TARGET, *STAGE_FLAGS, *LOAD_FRAME_FLAGS}
 )
-"""Datasets that files of earlier programs lack."""
+"""Datasets that files of earlier versions lack."""
 
 EVENTS = Group(
     "NXcollection",
@@ -195,7 +195,7 @@ EVENTS = Group(
 
 
 REPORTED_GROUP = "settings"
-"""Name of the table of all settings that the devices reported; files of earlier programs lack this table."""
+"""Name of the table of all settings that the devices reported; files of earlier versions lack this table."""
 SETTING_NAME_BYTES = 64
 SETTING_BYTES = 240
 REPORTED = Group(

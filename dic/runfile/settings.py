@@ -19,7 +19,7 @@ def settings_of(
     Parameters
     ----------
     columns : mapping of str to ndarray
-        The columns of the table of settings; empty for a file of an earlier program.
+        The columns of the table of settings; empty for a file of an earlier version.
     device : str
         A camera's name, "stage", "load_frame" or "interlocks.NAME".
     moment : str

@@ -38,7 +38,7 @@ def bottom_lines(draw: "Callable[[], RenderableType]", refreshes_per_s: float) -
         console=Console(stderr=True, soft_wrap=True),
         refresh_per_second=refreshes_per_s,
         transient=True,
-        # Rich prints lines on the terminal above the drawn lines. A file gets its lines unchanged.
+        # On a terminal, Rich prints other lines above the drawn lines. Lines for a file stay unchanged.
         redirect_stdout=sys.stdout.isatty(),
         get_renderable=draw,
     )
