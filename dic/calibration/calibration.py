@@ -144,7 +144,7 @@ class Calibration:
         """The model with the smaller cross-validation error; the bicubic map if the difference is unclear."""
         if self.pinhole is None:
             return "bicubic"
-        # a bicubic map without cross-validation is not recommended if there is a pinhole model
+        # A bicubic map without cross-validation is not recommended if there is a pinhole model.
         bicubic_px = np.nan_to_num(self.bicubic_cross_validation_px, nan=np.inf)
         limit_px = _CLEARLY_BETTER * bicubic_px - _NEGLIGIBLE_PX
         return "pinhole" if self.pinhole.cross_validation_px < limit_px else "bicubic"

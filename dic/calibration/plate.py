@@ -1,8 +1,9 @@
 """Move a calibration from the plane of the grid's lines to a specimen's surface that lies behind this plane.
 
 A grid is often printed on a plate that is laid on the specimen. The lines then lie nearer to the camera than
-the specimen's surface, by the thickness of the plate. Let C be the camera's centre. A ray that meets the
-grid's plane at m meets the surface at a distance p behind the plane at m + (m - C) p/Cz.
+the specimen's surface, by the thickness of the plate. Let C be the camera's centre. Consider a ray that meets
+the grid's plane at m, and a surface at the distance p behind this plane. The ray meets the surface at m + (m
+- C) p/Cz.
 """
 
 import math

@@ -38,7 +38,7 @@ def draw_calibration(calibration: Calibration, image: Grey) -> Any:
     longest = max(residual.max_px for residual in residuals.values())
     arrows: Any = None
     for axes, (model, residual) in zip(others, residuals.items(), strict=True):
-        # draw the image pale, so that the arrows stand out
+        # Draw the image pale, so that the arrows stand out.
         _draw_image(axes, calibration, image, (low - 6 * (high - low), high))
         arrows = _draw_residual(axes, calibration, residual, longest)
         in_use = " (in use)" if model == calibration.model and len(residuals) > 1 else ""

@@ -10,7 +10,7 @@ from dic.image.point_grid import PointGrid, connected_part
 from dic.typing import Mask
 
 _NEIGHBOUR_REACH = 3
-"""Largest distance, in steps of the grid, between a point beside a crack and the neighbour it starts from."""
+"""Largest distance of a point beside a crack from the neighbour that gives its first guess, in grid steps."""
 
 
 class CutReference:

@@ -52,7 +52,10 @@ class Matches:
     gradient: Float
 
     def warps_at(self, points: Float) -> Float:
-        """Return affine warps (n, 6) at `points` (n, 2), fitted to nearby matches; NaN if too few match."""
+        """Return affine warps (n, 6) at `points` (n, 2), fitted to nearby matches.
+
+        A warp is NaN if too few matches agree.
+        """
         from scipy.spatial import cKDTree
 
         count = min(_NEIGHBOURS, len(self.here))

@@ -35,7 +35,7 @@ from dic.correlation.transfer import COPIES, filter_transfer, interpolation_tran
 from dic.typing import Float
 
 Replica = tuple[int, int]
-"""Multiples of the sampling frequency 2π by which a wave is above the recorded wave, along y and along x."""
+"""A replica: how many sampling frequencies 2π its waves lie above the recorded waves, along y and along x."""
 
 _SMALL = 0.01
 

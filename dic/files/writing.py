@@ -41,7 +41,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
         partial.replace(place)
     except OSError as error:
         if error.filename is None:
-            # A write to an open file fails without the name of the file.
+            # If a write to an open file fails, the error lacks the name of the file. So add the name.
             error.filename = str(path)
         raise
     finally:

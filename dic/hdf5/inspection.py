@@ -1,11 +1,11 @@
 """Inspect an HDF5 file in a process of its own, because a damaged file can crash HDF5 or keep it busy.
 
 The command `python -m dic.hdf5.inspection` reads paths of files and answers whether each file is good;
-`serve` describes the lines. With a path as its argument, the command answers for this file only. Every file
-is inspected in a process of its own. The inspection visits every object in the file. The files of this
-program are trees of groups and data sets, each with one name. A file is refused if it holds anything else:
-links to places outside the tree, data stored in other files, references to objects, or declared sizes that
-the file cannot hold.
+`serve` describes the lines of requests and answers. With a path as its argument, the command answers for this
+file only. Every file is inspected in a process of its own. The inspection visits every object in the file.
+The files of this program are trees of groups and data sets, each with one name. A file is refused if it holds
+anything else: links to places outside the tree, data stored in other files, references to objects, or
+declared sizes that the file cannot hold.
 """
 
 import json

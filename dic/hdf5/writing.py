@@ -67,7 +67,7 @@ class NewFile:
 
 
 class _Bytes(RawIOBase):
-    """The bytes of a file, for h5py's driver of file objects; after an error new bytes stay in memory."""
+    """The file object to which h5py writes. After an error, it keeps new bytes in memory."""
 
     def __init__(self, path: Path) -> None:
         self.error: OSError | None = None

@@ -73,9 +73,9 @@ def read_image(path: str | Path) -> NDArray[np.float32]:
     Warns
     -----
     ImageWarning
-        If the path names no page of a TIFF file that holds several pages; the first page is then read. Also
-        if the image is turned or mirrored because of the orientation tag in the file, and if the image was
-        compressed as JPEG or by a lossy codec.
+        If a TIFF file holds several pages and the path names no page; the first page is then read. A second
+        reason is that the image is turned or mirrored because of the orientation tag in the file. A third
+        reason is that the image was compressed as JPEG or by a lossy codec.
     """
     require_kind("path", path, str | Path, "name an image file; arrays need no reading")
     path = Path(path)

@@ -32,7 +32,7 @@ def in_parallel(work: Callable[[slice], None], bands: Sequence[slice], threads: 
             work(band)
         return
     with ThreadPoolExecutor(min(threads, len(bands))) as pool:
-        # reading the results raises any errors that occurred in the threads
+        # Read the results, because this raises any errors that occurred in the threads.
         list(pool.map(work, bands))
 
 

@@ -34,7 +34,7 @@ def read_provenance(file: Any) -> Provenance | None:
     if group is None:
         return None
     inputs = zip(*(map(str, group[name].asstr()[:]) for name in ("file", "sha256")), strict=True)
-    # Files of earlier versions lack the job.
+    # Files of earlier versions lack the texts of the job.
     known = "job_fields" in group.attrs
     job = Job(str(group.attrs["job_fields"]), str(group.attrs["job_strains"])) if known else None
     return Provenance(str(group.attrs["command"]), str(group.attrs["versions"]), dict(inputs), job)

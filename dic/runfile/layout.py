@@ -117,7 +117,7 @@ def _group(parent: Any, name: str) -> Any:
 
 
 def _dataset(group: Any, name: str) -> Any:
-    """Return a data set as h5py's low-level object, which opens faster than h5py's class `Dataset`."""
+    """Return a data set as h5py's low-level object; h5py's `Dataset` would open several objects."""
     try:
         found = h5py.h5o.open(group.id, name.encode())
     except KeyError:

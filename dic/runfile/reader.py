@@ -282,7 +282,7 @@ class RunFile:
         return frame
 
     def digest_matches(self) -> bool | None:
-        """Return True if the digest of a closed file is right, False if not, and None without a digest.
+        """Return whether the digest of a closed file is right; None if the file has no digest.
 
         The digest of the file covers all bytes except the pixels of images. The images have digests of their
         own, which the method `damaged_rows` checks.

@@ -76,7 +76,7 @@ def parse(content: bytes) -> Superblock:
 
 
 def find(path: Path) -> int | None:
-    """Return the first byte of the superblock: 0, 512, 1024, … (doubling); None if there is no superblock."""
+    """Return the position of the superblock: byte 0, 512, 1024, 2048, …; None if there is no superblock."""
     place = 0
     with path.open("rb") as file:
         while place <= _SEARCHED_BYTES:

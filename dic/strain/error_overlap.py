@@ -145,7 +145,7 @@ class ClippedSubsets:
         whole = _weights(np.ones((1, n, n), np.bool_), self._settings.shape)[0]
         shared = np.zeros((len(weights), len(offset), len(offset)))
         for i, down in enumerate(offset * step):
-            # One row of places at a time, because many places of large subsets would fill the memory.
+            # Take one row of places at a time, because many places of large subsets would fill the memory.
             around = np.zeros((len(offset), n, n), np.float32)
             for j, right in enumerate(offset * step):
                 around[j, _part(n, down), _part(n, right)] = whole[_part(n, -down), _part(n, -right)]

@@ -123,7 +123,7 @@ class Measurement:
     def amplitude_kept(self) -> dict[str, Float]:
         """The share of their amplitude that "exx" and "eyy" keep in the local strain, shape (rows, columns).
 
-        The share is estimated from the strain around each point. It is NaN where the strain cannot be
+        The share is estimated from the strain around each point. The share is NaN where the strain cannot be
         distinguished from its noise. `dic.strain.resolution` describes the method.
         """
         filters, strain = Filters(self.settings, self.strain_settings), self.strain

@@ -80,7 +80,7 @@ def strain_covariance(gradient: Float, covariance: Float, measure: str) -> Float
 
 
 def limited(std: Float) -> Float:
-    """Return standard deviations (6, …); the direction's is limited to the value for an unknown direction."""
+    """Return `std` (6, …) with the direction's part limited to the value for an unknown direction."""
     return np.concatenate([std[:5], np.minimum(std[5:], _ANY_DIRECTION_DEG)])
 
 

@@ -163,7 +163,7 @@ def amplitude_lost(values: Float, kept: Float) -> float:
 def _mean_cosine(
     strain: Float, variance: Float, known: Mask, axis: int, reach: int, correlation: float, shared: float
 ) -> tuple[Float, Mask]:
-    """Return the mean cosine of the phase between neighbours, and where the strain is more than noise.
+    """Return the mean cosine of the phase between neighbours, and True where the strain exceeds its noise.
 
     For a wave, multiply each value with the mean of its two neighbours. The mean of these products is the
     mean square of the wave times the cosine.

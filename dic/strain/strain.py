@@ -32,8 +32,8 @@ class StrainSettings:
         Width of the window to which a plane or a surface is fitted for a local strain: an odd number of
         points, at least 3.
     source : str
-        Source of local strain: "fit" (a plane fitted to the window), "quadratic-fit" (a quadratic surface),
-        or "shape" (the gradient of each subset's shape function).
+        Source of local strain. "fit" means a plane that is fitted to the window, "quadratic-fit" a quadratic
+        surface that is fitted to the window, and "shape" the gradient of each subset's shape function.
 
     Raises
     ------

@@ -51,7 +51,10 @@ def fit_slopes(
 
 @inner
 def _normal_equations(use: Mask, points: Float, row: int, column: int, design: Float, normal: Float) -> float:
-    """Fill the terms of the surface and the lower half of the normal matrix; return 1 / unit of length."""
+    """Fill the terms of the surface and the lower half of the normal matrix.
+
+    Return the factor by which the coordinates were multiplied.
+    """
     terms, window = design.shape[0], use.shape[0]
     x0, y0 = (
         points[row + window // 2, column + window // 2, 0],

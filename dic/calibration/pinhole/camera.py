@@ -109,7 +109,7 @@ class Pinhole:
 
     @property
     def off_axis_std_deg(self) -> float:
-        """Standard deviation of `off_axis_deg` to first order; at 0° off-axis, an upper bound."""
+        """Standard deviation of `off_axis_deg` to first order. At 0° off-axis, it is an upper bound."""
         x, y, z = self.centre_mm
         across = float(np.hypot(x, y))
         if across < 1e-12:
@@ -155,7 +155,7 @@ class Pinhole:
         ideal = self._ideal(px)
         direction = self._directions(ideal)
         across, depth = direction[:, :2, None], direction[:, 2, None, None]
-        # derivatives of the ray's direction (rows X, Y, Z) by x and y of the undistorted point
+        # These are the derivatives of the ray's direction (rows X, Y, Z) by x and y of the undistorted point.
         slopes = (self.rotation[:2] * np.array([[1.0], [-1.0]]) / self.focal_px).T
         by_ideal = -self.centre_mm[2] * (slopes[:2] * depth - across * slopes[2:]) / depth**2
         with np.errstate(invalid="ignore"):
@@ -179,7 +179,8 @@ class Pinhole:
         `covariance`. Errors of strongly correlated parameters, such as focal length and distance, nearly
         cancel in the mapped points.
         """
-        # An error that moves a grid point's image by s moves the mapped point by −J·s (J: Jacobian of `map`).
+        # An error that moves a grid point's image by s moves the mapped point by −J·s, where J is the
+        # Jacobian of `map`.
         moved = self._slopes_by_parameters(self.map(px)) @ self._parameter_factors()
         return np.asarray(-self.jacobian(px) @ moved)
 
@@ -209,7 +210,8 @@ class Pinhole:
         by_seen = np.zeros((len(seen), 2, 3))
         by_seen[:, 0, 0], by_seen[:, 1, 1] = -self.focal_px / seen[:, 2], self.focal_px / seen[:, 2]
         by_seen[:, :, 2] = -ideal / seen[:, 2:]
-        # a small rotation vector w of the camera's axes moves the camera coordinates s of a point by w × s
+        # A small rotation of the camera's axes, with the rotation vector w, moves the camera coordinates s of
+        # a point by w × s.
         by_turn = np.stack([by_seen @ _crossed(axis, seen)[:, :, None] for axis in np.eye(3)], axis=-1)[
             :, :, 0
         ]

@@ -45,7 +45,7 @@ def distortion_jacobian(ideal_px: Float, distortion: Float) -> Float:
     x, y = ideal_px[:, 0], ideal_px[:, 1]
     square = x * x + y * y
     radial = 1 + k1 * square + k2 * square**2
-    # the slope is twice the derivative of the radial factor by the squared radius
+    # The slope is twice the derivative of the radial factor by the squared radius.
     slope = 2 * (k1 + 2 * k2 * square)
     across = slope * x * y + 2 * (p1 * x + p2 * y)
     jacobian = np.empty((len(x), 2, 2))
@@ -81,7 +81,7 @@ def folded(ideal_px: Float, distortion: Float) -> Mask:
     """Return True where the distortion reverses the image around an ideal point (n, 2); False for NaN."""
     jacobian = distortion_jacobian(ideal_px, distortion)
     determinant = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] ** 2
-    # after two folds the determinant is positive again, but the image is reversed in both directions
+    # After two folds the determinant is positive again, but the image is reversed in both directions.
     reversed_: Mask = (determinant <= 0) | (jacobian[:, 0, 0] + jacobian[:, 1, 1] <= 0)
     return reversed_
 

@@ -77,7 +77,7 @@ class CameraModel:
         by_q = np.zeros((len(q), 2, 3))
         by_q[:, 0, 0], by_q[:, 1, 1] = scale, -scale
         by_q[:, :, 2] = ideal * scale / focal
-        # a small rotation vector w moves the point q by w × q
+        # A small rotation with the rotation vector w moves the point q by w × q.
         by_turn = -by_q @ _cross(q) @ turn_slope
         by_place = np.broadcast_to(np.eye(2), (len(q), 2, 2))
         by_scale = flat + ideal * nearer

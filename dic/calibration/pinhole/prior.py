@@ -112,7 +112,8 @@ class Prior:
         A value contradicts the fit if the two differ by more than five standard deviations.
         """
         names = ["principal point's x", "principal point's y"]
-        # a deviation from the usual focal length is no contradiction, because the user did not give it
+        # A deviation from the usual focal length is not a contradiction, because the user did not give this
+        # value.
         names.append("usual focal length" if self.known.focal_px is None else "given focal length")
         names.append("given distance")
         for name, off in zip(names, self.equations(parameters)[0], strict=False):

@@ -54,8 +54,8 @@ def _noise_variance(residual2: float, n: int, p: Float, r: int, noise_gain: floa
     Both images have noise. In the residuals, interpolation between pixels reduces the noise of the deformed
     image. Half-way between pixels, the variance is multiplied by the factor `noise_gain`. At other positions
     the factor varies as the cosine of the sub-pixel position. Interpolation does not reduce the effect of the
-    noise on displacements. The factor of the reference is 1. So this function divides the variance of the
-    residuals by the mean of both images' factors.
+    noise on displacements. The factor of the reference image is 1, because this image is not interpolated. So
+    this function divides the variance of the residuals by the mean of both images' factors.
     """
     damping = 1.0
     for at in (0, 3):
