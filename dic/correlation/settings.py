@@ -6,7 +6,7 @@ from dic.errors import Check, CorrelationError, is_number, is_whole, require_all
 from dic.image.spline import ORDERS
 
 AUTO = "auto"
-"""Value of `CorrelationSettings.smoothing_px` that lets the program choose."""
+"""Value of `CorrelationSettings.smoothing_px` with which the program chooses the smoothing."""
 
 _WIDEST_SMOOTHING_PX = 5.0
 

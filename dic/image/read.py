@@ -106,7 +106,7 @@ def _picture(file: Path, page: int | None) -> tuple[NDArray[Any], int, list[str]
 
 
 def _frame(file: Path, page: int | None) -> tuple[NDArray[Any], int, list[str]]:
-    """Return a decoded frame of a video, which is upright, and warnings."""
+    """Return a decoded frame of a video, the orientation 1 because frames are upright, and warnings."""
     video, notes = read_video(file), []
     if page is None and len(video) > 1:
         last = page_name(file, len(video)).name

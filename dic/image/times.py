@@ -1,4 +1,4 @@
-"""When the images of a series were taken, relative to the reference image, and how this is known."""
+"""The times at which images were taken, relative to the reference image, and the sources of these times."""
 
 from dataclasses import dataclass
 from math import isfinite, nan

@@ -40,7 +40,7 @@ def as_text(values: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of an image of a series.
+    """The outcome of the correlation for one image of a series.
 
     Attributes
     ----------

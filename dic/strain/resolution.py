@@ -139,7 +139,8 @@ def amplitude_kept(values: Float, std: Float, filters: Filters, *, along_x: bool
     significant = known.copy()
     phases = np.linspace(0.0, math.pi, 1000)
     noise = {along: filters.noise_correlation(along=along) for along in (True, False)}
-    # The noise of this number of neighbouring values counts as one independent value.
+    # Noise of neighbouring values is correlated: this number of values tells as much as one independent
+    # value.
     shared = math.prod(2 * float(each @ each) - 1 for each in noise.values())
     for axis, along in ((1, along_x), (0, not along_x)):
         neighbour = float(noise[along][1])
