@@ -1,4 +1,4 @@
-"""The command `dic example`, which writes a small measurement to try the other commands on."""
+"""The command `dic example`, which writes a small measurement with which to try the other commands."""
 
 import shlex
 from pathlib import Path

@@ -21,7 +21,7 @@ from dic.files.writing import write_text
 from dic.shell.output_paths import FORCE, require_places
 
 UNSURE = 1.5
-"""The bias without aliasing is printed too if it is more than this multiple of the predicted bias."""
+"""The bias without aliasing is also printed if it is larger than this multiple of the predicted bias."""
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""The output files of a run's results, beside the result file, and the end of the command."""
+"""The output files of a run in addition to the result file, and the end of the command."""
 
 import json
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ class OutputOptions:
     fields_from: Path | None = None
 
     def place(self, output: Path) -> "ResultPlace":
-        """Return the place of the result file, and what may be done with results that are there."""
+        """Return the place of the result file, and whether existing results may be replaced or used."""
         from dic import ResultPlace
         from dic.results.unfinished import outputs_of
 
@@ -81,7 +81,7 @@ class OutputOptions:
                 _make_folder(folder)
 
     def write(self, result: "RunResult", gauges: "tuple[Gauge, ...]" = ()) -> None:
-        """Write the output files beside the result file."""
+        """Write the output files other than the result file."""
         from dic import write_report
         from dic.commands.run_table import as_dict
         from dic.pipeline.run_tables import write_run_tables

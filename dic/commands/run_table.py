@@ -89,8 +89,8 @@ def _joint_lines(result: "RunResult", joint: "JointCorrections") -> list[str]:
 def _notes(measurement: "Measurement") -> list[str]:
     """Return notes about smoothing, and about new reference images up to a step.
 
-    Each new reference increases the standard deviations of the displacements u and v, which the text gives in
-    mpx.
+    Each new reference increases the standard deviations of the displacements u and v. The text gives these
+    standard deviations in mpx.
     """
     field = measurement.field
     notes = [f"images smoothed by {field.smoothing_px:g} px"] if field.smoothing_px > 0.0 else []

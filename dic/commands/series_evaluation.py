@@ -96,7 +96,7 @@ class SeriesEvaluation:
         again : callable
             Function that returns an image for a second time, by its index. A rotation needs all images twice.
         origin : Provenance or None
-            Where the results come from, for the result file.
+            Origin of the results, which is written into the result file.
         doing : str
             Text of the progress bar.
         """
@@ -109,7 +109,7 @@ class SeriesEvaluation:
         return whole
 
     def show(self, series: "MeasuredSeries") -> bool:
-        """Print the results of images that are measured, and write the files beside the result file."""
+        """Print the results of images that are measured, and write all files except the result file."""
         files = copy(self._places.files)
         files.output = None
         with self._outputs(files, None) as results:

@@ -191,7 +191,7 @@ class MotionOptions:
 
 
 def read_set_up(calibration_file: Path | None, strain: "StrainSettings", motion: "Motion") -> "SeriesSetUp":
-    """Return what the strains of a series are computed with, and read the calibration's file."""
+    """Read the calibration file, and return the inputs from which a series' strains are computed."""
     from dic import load_calibration
     from dic.pipeline.series_set_up import SeriesSetUp
     from dic.results.provenance import file_digest
@@ -240,7 +240,7 @@ class OutputOptions:
     fields_from: Path | None
 
     def place(self) -> "ResultPlace | None":
-        """Return the place of the result file, and what may be done with results that are there."""
+        """Return the place of the result file, and whether existing results may be replaced or used."""
         from dic import ResultPlace
         from dic.results.unfinished import outputs_of
 

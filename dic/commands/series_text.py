@@ -47,7 +47,7 @@ def image_lines(table: StrainTable, summary: dict[str, Any], *, first: bool = Tr
 
 
 def corrected_lines(table: StrainTable, summary: dict[str, Any]) -> list[str]:
-    """Return the lines of an image whose correction became known after all images of the series."""
+    """Return the lines about an image's correction, if it is known only after the whole series."""
     strains = strains_of(summary)
     kind = "corrected" if "corrected" in strains else "calibrated"
     lines = table.lines([name_of(summary["file"]), "", ""], {kind: strains[kind]})

@@ -14,7 +14,8 @@ _VALUE_WIDTH, _STD_WIDTH = 7, 5
 class Column:
     """A column in front of the strains: its heading and its width; text is on the left, numbers on the right.
 
-    Longer text than the width loses its beginning, because names of a series differ at their end.
+    A text that is longer than the width is cut at its beginning, because the names in a series differ at
+    their ends.
     """
 
     heading: str

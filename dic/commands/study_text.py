@@ -1,4 +1,4 @@
-"""What `dic study` prints: the assumptions, a table of the best settings, and the recommendation."""
+"""The output of `dic study`: the assumptions, a table of the best settings, and the recommendation."""
 
 import textwrap
 from typing import TYPE_CHECKING

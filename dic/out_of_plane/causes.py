@@ -5,12 +5,12 @@ cause gives, to first order. Let C be the camera's centre, and let m be the poin
 grid's plane. If the surface has the height h, the ray meets it at another point, which is displaced by -h (m
 - C)/Cz. So the fields of all causes out of the plane have this form.
 
-The causes in the plane are affine motion, bending and a gradient of the strain. Bending with the curvature κ
-has the displacement (-(y² + ν x²)/2, x y) κ, and bending along the other axis has the same displacement with
-x and y exchanged. The gradient of the strain has one given direction. Let s be the coordinate along this
-direction, t the coordinate across it, e the strain along it, and g the relative gradient. The gradient then
-gives the displacement (s²/2, -ν s t) e g. If the specimen is tapered, it is also sheared, and the shear adds
-a multiple of the displacement (t², 0).
+The causes in the plane are affine motion, bending and a gradient of the strain. Bending along one axis with
+the curvature κ has the displacement (-(y² + ν x²)/2, x y) κ. For bending along the other axis, x and y are
+exchanged. The gradient of the strain has one given direction. Let s be the coordinate along this direction, t
+the coordinate across it, e the strain along it, and g the relative gradient. The gradient then gives the
+displacement (s²/2, -ν s t) e g. If the specimen is tapered, it is also sheared, and the shear adds a multiple
+of the displacement (t², 0).
 """
 
 from collections.abc import Mapping

@@ -2,8 +2,8 @@
 
 One camera cannot distinguish all causes of `dic.out_of_plane.causes`. If the images do not determine a cause,
 its size comes from these expectations, and the uncertainty of the cause enters the standard deviations. The
-expectations are those of a flat specimen in ordinary grips. For tilts, bending, curvature and strain gradient
-there are several levels, from practically none to large. Each combination of levels is one model;
+expectations are those of a flat specimen in ordinary grips. For tilt, bending, curvature and strain gradient
+there are several levels, from nearly zero to large. Each combination of levels is one model;
 `dic.out_of_plane.evidence` weighs the models.
 """
 

@@ -123,10 +123,10 @@ def not_rigid_reason(
 ) -> str:
     """Return the reason why strain remains in a rotation of a rigid specimen.
 
-    If the specimen tilts in a step, the false strain is along the direction in which the camera is tilted,
-    and there is none across this direction. If the specimen is tilted in the reference, the false strain
-    across this direction changes with the rotation in a known way. If there is no other strain across this
-    direction, the stage's axis tilted differently in each step.
+    If the specimen tilts in a step, the false strain is along the direction in which the camera is tilted.
+    Across this direction there is no false strain. If the specimen is tilted in the reference, the false
+    strain across this direction changes with the rotation in a known way. If there is no other strain across
+    this direction, the stage's axis tilted differently in each step.
 
     Parameters
     ----------

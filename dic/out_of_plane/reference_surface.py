@@ -92,7 +92,7 @@ def reference_surface(field: Field, calibrations: tuple[Calibration, Calibration
 
 @dataclass(frozen=True)
 class _View:
-    """What one camera measures of n points.
+    """The measurements of n points by one camera.
 
     Attributes
     ----------

@@ -80,7 +80,7 @@ def _magnification(homography: Float, points: Float) -> tuple[float, float]:
 def _shrunk(image: NDArray[Any], shares: tuple[float, float]) -> tuple[NDArray[np.float32], Float]:
     """Return an image with fewer, averaged pixels, and the matrix (3, 3) from its pixels to the image's.
 
-    The shares of the width and of the height that are kept are at most 1; larger shares count as 1.
+    The new width and height are the given shares of the old ones. A share above 1 counts as 1.
     """
     import cv2
 

@@ -35,7 +35,7 @@ class Panel:
         Title of the map, without the unit.
     unit : str
     values : ndarray, shape (rows, columns)
-        Values at the points, NaN where there is none.
+        Values at the points; NaN at a point without a value.
     """
 
     quantity: str
@@ -117,7 +117,7 @@ def finished(scale: Scale, settings: MapSettings) -> Scale:
 
 
 def _spread(low: float, high: float) -> tuple[float, float]:
-    """Return ends that differ clearly, even for a uniform field with rounding errors only."""
+    """Return ends that differ clearly, even if the values differ by rounding errors only."""
     least = max(_LEAST_SPREAD * max(abs(low), abs(high)), _LEAST_RANGE)
     if high - low >= least:
         return low, high

@@ -77,10 +77,10 @@ def mapped(homography: Float, points: Float) -> Float:
 
 
 def _homography(points_px: Float, position_mm: Float) -> Float | None:
-    """Return the homography that fits best between pixels and millimetres; None if there is not only one.
+    """Return the best homography from pixels to millimetres; None if the points do not determine it.
 
-    The homography rectifies the picture. It does not contain the lens distortion, which moves no point
-    visibly.
+    The homography rectifies the picture. It leaves out the lens distortion, because the distortion does not
+    shift points visibly.
     """
     import cv2
 

@@ -42,8 +42,9 @@ class MapSettings:
     on : str
         The image under the maps: "reference", or "deformed", where each point is drawn at its new place.
     axes : str
-        "mm" for millimetres on the specimen, "px" for pixels, "off" for none. "auto" gives millimetres if
-        there is a calibration. In millimetres the picture shows the specimen as if seen straight on.
+        "mm" for millimetres on the specimen, "px" for pixels, "off" for a picture without axes. "auto" gives
+        millimetres if there is a calibration. In millimetres the picture shows the specimen as if seen
+        straight on.
     scale : str
         "series" for the same scale in all images of a series, "image" for a separate scale for each image.
     limits : mapping of str to (float, float)

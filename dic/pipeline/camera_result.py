@@ -25,8 +25,8 @@ class CameraResult:
     steps : list of RunStep
         The steps of the run that could be measured with this camera.
     measurements : sequence of Measurement
-        One measurement for each element of `steps`. Results of `process_run` and of a file read a measurement
-        from the file when it is used.
+        One measurement for each element of `steps`. If the results come from `process_run` or from a file,
+        each measurement is read from the file when it is used.
     failures : list of str
         One sentence per step that could not be measured; the sentence gives the reason.
     specimen : Specimen or None

@@ -27,14 +27,15 @@ def compare_results(
     camera: str | None = None,
     picture: PathLike | None = None,
 ) -> Comparison:
-    """Compare raw displacements and strains of an image with those of another program.
+    """Compare raw displacements and strains of an image with the results of another program.
 
-    `docs/exports.md` says how, and states the axes and signs of each program.
+    `docs/exports.md` describes the comparison, and the axes and signs of each program.
 
     Parameters
     ----------
     results : path, MeasuredSeries, SeriesResult or RunResult
-        A result file of `dic correlate` or `dic process`, or what `dic` has read from one.
+        A result file of `dic correlate` or `dic process`, or the results that `dic` has read from such a
+        file.
     peer : PeerField or path
         The result of `read_peer`, or a result file of DICe, Ncorr or OpenCorr.
     image : int, optional

@@ -145,7 +145,7 @@ class FileDigests:
         self._known: dict[Path, str] = {}
 
     def of(self, image: Path) -> str:
-        """Return the digest of the file that holds an image; `UNREADABLE` if it has none."""
+        """Return the digest of the file that holds an image; `UNREADABLE` if the file cannot be read."""
         file, page = split_page(image)
         if page is None or file not in self._known:
             try:

@@ -122,7 +122,8 @@ def export_results(
     Parameters
     ----------
     results : path, MeasuredSeries, SeriesResult or RunResult
-        A result file of `dic correlate` or `dic process`, or what `dic` has read from one.
+        A result file of `dic correlate` or `dic process`, or the results that `dic` has read from such a
+        file.
     folder : path
         Each format gets a folder of its own in this folder.
     formats : sequence of str

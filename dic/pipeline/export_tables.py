@@ -28,7 +28,8 @@ def to_pandas(results: Results, *, camera: str | None = None) -> "pandas.DataFra
     Parameters
     ----------
     results : path, MeasuredSeries, SeriesResult or RunResult
-        A result file of `dic correlate` or `dic process`, or what `dic` has read from one.
+        A result file of `dic correlate` or `dic process`, or the results that `dic` has read from such a
+        file.
     camera : str, optional
         Camera of a run. Default: all cameras.
 

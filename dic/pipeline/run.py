@@ -58,7 +58,7 @@ def process_run(
         "never", or "always" (at every image).
     plate_mm : float, optional
         Distance of the specimen's surface behind the grid's lines. Default: the value in the run file, which
-        is 0 if protocol and rig file declare none.
+        is 0 if neither the protocol nor the rig file declares a distance.
     on_image : callable, optional
         Function that is called after each image.
     on_count : callable, optional

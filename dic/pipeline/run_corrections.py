@@ -75,9 +75,10 @@ class CorrectionSettings:
         return replace(self, shift_std_um=shift_std_um, tilt_axis_mm=hinge_mm)
 
     def require_use(self, source: str, cameras: Sequence[str], kinds: Set[str]) -> None:
-        """Raise an error if a run with these cameras and kinds of steps cannot use what the user gave.
+        """Raise an error if a run with these cameras and kinds of steps cannot use a given setting.
 
-        Call this before `completed`: a run of rotations may declare a hinge, which it does not use.
+        Call this before `completed`, because a run file of rotations may declare a hinge, which has no
+        effect.
 
         Raises
         ------
@@ -317,7 +318,7 @@ def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -
 
 
 def motion_of(kinds: Set[str]) -> str:
-    """Return the specimen's motion, "free", "rigid" or "tension", from the kinds of a run's steps."""
+    """Return the specimen's motion ("free", "rigid" or "tension") from the kinds of a run's steps."""
     if "rotation" in kinds:
         return "free" if kinds & {"load", "displacement"} else "rigid"
     return "tension" if kinds & {"load", "displacement"} else "free"

@@ -60,8 +60,8 @@ def corrected_rotation(
     sequence of MeasuredImage
         The given images with their corrections. Each correction is computed when it is used.
     Alignment or None
-        Alignment of the specimen on the rotation stage: solved from the images if possible, else the
-        alignment of the given motion.
+        Alignment of the specimen on the rotation stage: solved from the images if possible, otherwise the
+        alignment in `motion`.
     """
     measured = [k for k, image in enumerate(images) if image.measurement is not None]
     found = correct(Computed(len(measured), lambda k: _measurement(images[measured[k]])), calibration, motion)

@@ -122,7 +122,7 @@ class SeriesCorrelation:
         return correlate_series(self.series, given, finished, Computed(len(before), self._before))
 
     def again(self, number: int) -> FinishedImage:
-        """Return an image that was correlated, by its index in the series."""
+        """Return an image that was correlated before; `number` is its index in the series."""
         if self.known is not None:
             # Take the times from the result file, because copying an image file changes its time.
             return replace(self.known.correlated[number], label=str(self.sources.images[number]))
@@ -134,10 +134,10 @@ class SeriesCorrelation:
 
     @property
     def used_again(self) -> int:
-        """Number of first images whose fields are taken from the result of earlier images.
+        """Number of images at the beginning whose fields are taken from an earlier result file.
 
-        A result file does not hold the fields from a later reference. So the first image with a new reference
-        and all later ones are correlated again.
+        A result file does not contain the fields relative to a later reference. So the first image with a new
+        reference and all images after it are correlated again.
         """
         if self.begun is None:
             return 0

@@ -49,9 +49,9 @@ class _Waiting:
 class SeriesMaps:
     """Draw the maps of a series of image files.
 
-    A scale that serves all images is known only after the last image. Until then the values are in a
-    temporary file. If each image has a scale of its own, its picture is drawn at once. A picture that cannot
-    be drawn does not end the measurement: `draw` raises the error after all other pictures are drawn.
+    A scale for all images is known only after the last image. Until then the values are in a temporary file.
+    If each image has a scale of its own, its picture is drawn at once. A picture that cannot be drawn does
+    not end the measurement: `draw` raises the error after all other pictures are drawn.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class SeriesMaps:
         """Add an image; `number` is its index in the series, from 0. The label of its measurement is its
         file.
 
-        An image that is added again, for example after a correction, replaces what was added before.
+        If an image is added again, for example after a correction, the new maps replace the earlier ones.
         """
         if not self._files.all():
             return

@@ -45,7 +45,7 @@ class SeriesResult:
     calibration : Calibration or None
     provenance : Provenance
     outcomes : list of Outcome
-        What became of each image, in the order of the series; empty for files of earlier versions.
+        The outcome of each image, in the order of the series; empty for files of earlier versions.
     fields : StoredFields
         The fields of the images that were correlated, in the order of the series.
     """
@@ -87,7 +87,7 @@ def write_set_up(
     reference : ndarray of float32, shape (height, width)
     calibration : Calibration or None
     outcomes : sequence of Outcome
-        What became of each image of the series.
+        The outcome of each image of the series.
     alignment : Alignment or None
         The rotation stage's alignment, if the images have solved it.
     """

@@ -86,7 +86,7 @@ class StepTable:
 def camera_tables(run: Run) -> list[StepTable]:
     """Return one table of steps per camera, with raw, calibrated and corrected strain in µε.
 
-    The calibrated and the corrected strain have their standard deviations beside them, where these are known.
+    If the standard deviations of calibrated and corrected strain are known, they stand beside the strain.
     """
     tables, readings = [], _readings(run)
     for series in run.cameras:

@@ -1,4 +1,4 @@
-"""A tensile test in the report: properties from each camera and kind of strain, beside known values."""
+"""A tensile test in the report: properties from each camera and kind of strain, and known values."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -99,7 +99,7 @@ class TensileTest:
     columns : tuple of TestColumn
         The columns of each camera, from the least accurate kind of strain to the best.
     known : mapping of str to float
-        True or certified values, by the keys of the properties; {} if none are known.
+        True or certified values, by the keys of the properties; {} without known values.
     """
 
     title: str
@@ -151,7 +151,7 @@ def tensile_test(
         Names of the gauges along and across the specimen.
     settings : PropertySettings
     known : mapping of str to float, optional
-        True or certified values, by the keys of the properties; they are shown beside the measured ones.
+        True or certified values, by the keys of the properties. They are shown beside the measured values.
     title : str, optional
         Default: the name of the result file.
 

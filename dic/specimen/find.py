@@ -45,7 +45,7 @@ class Specimen:
     left_out: dict[str, float]
 
     def as_dict(self) -> dict[str, object]:
-        """Return the share, the number of surfaces, and what was left out, for JSON."""
+        """Return the share, the number of surfaces, and the shares that were left out, for JSON."""
         return {"share": self.share, "surfaces": self.surfaces, "left_out": self.left_out}
 
     @property

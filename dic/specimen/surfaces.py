@@ -58,7 +58,7 @@ class Surfaces:
 
 @dataclass(frozen=True)
 class FirstLook:
-    """What each window of the image shows.
+    """The texture in each window of the image.
 
     Attributes
     ----------
@@ -190,10 +190,10 @@ def _around(window: int, inside: Bits, values: list[Grey]) -> list[Grey]:
 
 
 def _resembling(maps: TextureMaps, inside: Bits, energy: Grey, sharpness: Grey) -> Bits:
-    """Return the windows that are at least half full of texture as strong, dense and sharp as inside.
+    """Return the windows at least half of which has texture as strong, dense and sharp as the specimen's.
 
-    No pixel counts more than the specimen's mean energy. Otherwise the strong edge of a dark specimen before
-    a bright background would hide the texture beside it.
+    The energy of each pixel is limited to the specimen's mean energy. Without this limit, a strong edge
+    between a dark specimen and a bright background would hide the texture beside the edge.
     """
     weight: Grey = np.reciprocal(np.maximum(np.maximum(energy, maps.energy), np.float32(1e-30)))
     weighted_x = maps.fx * weight

@@ -30,12 +30,12 @@ _MISFIT, _CONTRAST = 2.0, 0.3
 _MISFIT_OF_CONTRAST = 0.02
 # Regions are not ellipses if their misfit is above this fraction of the contrast. Squares reach 0.2.
 _NOT_ROUND = 0.1
-# Number of regions that are fitted first. If their misfit is larger than this fraction of the contrast, they
-# are clearly not round, and the others are not fitted.
+# First, only `_FIRST_FITTED` regions are fitted. If their misfit is above the fraction `_CLEARLY_NOT_ROUND`
+# of the contrast, they are clearly not round, and no more regions are fitted.
 _FIRST_FITTED, _CLEARLY_NOT_ROUND = 24, 0.13
-# A reflection disturbs a dot if the share of saturated pixels near the dot's edge is above the first number,
-# and above the second number times the median share of all dots. A background that is saturated everywhere
-# does no harm.
+# A reflection disturbs a dot if the share of saturated pixels near the dot's edge is above `_SATURATED`, and
+# above `_OF_USUAL_SATURATION` times the median share of all dots. So a background that is saturated
+# everywhere excludes no dot.
 _SATURATED, _OF_USUAL_SATURATION = 0.01, 2.0
 # A dot is divided into this number of rings and spokes, over which the shift by perspective is integrated.
 _RINGS, _SPOKES = 6, 24
@@ -83,7 +83,7 @@ def measure_dots(
     ----------
     grey : ndarray, shape (height, width)
     enough : int
-        The search ends as soon as a lattice has so many dots.
+        The search ends as soon as a lattice has this number of dots.
     source : str
         Name of the image, used in error messages.
     refusal : callable
@@ -110,7 +110,8 @@ def measure_dots(
     index, centre = found.index.astype(float), found.ellipses.centre_px
     shape = LatticeShape.fit(index[sound], centre[sound])
     centre = centre - _eccentricity(shape, index, found.ellipses.area_px2, sound)
-    # A partly hidden dot is smaller than the others, and its centre is shifted. Leave such dots out.
+    # A partly hidden dot looks smaller than other dots, and its measured centre is shifted. Leave such dots
+    # out.
     size = found.ellipses.area_px2 / _cell_px2(shape, index)
     off = np.abs(size / np.median(size[sound]) - 1)
     glare = found.in_glare()
@@ -220,10 +221,11 @@ class _Dots:
 
 
 def _other_plate(blobs: Blobs, placed: Indices, index: Indices) -> Float | None:
-    """Return the dots (m, 2), px, of a lattice beside the lattice of the blobs `placed`, or None.
+    """Return the dots (m, 2), px, of a second plate beside that of the blobs `placed`; None without one.
 
-    The lattice beside must be at least half as large. A reflection can divide a plate into two parts. Such
-    parts do not count as two plates, because the lattice of one part continues in the other part.
+    The second lattice must be at least half as large as the first. A reflection can divide one plate into two
+    parts. Two such parts do not count as two plates. They are recognised because the lattice of one part
+    continues in the other part.
     """
     import cv2
 

@@ -107,8 +107,8 @@ def _of_hull(index: Indices) -> float:
     """Return approximately how many dots a lattice without gaps has in the convex hull of the given dots."""
     from scipy.spatial import ConvexHull
 
-    # Pick's theorem: the number of dots is the area + half of the dots on the rim + 1. The dots on the rim
-    # are counted as for a rectangle.
+    # Pick's theorem: the number of dots is the area + half of the dots on the rim + 1. The number of dots on
+    # the rim is estimated as that of a rectangle.
     hull = ConvexHull(index)
     return float(hull.volume + hull.area / 2 + 1)
 

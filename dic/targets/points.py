@@ -75,9 +75,10 @@ class GridPoints:
     def outline_px(self) -> Float:
         """Return the image positions of the outermost points, shape (m, 2), px.
 
-        These are the points on the edge of the smallest convex polygon that contains all points on the
-        target, in order around it. If the whole target was found, they are its outer rows and columns. If the
-        image shows only a part of the target, the polygon surrounds this part.
+        The smallest convex polygon that contains all points on the target is formed. The result is the points
+        on the edge of this polygon, in their order along the edge. If the whole target was found, they are
+        the points of its outer rows and columns. If the image shows only a part of the target, the polygon
+        surrounds this part.
         """
         from scipy.spatial import ConvexHull
 

@@ -142,7 +142,7 @@ def _squares_of_board(number: Indices, corners: Float) -> tuple[int, int] | None
 
 
 def _drawn(number: Indices, columns: int, first_is_bright: bool) -> tuple[Float, int]:
-    """Return the corners (n, 4, 2), pitches, of markers on a board with so many columns, and its rows."""
+    """Return the corners (n, 4, 2), pitches, of markers on a board with `columns` columns, and its rows."""
     rows = 2 * int(number.max()) // columns + 2
     square = np.add.outer(np.arange(rows), np.arange(columns)) % 2
     row, column = np.nonzero(square == (0 if first_is_bright else 1))

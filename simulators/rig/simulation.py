@@ -99,7 +99,7 @@ class Simulation:
 
     @property
     def addresses(self) -> dict[str, str]:
-        """Address of each server, by name. The server ``scene`` serves the cameras and the operator."""
+        """Address of each server, by name. The server ``scene`` is that of the cameras and the operator."""
         return {**self.rig.addresses, "scene": self._scene.address}
 
     def rig_file(self) -> str:

@@ -74,7 +74,7 @@ class RambergOsgood:
 
 @dataclass(frozen=True)
 class ByFlowCurve:
-    """Linear elastic up to the beginning of plastic flow, then a flow curve.
+    """A curve that is linear elastic up to the beginning of plastic flow and then follows a flow curve.
 
     Up to the beginning of plastic flow, the path is the stress. Afterwards, the path grows by Young's modulus
     times the plastic strain.

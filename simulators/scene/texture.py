@@ -1,4 +1,4 @@
-"""Textures that are formulas: a speckle pattern and a calibration grid.
+"""Textures that are defined by formulas: a speckle pattern and a calibration grid.
 
 A texture can be evaluated at any material position, so its image is exact at every sub-pixel displacement.
 Reflectance is between 0 (black) and 1 (white). Positions are material coordinates in mm.

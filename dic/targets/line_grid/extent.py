@@ -73,7 +73,8 @@ def _visible_lines(profiles: Float, between: Mask) -> Mask:
     The grey level profiles across the lines have the shape (lines, segments, stations, offsets).
     """
     usual = _usual_evidence(line_evidence(profiles), between)
-    # Use only segments within the grid. For a small grid, most of the other segments lie outside it.
+    # Use only segments within the grid. If the grid is small, most of the other segments lie outside the
+    # grid.
     within = between.any(axis=0)
     relative = (profiles / usual[..., None, None])[:, within]
     segments = (line_evidence(relative) > _SEGMENT_SEEN).sum(axis=1)

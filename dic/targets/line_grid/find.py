@@ -166,8 +166,8 @@ def _axes_and_spans(
 ) -> tuple[Axes, tuple[range, range]]:
     """Return the X and Y axes, and the lattice indices of all lines of the grid.
 
-    The position of a mark, or `origin_px`, tells where hidden outer lines are. If there is no mark and no
-    `origin_px`, the grid ends at the visible lines `seen`.
+    The position of a mark, or `origin_px`, determines where hidden outer lines are. If there is no mark and
+    no `origin_px`, the grid ends at the visible lines `seen`.
     """
     vectors = _lattice_vectors(shape, seen)
     mark = find_mark(image, shape, seen, vectors, lines)

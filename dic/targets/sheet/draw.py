@@ -1,4 +1,4 @@
-"""The sheet that is printed: a target with a title, and two rulers to check the print with."""
+"""The sheet that is printed: a target with a title, and two rulers with which the print is checked."""
 
 from pathlib import Path
 from typing import Any
@@ -38,8 +38,9 @@ def draw_target(target: Target, path: PathLike, dpi: float = 600.0) -> tuple[flo
 
     PDF and SVG files are exact, because they consist of lines and areas. A PNG file consists of pixels; the
     edges of the target have intermediate grey levels, so that they are exact to about a hundredth of a pixel.
-    The target lies in the middle of the smallest sheet that it fits on: A4 or A3, upright or landscape, or a
-    larger sheet. A ruler below the target and one beside it show whether the print has its true size.
+    The target lies in the middle of the smallest sheet that has room for the target: A4 or A3, upright or
+    landscape, or a larger sheet. One ruler below the target and one beside the target show whether the print
+    has its true size.
 
     Parameters
     ----------
