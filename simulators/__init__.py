@@ -85,7 +85,7 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-if not TYPE_CHECKING:  # with this function, type checkers would accept every name
+if not TYPE_CHECKING:  # with this function visible, type checkers would accept every name
 
     def __getattr__(name: str) -> Any:
         """Load a public name from its module when it is first used (PEP 562)."""

@@ -58,7 +58,7 @@ def _require_effect(needs: Mapping[str, Sequence[str]]) -> None:
     }
     idle = [option for option, partners in needs.items() if option in given and not given & set(partners)]
     if idle:
-        # the one option that gives an effect to all given options, if there is such an option
+        # If some options would give an effect to all idle options, name only these.
         shared = [name for name in needs[idle[0]] if all(name in needs[option] for option in idle)]
         partners = " or ".join(shared or dict.fromkeys(name for option in idle for name in needs[option]))
         options = ", ".join(idle)

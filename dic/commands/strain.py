@@ -141,8 +141,8 @@ def strain(results: Path, strain: StrainOptions, anew: AnewOptions, outputs: Out
     """Compute strain again from the displacement fields in RESULTS, without images and without correlation.
 
     RESULTS is the result file of `dic correlate` or `dic process`. Settings without an option stay as they
-    were in RESULTS: strain window, calibration, assumed motion. The results are equal to those of a whole
-    measurement with the same settings.
+    were in RESULTS: strain window, calibration, assumed motion. The results are the same as those of a
+    complete new measurement with the same settings.
 
     Exit status: 0 if all images are measured well, 1 if an image is measured poorly, 2 if an image could not
     be measured.

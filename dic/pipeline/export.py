@@ -44,7 +44,7 @@ class Export:
     images : list of str
         The images that were written.
     failures : list of str
-        One sentence for each image that could not be measured, and is not written.
+        One sentence for each image that could not be measured and was therefore not written.
     """
 
     folders: Mapping[str, Path]

@@ -88,7 +88,7 @@ def join_record(
     series : GaugeSeries
         Readings of a series of images. A run is refused, because its steps have a load already.
     record : MachineRecord
-        From `read_machine_record`.
+        The record from `read_machine_record`.
     join : str
         "name" (the record names the images), "row" (the lines of the record belong to the images in order) or
         "time" (the time joins lines and images).

@@ -19,7 +19,7 @@ from dic.typing import Grey
 
 @dataclass(frozen=True)
 class MapFiles:
-    """Places of the pictures of a series.
+    """Paths of the pictures of a series.
 
     Attributes
     ----------

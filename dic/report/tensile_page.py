@@ -17,7 +17,7 @@ _DASHES = ("--", "-", ":", "-.")
 
 @dataclass(frozen=True)
 class PropertyRow:
-    """A property in the table: symbol, name, unit, one cell per column, the known value, and the rule."""
+    """A row of the table: symbol, name and unit of a property, one cell per column, known value, and rule."""
 
     symbol: str
     name: str

@@ -26,7 +26,7 @@ _NARROWEST, _WIDEST = 7, 13
 """Limits of the window's width, in reduced pixels; wider windows would blur the outline of the specimen."""
 
 _ABOVE_NOISE = 3.0
-"""A window has texture if its smaller eigenvalue exceeds this multiple of what white noise causes.
+"""A window has texture if its smaller eigenvalue exceeds that of white noise by this factor.
 
 White noise alone gives multiples around 1, with a largest value of 2.1 in windows of 11 px. Blobs of 0.6 px
 (standard deviation), the finest blobs that may be measurable, give 8.

@@ -142,7 +142,7 @@ class _Sensor:
         return np.asarray(saturated / np.maximum(near.sum(axis=1), 1))
 
     def clipped(self, level: Float) -> tuple[Float, Float]:
-        """Return the mean grey levels that the sensor gives for the given ones, and their derivatives.
+        """Return the sensor's mean grey levels for grey levels `level` of the light, and their derivatives.
 
         For noise of the standard deviation s, the mean of ``max(x, 0)`` is ``s ψ(x/s)`` with the function
         ``ψ(z) = z Φ(z) + φ(z)`` and its derivative Φ.

@@ -61,7 +61,7 @@ class LatticeShape:
         return shape
 
     def map(self, index: Float) -> Float:
-        """Return the image positions (…, 2), px, of lattice indices (…, 2), also between integers."""
+        """Return the image positions (…, 2), px, of lattice indices (…, 2), which need not be integers."""
         unit = (index - self.centre) / self.scale
         ideal = np.concatenate([unit, np.ones_like(unit[..., :1])], axis=-1) @ self.homography.T
         result: Float = ideal[..., :2] / ideal[..., 2:] + _cubics(unit) @ self.correction

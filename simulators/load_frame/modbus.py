@@ -36,7 +36,7 @@ class _LoadFrameLine(Server):
         self.registers = registers or LoadFrameRegisters(device, layout, serial, self.faults)
 
     def answer(self, unit: int, request: bytes) -> bytes | None:
-        """Execute one Modbus protocol data unit (function code and data); return the answer's, or None."""
+        """Execute one Modbus protocol data unit; return the data unit of the answer, or None."""
         return self.registers.answer(request)
 
 
