@@ -68,7 +68,7 @@ def _require_effect(needs: Mapping[str, Sequence[str]]) -> None:
 
 
 def as_in_results(command: click.Command, names: Sequence[str]) -> None:
-    """Let an option without a value mean the value with which the results in a file were computed."""
+    """Give options no default, so that the settings in RESULTS hold for options that are not given."""
     for parameter in command.params:
         if isinstance(parameter, click.Option) and parameter.name in names:
             parameter.default, parameter.show_default = None, "as in RESULTS"

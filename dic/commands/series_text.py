@@ -85,7 +85,7 @@ def _points_text(summary: dict[str, Any]) -> str:
 
 
 def _settings_texts(summary: dict[str, Any], first: bool) -> Iterator[str]:
-    """Yield notes on the effects of settings and series on this image."""
+    """Yield notes about the effects of the settings, and of earlier images in the series, on this image."""
     lost = {name: share for name, share in summary["strain"]["amplitude_lost"].items() if share is not None}
     if any(share >= _LOST_MIN for share in lost.values()):
         shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in lost.items())

@@ -12,7 +12,8 @@ _VALUE_WIDTH, _STD_WIDTH = 7, 5
 
 @dataclass(frozen=True)
 class Column:
-    """A column in front of the strains: its heading and its width; text is on the left, numbers on the right.
+    """A column in front of the strains: its heading, its width, and whether it is aligned right, as numbers
+    are.
 
     A text that is longer than the width is cut at its beginning, because the names in a series differ at
     their ends.

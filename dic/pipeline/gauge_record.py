@@ -1,4 +1,4 @@
-"""Gauges together with load: join the record of a testing machine to images; curve of a tensile test."""
+"""Join the record of a testing machine to images, and form the curve of a tensile test from gauges."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -39,7 +39,7 @@ from dic.typing import Float, Grey, Mask
 
 @dataclass(frozen=True)
 class RunCorrelation:
-    """The correlation of all cameras of a run, into the folder of finished images.
+    """The correlation of all cameras of a run. The results are kept in the folder of finished images.
 
     Attributes
     ----------

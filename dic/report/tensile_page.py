@@ -148,7 +148,7 @@ def _lengths(test: TensileTest, name: str) -> str:
 
 
 def _curves(test: TensileTest) -> str:
-    """Return a figure of stress against strain of all columns: the whole curve, and its beginning."""
+    """Return a figure of stress against strain of all columns: the whole curves, and their beginnings."""
     figure, axes = new_figure(2, 4.4)
     ends = []
     for order, column in enumerate(test.columns):

@@ -45,7 +45,7 @@ class Surfaces:
     windows : ndarray of uint8
         1 at the centres of windows that are at least half full of the specimen's texture.
     inside : ndarray of uint8
-        1 at the centres of windows that certainly lie on the specimen.
+        1 at the centres of windows that lie on the specimen with certainty.
     energy : ndarray
         Mean energy of the specimen's texture at each pixel. Beside the specimen it is extrapolated, and far
         from the specimen it is infinite.

@@ -6,8 +6,8 @@ The image of a round dot is an ellipse, also in perspective. The model of its gr
 
 with the distance t of the pixel p from the ellipse, positive outside, the blur s of the edge, the normal
 distribution Φ, and the grey levels and gradients of the background, b, and of the dot, d. Most of the
-information about the centre is in the pixels near the edge. The fit therefore nearly reaches the Cramér-Rao
-bound for the noise of the pixels, unlike a centroid.
+information about the centre is in the pixels near the edge. Therefore the error of the fit nearly reaches the
+Cramér-Rao bound for the noise of the pixels. The error of a centroid is larger.
 """
 
 from dataclasses import dataclass

@@ -19,9 +19,10 @@ _ACROSS, _RADII, _DIRECTIONS = 25, 13, 32
 # mean cell, as a fraction of the cell's contrast. Several are tried, because thin lines in a blurred image do
 # not reach the grey level of the ink.
 _INK = (-0.1, -0.05, 0.0, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 4.0, 8.0)
-# Cells are round if the misfit of the ellipses is below this multiple of the misfit of the product. Measured
-# ratios are at most 1.2 for dots, even for dots of 5 px with a blur of 1.5 px, and at least 2.5 for cells
-# between lines.
+# Two models are fitted to the mean cell: ellipses for a dot, and a product f(x)·g(y) for a cell between
+# lines. Cells are round if the misfit of the ellipses is below this multiple of the misfit of the product.
+# Measured ratios are at most 1.2 for dots, even for dots of 5 px with a blur of 1.5 px, and at least 2.5 for
+# cells between lines.
 _ROUND = 1.6
 
 

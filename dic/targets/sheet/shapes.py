@@ -37,7 +37,7 @@ class Shapes:
     discs : ndarray, shape (m, 3)
         X and Y of the centre, and radius, mm.
     holes : ndarray, shape (k, 3)
-        Bright discs on the dark ones.
+        Bright discs within the dark discs.
     """
 
     rectangles: Float
