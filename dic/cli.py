@@ -7,6 +7,7 @@ import click
 _COMMANDS = {
     "assess": "dic.commands.assess:assess",
     "calibrate": "dic.commands.calibrate:calibrate",
+    "campaign": "dic.commands.campaign:campaign",
     "compare": "dic.commands.compare:compare",
     "correlate": "dic.commands.correlate:correlate",
     "example": "dic.commands.example:example",

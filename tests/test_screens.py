@@ -43,6 +43,7 @@ COMMANDS = {
     "export": "dic export results.h5 csv vtk netcdf -o exports --force",
     "gauges": "dic gauges results.h5 gauges.toml",
     "properties": "dic properties curve.csv --load Load:kN --strain Strain:% --area-mm2 20",
+    "campaign": "dic campaign specimens",
     "refusal": "dic correlate ref.png img1.png --subset 20",
     "usage": "dic correlate ref.png img1.png --subsets 21",
     "plan": "rig plan rotation.toml --rig rig.toml",
@@ -82,6 +83,15 @@ start = [40, 40]
 end = [140, 120]
 """
 
+SPECIMENS = {"s1": 19.8, "s2": 20.0, "s3": 20.3, "s4": 20.1}
+CAMPAIGN = """
+[defaults]
+load = "Load:kN"
+strain = "Strain:%"
+area_mm2 = 20.0
+load_std_percent = 0.3
+""" + "".join(f'[[specimen]]\nfile = "{name}.csv"\n' for name in (*SPECIMENS, "lost"))
+
 VARYING = {"devices", "usage"}
 """Commands whose screen depends on the machine, or on the name of the program."""
 
@@ -103,6 +113,14 @@ def make_files(folder: Path) -> None:
     (folder / "tension-rig.toml").write_text(example("rig-virtual-tension", small))
     (folder / "gauges.toml").write_text(GAUGES)
     (folder / "curve.csv").write_text(CURVE)
+    (folder / "specimens").mkdir()
+    (folder / "specimens" / "campaign.toml").write_text(CAMPAIGN)
+    for name, area_mm2 in SPECIMENS.items():
+        # the same curve with the load of another area
+        lines = CURVE.splitlines()[2:]
+        rows = [line.split(";") for line in lines]
+        text = [f"{time};{float(load) * area_mm2 / 20:.5f};{strain}" for time, load, strain in rows]
+        (folder / "specimens" / f"{name}.csv").write_text("\n".join([*CURVE.splitlines()[:2], *text]))
     series = "dic correlate ref.png img1.png img2.png --subset 21 -o results.h5"
     assert run_both(*series.split(), out=io.StringIO(), err=io.StringIO()) == 0
     peer = "dic export results.h5 dice -o exports"

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.properties.plot import draw_properties
+from dic.properties.properties import Properties
 from dic.properties.value import PropertyValue
 from dic.report.numbers import fixed, with_std
 from dic.report.style import OFF_AXIS_COLOURS, legend_below, new_figure, png_uri, svg_uri
 from dic.report.tensile_test import SYMBOLS, TensileTest, TestColumn
 
 _ALWAYS = ("E_gpa", "nu", "Rp02_mpa")
-_DECIMALS = {"GPa": 2, "MPa": 1, "%": 3, "1": 4}
+DECIMALS = {"GPa": 2, "MPa": 1, "%": 3, "1": 4}
 _DASHES = ("--", "-", ":", "-.")
 
 
@@ -71,7 +72,7 @@ def _row(test: TensileTest, name: str) -> PropertyRow:
     values = [column.properties.values[name] for column in test.columns]
     known = test.known.get(name)
     unit = values[0].unit
-    digits = _DECIMALS[unit]
+    digits = DECIMALS[unit]
     differences = []
     for value in values:
         share = None if known is None or value.value is None else 100.0 * (value.value / known - 1.0)
@@ -80,14 +81,15 @@ def _row(test: TensileTest, name: str) -> PropertyRow:
         symbol=SYMBOLS[name][0],
         name=SYMBOLS[name][1],
         unit="" if unit == "1" else unit,
-        cells=[_cell(value, digits) for value in values],
+        cells=[value_cell(value, digits) for value in values],
         known="" if known is None else fixed(known, digits),
         differences=differences,
         rule=values[-1].rule,
     )
 
 
-def _cell(value: PropertyValue, digits: int) -> str:
+def value_cell(value: PropertyValue, digits: int) -> str:
+    """Return a value with its standard deviation as text; a dash if there is no value."""
     if value.value is None:
         return "–"
     return fixed(value.value, digits) if not value.std else with_std(value.value, value.std)
@@ -157,7 +159,7 @@ def _curves(test: TensileTest) -> str:
         style = {"color": OFF_AXIS_COLOURS[order % len(OFF_AXIS_COLOURS)], "marker": ".", "markersize": 4}
         for axis in axes:
             axis.plot(strain, stress, _DASHES[order % len(_DASHES)], label=column.label, **style)
-        ends.append(_beginning(column))
+        ends.append(beginning_of(column.properties))
     axes[0].set_title("whole curve")
     axes[1].set_title("beginning")
     reach, top = max(end[0] for end in ends), max(end[1] for end in ends)
@@ -168,9 +170,9 @@ def _curves(test: TensileTest) -> str:
     return svg_uri(figure)
 
 
-def _beginning(column: TestColumn) -> tuple[float, float]:
+def beginning_of(properties: Properties) -> tuple[float, float]:
     """Return the strain in % and the stress in MPa up to which the beginning of a curve is drawn."""
-    record, elastic = column.properties.record, column.properties.elastic
+    record, elastic = properties.record, properties.elastic
     if elastic is None:
         return 100.0 * float(record.strain.max()), 1.05 * float(record.strained_stress.max())
     last = min(2 * elastic.line.stop, len(record.strain)) - 1

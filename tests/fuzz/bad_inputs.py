@@ -24,6 +24,8 @@ KINDS: dict[str, Mapping[str, Maker]] = {
     "alignment": JSONS,
     "gauges": GAUGES,
     "curve": CURVES,
+    # a byte order mark is allowed here, as in other files that only dic reads
+    "campaign": {kind: maker for kind, maker in TOMLS.items() if kind != "not UTF-8"},
     "peer": {},
     "protocol": TOMLS,
     "tension": TOMLS,

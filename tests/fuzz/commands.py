@@ -27,6 +27,7 @@ COMMANDS: dict[str, list[str]] = {
         *("dic", "properties", "{curve}", "--load", "Load:kN", "--strain", "Strain:%", "--area-mm2", "20"),
         *("--json", "{new}.json"),
     ],
+    "campaign": ["dic", "campaign", "{campaign}", "--json", "{new}.json", "--report", "{new}.html"],
     "gauges beside a record": [
         *("dic", "gauges", "{results}", "{gauges}", "--record", "{curve}", "--load", "Load:kN"),
         *("--time", "Time:s", "--image-interval-s", "1"),

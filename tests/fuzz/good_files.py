@@ -75,6 +75,18 @@ CURVE = "Time;Load;Strain\n(s);(kN);(%)\n" + "".join(
     for k in range(200)
 )
 
+CAMPAIGN = """
+[defaults]
+load = "Load:kN"
+strain = "Strain:%"
+load_std_percent = 0.5
+[[specimen]]
+name = "first"
+area_mm2 = 20.0
+direction_deg = 45.0
+file = "{curve}"
+"""
+
 ALIGNMENT = {
     "file_format": "offaxis-alignment",
     "slopes": [0.001, 0.0, 0.0, 0.0],
@@ -101,6 +113,8 @@ def make_good_files(folder: Path) -> GoodFiles:
     for name, ending, text in (("gauges", "toml", GAUGES), ("curve", "csv", CURVE)):
         files[name] = folder / f"{name}.{ending}"
         files[name].write_text(text)
+    files["campaign"] = folder / "campaign.toml"
+    files["campaign"].write_text(CAMPAIGN.format(curve=files["curve"]))
     files["tension"] = Path(shutil.copy(EXAMPLES / "tension.toml", folder))
     files |= {name: folder / f"{name}.h5" for name in ("run", "results", "calibration")}
     _do(run_rig("run", files["protocol"], "--rig", files["rig"], "-o", files["run"]))

@@ -15,6 +15,20 @@ from tests.image_files import write_image
 E_MPA, YIELD_STRAIN, AREA_MM2, IMAGES = 70_000.0, 0.006, 20.0, 20
 AXIAL = "axial=extensometer start=90,35 end=90,125 patch=30"
 WIDTH = "width=area centre=90,80 size=130,100 direction_deg=0"
+GAUGES = """
+[[gauge]]
+name = "axial"
+kind = "extensometer"
+start = [90, 35]
+end = [90, 125]
+patch = 30
+[[gauge]]
+name = "width"
+kind = "area"
+centre = [90, 80]
+size = [130, 100]
+direction_deg = 0
+"""
 
 
 def stress_mpa(strain):
@@ -268,3 +282,31 @@ def test_a_report_of_a_test_refuses_what_does_not_fit(folder, tmp_path, argument
     given = [str(one).format(machine=folder / "machine.csv", wrong=wrong) for one in arguments]
     assert words in refusal("report", folder / "r.h5", *given, "-o", tmp_path / "report.html")
     assert not (tmp_path / "report.html").exists()
+
+
+def test_result_files_are_specimens_of_a_campaign(folder, tmp_path):
+    """The same result file as for `dic properties` gives the same values."""
+    (tmp_path / "gauges.toml").write_text(GAUGES)
+    record = ["--record", folder / "machine.csv", "--load", "Force:kN"]
+    alone = run_dic(
+        "properties", folder / "r.h5", "--gauges", tmp_path / "gauges.toml", "--transverse-gauge", "width",
+        "--area-mm2", AREA_MM2, *record, "--json", tmp_path / "p.json",
+    )  # fmt: skip
+    text = f"""
+[defaults]
+load = "Force:kN"
+area_mm2 = {AREA_MM2}
+record = "{folder / "machine.csv"}"
+[[specimen]]
+name = "gauges"
+file = "{folder / "r.h5"}"
+gauges = "gauges.toml"
+transverse_gauge = "width"
+"""
+    (tmp_path / "campaign.toml").write_text(text)
+    done = run_dic("campaign", tmp_path, "--json", tmp_path / "c.json")
+    (found,) = done.report["specimens"]
+    assert found["E_gpa"]["value"] is not None
+    assert {key: found[key] for key in ("E_gpa", "nu", "Rp02_mpa")} == {
+        key: alone.report[key] for key in ("E_gpa", "nu", "Rp02_mpa")
+    }

@@ -1,0 +1,1 @@
+"""Tests of several specimens together: values, mean, scatter, outliers, planar anisotropy."""

@@ -1,0 +1,270 @@
+"""A campaign: the properties of several specimens, compared."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+from dic.campaigns.scatter import Scatter, scatter_of
+from dic.errors import CurveError, MeasurementError, is_number, require_kind
+from dic.properties.anisotropy import DIRECTIONS_DEG, planar_anisotropy
+from dic.properties.properties import Properties
+from dic.properties.value import PropertyValue
+
+MOST_TOLD = 5
+"""If no test could be evaluated, the reasons of so many are told."""
+
+
+@dataclass(frozen=True)
+class SpecimenTest:
+    """The test of one specimen.
+
+    Attributes
+    ----------
+    name : str
+    file : str
+        The record or result file; empty if the properties were given.
+    direction_deg : float or None
+        Direction of the load against the rolling direction.
+    properties : Properties or None
+        None if the test could not be evaluated.
+    failure : MeasurementError or None
+        Why not.
+    sha256 : str
+        SHA-256 of the file; empty if the properties were given.
+    """
+
+    name: str
+    file: str
+    direction_deg: float | None
+    properties: Properties | None
+    failure: MeasurementError | None = None
+    sha256: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the test for JSON."""
+        about = {"name": self.name, "file": self.file or None, "direction_deg": self.direction_deg}
+        if self.properties is None:
+            return about | {"failure": str(self.failure)}
+        about |= {"sha256": self.sha256 or None, "failure": None}
+        return about | self.properties.as_dict()
+
+
+@dataclass(frozen=True)
+class Group:
+    """Specimens that are compared: all, or those of one direction.
+
+    Attributes
+    ----------
+    direction_deg : float or None
+        None for all specimens.
+    scatter : dict of str to Scatter
+        By the keys of the properties, such as "E_gpa".
+    names : tuple of str
+        The specimens.
+    """
+
+    direction_deg: float | None
+    scatter: dict[str, Scatter]
+    names: tuple[str, ...]
+
+    @property
+    def label(self) -> str:
+        """The group in words."""
+        return "all specimens" if self.direction_deg is None else f"{self.direction_deg:g}°"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the group for JSON."""
+        return {
+            "direction_deg": self.direction_deg,
+            "specimens": list(self.names),
+            "quantities": {name: scatter.as_dict() for name, scatter in self.scatter.items()},
+        }
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """The tests of several specimens.
+
+    Attributes
+    ----------
+    tests : tuple of SpecimenTest
+        In the order in which they were given; at least one has properties.
+    """
+
+    tests: tuple[SpecimenTest, ...]
+
+    @property
+    def failures(self) -> list[SpecimenTest]:
+        """The tests that could not be evaluated."""
+        return [test for test in self.tests if test.properties is None]
+
+    @cached_property
+    def found(self) -> dict[str, Properties]:
+        """The properties by the names of the specimens, without the tests that failed."""
+        return {test.name: test.properties for test in self.tests if test.properties is not None}
+
+    @cached_property
+    def quantities(self) -> list[str]:
+        """Keys of the properties that at least one specimen has."""
+        keys = dict.fromkeys(name for found in self.found.values() for name in found.values)
+        return [key for key in keys if any(self._has(found, key) for found in self.found.values())]
+
+    @property
+    def lacking(self) -> list[str]:
+        """Keys of the properties that no specimen has."""
+        keys = dict.fromkeys(name for found in self.found.values() for name in found.values)
+        return [key for key in keys if key not in self.quantities]
+
+    def example(self, key: str) -> PropertyValue:
+        """Return the first value of a property, for its unit and rule; `key` is one of `quantities`."""
+        return next(found.values[key] for found in self.found.values() if self._has(found, key))
+
+    @staticmethod
+    def _has(found: Properties, key: str) -> bool:
+        return key in found.values and found.values[key].value is not None
+
+    @cached_property
+    def directions_deg(self) -> list[float]:
+        """The directions of the evaluated specimens, in order."""
+        known = {test.direction_deg for test in self.tests if test.name in self.found}
+        return sorted(each for each in known if each is not None)
+
+    @cached_property
+    def groups(self) -> list[Group]:
+        """All specimens; and if there are several directions, those of each direction with two or more."""
+        whole = self._group(None)
+        apart = [self._group(direction) for direction in self.directions_deg]
+        return [whole, *(group for group in apart if 1 < len(group.names) < len(whole.names))]
+
+    def _group(self, direction_deg: float | None) -> Group:
+        names = tuple(
+            test.name
+            for test in self.tests
+            if test.name in self.found and direction_deg in (None, test.direction_deg)
+        )
+        scatter = {}
+        for key in self.quantities:
+            values = {n: self.found[n].values[key] for n in names if key in self.found[n].values}
+            if values:
+                scatter[key] = scatter_of(values)
+        return Group(direction_deg, scatter, names)
+
+    def outliers_of(self, name: str) -> list[tuple[str, Group]]:
+        """Return the keys of the properties in which a specimen is an outlier, each with the group."""
+        return [
+            (key, group)
+            for group in self.groups
+            for key, scatter in group.scatter.items()
+            if scatter.outlying == name
+        ]
+
+    @cached_property
+    def anisotropy(self) -> dict[str, PropertyValue]:
+        """r̄ and Δr from the mean strain ratio of each direction; {} without directions.
+
+        The standard deviation of a direction's mean is the larger one of that by the scatter and that by the
+        stated standard deviations.
+        """
+        if not self.directions_deg:
+            return {}
+        named = [test for test in self.tests if test.name in self.found]
+        ratios = {}
+        for direction in DIRECTIONS_DEG:
+            own = {
+                test.name: self.found[test.name].values["r"]
+                for test in named
+                if test.direction_deg == direction
+            }
+            ratios[direction] = _mean_ratio(own)
+        return planar_anisotropy(ratios)
+
+    @property
+    def not_counted(self) -> list[str]:
+        """Names of the uncertainties that at least one specimen does not declare."""
+        return list(dict.fromkeys(name for found in self.found.values() for name in found.not_counted))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything for JSON."""
+        return {
+            "specimens": [test.as_dict() for test in self.tests],
+            "groups": [group.as_dict() for group in self.groups],
+            "anisotropy": {name: value.as_dict() for name, value in self.anisotropy.items()} or None,
+            "not_counted": self.not_counted,
+        }
+
+
+def compare_specimens(
+    properties: Mapping[str, Properties], directions_deg: Mapping[str, float] | None = None
+) -> Campaign:
+    """Compare the material properties of several specimens: mean, scatter, outliers, r̄ and Δr.
+
+    Parameters
+    ----------
+    properties : mapping of str to Properties
+        From `material_properties`, by the names of the specimens.
+    directions_deg : mapping of str to float, optional
+        Direction of the load against the rolling direction, of each specimen.
+
+    Returns
+    -------
+    Campaign
+
+    Raises
+    ------
+    CurveError
+        If there is no specimen, or directions are missing or impossible.
+    """
+    for found in properties.values():
+        require_kind("properties", found, Properties, "compute them with dic.material_properties")
+    directions = dict(directions_deg or {})
+    if directions and set(directions) != set(properties):
+        expected, remedy = "a direction of each specimen, or none", "name the directions of all specimens"
+        odd = ", ".join(sorted(set(directions) ^ set(properties)))
+        raise CurveError("campaign", "directions", expected, f"a difference at {odd}", remedy)
+    for name, direction in directions.items():
+        require_direction(name, direction)
+    tests = [SpecimenTest(name, "", directions.get(name), found) for name, found in properties.items()]
+    return campaign_of(tests)
+
+
+def campaign_of(tests: list[SpecimenTest]) -> Campaign:
+    """Return the campaign of tests.
+
+    Raises
+    ------
+    CurveError
+        If no test could be evaluated.
+    """
+    campaign = Campaign(tuple(tests))
+    if not campaign.found:
+        told = [str(test.failure) for test in tests]
+        more = f"; and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else ""
+        got = f"{len(tests)} that failed: {'; '.join(told[:MOST_TOLD])}{more}"
+        remedy = "correct the files or their description"
+        raise CurveError("campaign", "evaluate", "at least one specimen", got if tests else "none", remedy)
+    return campaign
+
+
+def require_direction(source: str, direction_deg: object) -> None:
+    """Raise an error if a value is no direction from 0° up to 180°.
+
+    Raises
+    ------
+    CurveError
+    """
+    if not (is_number(direction_deg) and 0.0 <= direction_deg < 180.0):  # type: ignore[operator]
+        expected, remedy = "at least 0° and below 180°", "give direction_deg = 45"
+        raise CurveError(source, "direction_deg", expected, repr(direction_deg), remedy)
+
+
+def _mean_ratio(ratios: Mapping[str, PropertyValue]) -> PropertyValue:
+    """Return the mean strain ratio of a direction's specimens; one without a value if there is none."""
+    if not ratios:
+        return PropertyValue(
+            None, None, "1", "mean of the specimens", flags=("no specimen in this direction",)
+        )
+    scatter = scatter_of(ratios)
+    flags = [f"{name}: {flag}" for name, ratio in ratios.items() for flag in ratio.flags]
+    value = next(iter(ratios.values()))
+    return replace(value, value=scatter.mean, std=scatter.std_of_mean, window={}, flags=tuple(flags))

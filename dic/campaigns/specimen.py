@@ -1,0 +1,197 @@
+"""What is stated about a specimen of a campaign, and the evaluation of its test."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dic.campaigns.campaign import Campaign, SpecimenTest, campaign_of, require_direction
+from dic.errors import CurveError, MeasurementError, joined
+from dic.gauges.file import read_gauges
+from dic.pipeline.gauge_record import ImageClock, gauge_curve, join_record
+from dic.pipeline.gauge_series import measure_gauges
+from dic.pipeline.whole_field import whole_field_gauges
+from dic.properties.curve import read_curve
+from dic.properties.properties import Properties, material_properties
+from dic.properties.settings import PropertySettings
+from dic.properties.shared_error import with_shared_error
+from dic.records.machine import read_machine_record
+from dic.runfile.joined import file_sha256
+
+
+@dataclass(frozen=True)
+class CurveColumns:
+    """The columns of a testing machine's table, as for `read_curve`.
+
+    Attributes
+    ----------
+    load, strain : str
+        Column and unit, such as "Load:kN" and "3:%".
+    transverse, time : str or None
+    gauge_length_mm : float or None
+        Needed if the strain is an extension.
+    """
+
+    load: str
+    strain: str
+    transverse: str | None = None
+    time: str | None = None
+    gauge_length_mm: float | None = None
+
+    def measure(self, file: Path, settings: PropertySettings) -> Properties:
+        """Return the properties of the test whose table is `file`."""
+        curve = read_curve(
+            file,
+            load=self.load,
+            strain=self.strain,
+            transverse=self.transverse,
+            time=self.time,
+            gauge_length_mm=self.gauge_length_mm,
+        )
+        return material_properties(curve, settings)
+
+
+@dataclass(frozen=True)
+class GaugeChoice:
+    """The gauges and the load of a result file of `dic correlate` or `dic process`.
+
+    Attributes
+    ----------
+    gauges : path or None
+        TOML file of gauges; None for the whole measured field.
+    gauge, transverse_gauge : str or None
+        Names of the gauges along and across the specimen. By default the first one, and none.
+    kind, camera : str or None
+        As for `gauge_curve`.
+    record : path or None
+        Table of the testing machine; None if the result file has the loads.
+    load, time, image_column : str or None
+        Columns of the record.
+    join : str
+        "row", "name" or "time", as for `join_record`.
+    image_interval_s : float or None
+    offset_s : float
+        Machine's time minus image's time.
+    """
+
+    gauges: Path | None = None
+    gauge: str | None = None
+    transverse_gauge: str | None = None
+    kind: str | None = None
+    camera: str | None = None
+    record: Path | None = None
+    load: str | None = None
+    time: str | None = None
+    image_column: str | None = None
+    join: str = "row"
+    image_interval_s: float | None = None
+    offset_s: float = 0.0
+
+    def measure(self, file: Path, settings: PropertySettings) -> Properties:
+        """Return the properties of the test whose result file is `file`."""
+        # Without declared gauges, the second one of the whole field lies across the specimen.
+        whole = self.gauges is None
+        gauges = whole_field_gauges(file) if self.gauges is None else read_gauges(self.gauges)
+        gauge = self.gauge or gauges[0].name
+        transverse = self.transverse_gauge or (gauges[1].name if whole else None)
+        series = measure_gauges(file, gauges, camera=self.camera)
+        if self.record is not None:
+            if self.load is None:
+                remedy = 'give load = "Load:kN"'
+                raise CurveError(
+                    str(self.record), "load", "the column of the load and its unit", "none", remedy
+                )
+            record = read_machine_record(self.record, load=self.load, time=self.time, image=self.image_column)
+            clock = ImageClock(self.image_interval_s, None, self.offset_s)
+            series, _ = join_record(series, record, self.join, clock=clock, gauge=gauge)
+        read = gauge_curve(series, gauge, transverse, kind=self.kind, camera=self.camera)
+        found = material_properties(read.curve, settings)
+        return with_shared_error(found, read.shared_std, read.shared_transverse)
+
+
+@dataclass(frozen=True)
+class CampaignSpecimen:
+    """A specimen of a campaign.
+
+    Attributes
+    ----------
+    name : str
+    file : path
+        Table of a testing machine, or result file of `dic correlate` or `dic process`.
+    settings : PropertySettings
+        Area and declared uncertainties.
+    source : CurveColumns or GaugeChoice
+        The columns of the table, or the gauges in the result file.
+    direction_deg : float or None
+        Direction of the load against the rolling direction, at least 0° and below 180°.
+
+    Raises
+    ------
+    CurveError
+        If the direction is not possible.
+    """
+
+    name: str
+    file: Path
+    settings: PropertySettings
+    source: CurveColumns | GaugeChoice
+    direction_deg: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.direction_deg is not None:
+            require_direction(self.name, self.direction_deg)
+
+    def test(self) -> SpecimenTest:
+        """Evaluate the test; an error becomes the test's `failure`."""
+        file = Path(self.file)
+        about = self.name, str(file), self.direction_deg
+        try:
+            return SpecimenTest(*about, self.source.measure(file, self.settings), sha256=file_sha256(file))
+        except MeasurementError as failure:
+            return SpecimenTest(*about, None, failure)
+
+
+def measure_campaign(specimens: Sequence[CampaignSpecimen]) -> Campaign:
+    """Evaluate the tests of several specimens and compare them.
+
+    A test that fails is in `Campaign.failures`; the others are compared.
+
+    Parameters
+    ----------
+    specimens : sequence of CampaignSpecimen
+        From `read_campaign` or `list_specimens`, or made in Python.
+
+    Raises
+    ------
+    CurveError
+        If two specimens have one name or one file, directions are named for some specimens only, or no test
+        could be evaluated.
+    """
+    require_apart(specimens, "campaign")
+    return campaign_of([specimen.test() for specimen in specimens])
+
+
+def require_apart(specimens: Sequence[CampaignSpecimen], source: str) -> None:
+    """Raise an error if specimens share a name or a file, or only some have a direction.
+
+    Raises
+    ------
+    CurveError
+        It names all mistakes together.
+    """
+    errors: list[MeasurementError] = []
+    for what, values in (
+        ("name", [specimen.name for specimen in specimens]),
+        ("file", [str(specimen.file) for specimen in specimens]),
+    ):
+        expected, remedy = f"a {what} of its own for each specimen", "correct or remove one of them"
+        errors += [
+            CurveError(source, what, expected, f"{value!r} twice", remedy)
+            for value in dict.fromkeys(values)
+            if values.count(value) > 1
+        ]
+    without = [specimen.name for specimen in specimens if specimen.direction_deg is None]
+    if 0 < len(without) < len(specimens):
+        expected, got = "a direction of each specimen, or none", f"none of {', '.join(without)}"
+        errors.append(CurveError(source, "direction_deg", expected, got, "name all directions, or none"))
+    if errors:
+        raise joined(errors)

@@ -1,0 +1,143 @@
+"""The command `dic campaign`, which compares tensile tests of several specimens."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dic.commands.correlation_options import comma_option
+from dic.commands.option_groups import option_group
+from dic.commands.test_options import TestOptions, test_options
+from dic.files.writing import write_text
+from dic.shell.console import fail, say
+from dic.shell.output_paths import FORCE, require_places
+
+if TYPE_CHECKING:
+    from dic import Campaign, CampaignSpecimen
+
+_PATH = click.Path(path_type=Path)
+_FILE_NAME = "campaign.toml"
+
+
+@dataclass(frozen=True)
+class EqualTables:
+    """Options that describe tables with equal columns."""
+
+    files: str | None
+    load: str | None
+    strain: str | None
+    transverse: str | None
+    time: str | None
+    gauge_length_mm: float | None
+
+
+@dataclass(frozen=True)
+class CampaignOutputs:
+    """The files that are written."""
+
+    report: Path | None
+    csv_file: Path | None
+    decimal_comma: bool
+    plot_file: Path | None
+    json_file: Path | None
+    force: bool
+
+    @property
+    def files(self) -> list[Path]:
+        """The places of all outputs."""
+        given = (self.report, self.csv_file, self.plot_file, self.json_file)
+        return [path for path in given if path is not None]
+
+
+@click.command()
+@click.argument("folder", type=_PATH)
+@option_group(
+    "tables",
+    EqualTables,
+    click.option(
+        "--files", metavar="PATTERN", help='Tables in FOLDER without a TOML file. Default: "*.csv".'
+    ),
+    click.option("--load", metavar="COLUMN:UNIT", help='Column of the load, such as "Load:kN".'),
+    click.option("--strain", metavar="COLUMN:UNIT", help='Column of the strain, such as "3:%".'),
+    click.option("--transverse", metavar="COLUMN:UNIT", help="Column of the strain across the specimen."),
+    click.option("--time", metavar="COLUMN:UNIT", help="Column of the time, such as Time:s."),
+    click.option("--gauge-length-mm", type=float, help="Gauge length, if the strain is an extension in mm."),
+)
+@test_options
+@option_group(
+    "outputs",
+    CampaignOutputs,
+    click.option("--report", type=_PATH, help="HTML file with all tables and the curves."),
+    click.option("--csv", "csv_file", type=_PATH, help="CSV table with a line per specimen, and the mean."),
+    comma_option,
+    click.option("--plot", "plot_file", type=_PATH, help="Picture of all curves, such as curves.png."),
+    click.option("--json", "json_file", type=_PATH, help="JSON file of all values."),
+    FORCE,
+    needs={"--decimal-comma": ("--csv",)},
+)
+def campaign(folder: Path, tables: EqualTables, test: TestOptions, outputs: CampaignOutputs) -> None:
+    """Compare tensile tests of several specimens: values, mean, scatter, outliers, r̄ and Δr.
+
+    FOLDER is a folder, or a TOML file. The file campaign.toml in the folder describes the specimens: tables
+    of a testing machine, or result files of `dic correlate` and `dic process`. Without this file, all tables
+    in FOLDER have the same columns and area, which the options name. A test that fails is reported, and the
+    others are compared.
+
+    Exit status: 0 if E was found for every specimen, 1 if not, 2 if no test could be evaluated.
+    """
+    from dic import measure_campaign, plot_campaign, write_campaign_report, write_campaign_table
+
+    specimens = _specimens(folder, tables, test, outputs)
+    read = [Path(specimen.file) for specimen in specimens]
+    about = folder if folder.suffix.lower() == ".toml" else folder / _FILE_NAME
+    require_places([about, *read], outputs.files, force=outputs.force)
+    found = measure_campaign(specimens)
+    for line in _lines(found):
+        say(line)
+    if outputs.csv_file is not None:
+        write_campaign_table(found, outputs.csv_file, decimal_comma=outputs.decimal_comma)
+    if outputs.json_file is not None:
+        content = {"folder": str(folder)} | found.as_dict()
+        write_text(outputs.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+    if outputs.plot_file is not None:
+        plot_campaign(found, outputs.plot_file)
+    if outputs.report is not None:
+        write_campaign_report(found, outputs.report, title=about.resolve().parent.name)
+        say(f"report: {outputs.report}")
+    for failed in found.failures:
+        fail(f"specimen {failed.name!r}: {failed.failure}")
+    whole = not found.failures and all(each.elastic is not None for each in found.found.values())
+    click.get_current_context().exit(0 if whole else 1)
+
+
+def _lines(found: "Campaign") -> list[str]:
+    from dic.commands.campaign_text import campaign_lines
+
+    return list(campaign_lines(found))
+
+
+def _specimens(
+    folder: Path, tables: EqualTables, test: TestOptions, outputs: CampaignOutputs
+) -> "tuple[CampaignSpecimen, ...]":
+    """Return the specimens that the TOML file or the options describe."""
+    from dic import CurveColumns, CurveError, list_specimens, read_campaign
+
+    if folder.suffix.lower() == ".toml" or (folder / _FILE_NAME).exists():
+        given = {**vars(tables), **vars(test)}
+        usual = {"offset_percent": (), "hardening_percent": (10.0, 20.0)}
+        idle = [name for name, value in given.items() if value is not None and value != usual.get(name)]
+        if idle:
+            option = f"--{idle[0].replace('_', '-')}"
+            expected, remedy = f"{_FILE_NAME} alone", f"leave out {option}, and write it into {_FILE_NAME}"
+            raise CurveError(str(folder), option, expected, "both", remedy)
+        return read_campaign(folder)
+    if tables.load is None or tables.strain is None:
+        missing = "--load" if tables.load is None else "--strain"
+        expected = f"{_FILE_NAME} in the folder, or a column and its unit"
+        remedy = f"write {_FILE_NAME}, or give {missing} COLUMN:UNIT, such as --load Load:kN --strain 3:%"
+        raise CurveError(str(folder), missing, expected, "none", remedy)
+    columns = CurveColumns(tables.load, tables.strain, tables.transverse, tables.time, tables.gauge_length_mm)
+    pattern = tables.files or "*.csv"
+    return list_specimens(folder, columns, test.settings(), pattern=pattern, leave_out=outputs.files)

@@ -1,0 +1,230 @@
+"""The report on a campaign: one HTML page with the tables of several specimens and their curves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dic.campaigns.campaign import Campaign, Group, SpecimenTest
+from dic.campaigns.grubbs import RULE
+from dic.campaigns.scatter import Scatter
+from dic.errors import require_kind
+from dic.files.writing import write_figure, write_text
+from dic.properties.value import PropertyValue
+from dic.report.numbers import fixed
+from dic.report.style import OFF_AXIS_COLOURS, legend_below, new_figure, plot_style, png_uri
+from dic.report.templating import page_templates
+from dic.report.tensile_page import DECIMALS, beginning_of, value_cell
+from dic.report.tensile_test import SYMBOLS
+from dic.typing import PathLike
+
+_COMPARE_FIRST = "compare specimens first: dic.compare_specimens(properties)"
+_DASHES, _WIDTHS = ("-", "--", ":", "-."), (1.3, 2.6)
+_MOST_NAMED = 40
+"""So many curves differ by colour, dashes or width."""
+_ANISOTROPY = {"r_mean": "r̄", "delta_r": "Δr"}
+
+
+@dataclass(frozen=True)
+class CampaignCell:
+    """A value in the table of specimens: the text, and whether it has flags or is an outlier."""
+
+    text: str
+    flagged: bool
+    outlying: bool
+
+
+@dataclass(frozen=True)
+class SpecimenRow:
+    """A specimen in the table."""
+
+    name: str
+    direction: str
+    cells: list[CampaignCell]
+    failure: str
+
+
+@dataclass(frozen=True)
+class ScatterRow:
+    """A property in the table of a group: symbol, unit, number, and the statistics as text."""
+
+    symbol: str
+    unit: str
+    count: int
+    cells: list[str]
+    outlier: str
+
+
+@dataclass(frozen=True)
+class CampaignView:
+    """The content of the report on a campaign, in the form that the page template needs."""
+
+    title: str
+    headings: list[tuple[str, str]]
+    lacking: str
+    specimens: list[SpecimenRow]
+    groups: list[tuple[str, list[ScatterRow]]]
+    anisotropy: list[tuple[str, str, str]]
+    rule: str
+    not_counted: str
+    flags: list[tuple[str, list[str]]]
+    rules: list[tuple[str, str, str]]
+    inputs: list[tuple[str, str, str]]
+    curves: str
+
+
+def write_campaign_report(campaign: Campaign, path: PathLike, *, title: str = "Campaign") -> None:
+    """Write the report on a campaign as one HTML file with the figure inside.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        From `compare_specimens` or `measure_campaign`.
+    path : path
+    title : str
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    require_kind("campaign", campaign, Campaign, _COMPARE_FIRST)
+    with plot_style():
+        view = _view(campaign, title)
+    write_text(path, page_templates().get_template("campaign.html.j2").render(view=view))
+
+
+def plot_campaign(campaign: Campaign, path: PathLike) -> None:
+    """Write the curves of all specimens in one picture.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    path : path
+        The ending determines the format, such as .png or .pdf.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    require_kind("campaign", campaign, Campaign, _COMPARE_FIRST)
+    with plot_style():
+        write_figure(_curves(campaign), path, 130)
+
+
+def _view(campaign: Campaign, title: str) -> CampaignView:
+    keys = campaign.quantities
+    return CampaignView(
+        title=title,
+        headings=[(symbol_of(key), _unit(campaign.example(key))) for key in keys],
+        lacking=", ".join(map(symbol_of, campaign.lacking)),
+        specimens=[_specimen(campaign, test, keys) for test in campaign.tests],
+        groups=[(group.label, _scatter_rows(group)) for group in campaign.groups],
+        anisotropy=[
+            (_ANISOTROPY[name], value_cell(value, 3), value.rule + _reasons(value))
+            for name, value in campaign.anisotropy.items()
+        ],
+        rule=RULE,
+        not_counted=", ".join(campaign.not_counted),
+        flags=[(name, _flags(campaign, name, keys)) for name in campaign.found],
+        rules=[(symbol_of(key), SYMBOLS.get(key, ("", ""))[1], campaign.example(key).rule) for key in keys],
+        inputs=[(test.name, Path(test.file).name, test.sha256) for test in campaign.tests if test.file],
+        curves=png_uri(_curves(campaign), dpi=130),
+    )
+
+
+def symbol_of(key: str) -> str:
+    """Return the symbol of a property: "Rp0,2" for "Rp02_mpa"."""
+    return SYMBOLS[key][0] if key in SYMBOLS else key.partition("_")[0]
+
+
+def _unit(value: PropertyValue) -> str:
+    return "" if value.unit == "1" else value.unit
+
+
+def _reasons(value: PropertyValue) -> str:
+    return f"; {'; '.join(value.flags)}" if value.value is None else ""
+
+
+def _specimen(campaign: Campaign, test: SpecimenTest, keys: Sequence[str]) -> SpecimenRow:
+    direction = "" if test.direction_deg is None else f"{test.direction_deg:g}°"
+    if test.properties is None:
+        return SpecimenRow(test.name, direction, [], str(test.failure))
+    outlying = {key for key, _ in campaign.outliers_of(test.name)}
+    cells = []
+    for key in keys:
+        value = test.properties.values.get(key)
+        if value is None or value.value is None:
+            cells.append(CampaignCell("–", flagged=False, outlying=False))
+        else:
+            text = value_cell(value, DECIMALS[value.unit])
+            cells.append(CampaignCell(text, bool(value.flags), key in outlying))
+    return SpecimenRow(test.name, direction, cells, "")
+
+
+def _flags(campaign: Campaign, name: str, keys: Sequence[str]) -> list[str]:
+    """Return what speaks against the values of a specimen, one sentence each."""
+    found = campaign.found[name]
+    of_values = {key: found.values[key] for key in keys if key in found.values}
+    return [f"{symbol_of(key)}: {flag}" for key, value in of_values.items() for flag in value.flags]
+
+
+def _scatter_rows(group: Group) -> list[ScatterRow]:
+    return [
+        ScatterRow(
+            symbol_of(key),
+            "" if scatter.unit == "1" else scatter.unit,
+            scatter.count,
+            statistics_cells(scatter),
+            outlier_text(scatter),
+        )
+        for key, scatter in group.scatter.items()
+    ]
+
+
+def statistics_cells(scatter: Scatter) -> list[str]:
+    """Return mean, standard deviation between specimens, standard error and mean stated one as text."""
+    digits = DECIMALS[scatter.unit]
+    numbers = (scatter.mean, scatter.std_between, scatter.standard_error, scatter.stated_std)
+    return ["–" if number is None else fixed(number, digits) for number in numbers]
+
+
+def outlier_text(scatter: Scatter) -> str:
+    """Return the outcome of Grubbs' test in words."""
+    test = scatter.outlier
+    if test.place is None or test.statistic is None or test.critical is None:
+        return f"not tested: {test.reason}"
+    compared = f"G = {test.statistic:.3f}, critical {test.critical:.3f}"
+    return f"{scatter.names[test.place]} ({compared})" if test.is_outlier else f"none ({compared})"
+
+
+def _curves(campaign: Campaign) -> Any:
+    """Return a figure of stress against strain of all specimens: the whole curves, and their beginnings."""
+    figure, axes = new_figure(2, 4.6)
+    ends = []
+    named = len(campaign.found) <= _MOST_NAMED
+    colours, dashes = len(OFF_AXIS_COLOURS), len(_DASHES)
+    for order, (name, found) in enumerate(campaign.found.items()):
+        record, elastic = found.record, found.elastic
+        foot = elastic.foot if elastic is not None else 0.0
+        style = {
+            "color": OFF_AXIS_COLOURS[order % colours],
+            "linestyle": _DASHES[(order // colours) % dashes],
+            "linewidth": _WIDTHS[(order // (colours * dashes)) % len(_WIDTHS)],
+        }
+        for axis in axes:
+            strain = 100.0 * (record.strain - foot)
+            axis.plot(strain, record.strained_stress, label=name if named else None, **style)
+        reach, top = beginning_of(found)
+        ends.append((reach - 100.0 * foot, top))
+    figure.subplots_adjust(top=0.93)
+    axes[0].set_title("whole curves")
+    axes[1].set_title("beginning")
+    reach, top = max(end[0] for end in ends), max(end[1] for end in ends)
+    axes[1].set(xlim=(-0.02 * reach, reach), ylim=(0.0, top))
+    for axis in axes:
+        axis.set(xlabel="strain after correction of the foot, %", ylabel="stress, MPa")
+    if named:
+        legend_below(figure, columns=8)
+    return figure
