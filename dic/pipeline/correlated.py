@@ -63,7 +63,7 @@ def correlate_series(
     finished: FinishedImages | None = None,
     before: Sequence[FinishedImage] = (),
 ) -> Iterator[FinishedImage]:
-    """Correlate the images of a series one by one; each when the caller asks for the next result.
+    """Yield the correlated images of a series; each is correlated when the caller asks for it.
 
     No image and no field stays in memory, except for the data that `Series` needs.
 

@@ -112,7 +112,7 @@ class SeriesCorrelation:
             yield
 
     def images(self) -> Iterator[FinishedImage]:
-        """Correlate the images one by one, each when the caller asks for it, or read their fields."""
+        """Yield the finished images one by one; each is correlated, or read, when the caller asks for it."""
         if self.known is not None:
             return map(self.again, range(len(self.sources.images)))
         # Digests are needed only to find images in the folder of finished images.
