@@ -123,7 +123,8 @@ def list_specimens(
     files = [path for path in files if path.resolve() not in out]
     if not files:
         expected, remedy = f"a folder with files {pattern}", f"name another folder, or write {FILE_NAME}"
-        raise CurveError(str(folder), "list specimens", expected, "none", remedy)
+        got = "none" if place.is_dir() else "no folder"
+        raise CurveError(str(folder), "list specimens", expected, got, remedy)
     return tuple(CampaignSpecimen(path.stem, path, settings, columns) for path in files)
 
 

@@ -9,6 +9,8 @@ from scipy.special import stdtrit
 
 LEAST_VALUES = 3
 SIGNIFICANCE = 0.05
+ROUNDING = 1e-12
+"""Values that differ by a smaller share of their size are equal except for rounding."""
 RULE = "Grubbs, two-sided, 5 % (F. E. Grubbs, Technometrics 11, 1969)"
 
 
@@ -67,7 +69,7 @@ def grubbs_test(values: Sequence[float]) -> GrubbsTest:
         return GrubbsTest(None, None, None, f"too few values ({count} of at least {LEAST_VALUES})")
     numbers = np.asarray(values, np.float64)
     std = float(numbers.std(ddof=1))
-    if np.ptp(numbers) == 0.0:
+    if np.ptp(numbers) <= ROUNDING * np.abs(numbers).max():
         return GrubbsTest(None, None, None, "all values are equal")
     away = np.abs(numbers - numbers.mean()) / std
     place = int(np.argmax(away))

@@ -22,14 +22,17 @@ _COMPARE_FIRST = "compare specimens first: dic.compare_specimens(properties)"
 _DASHES, _WIDTHS = ("-", "--", ":", "-."), (1.3, 2.6)
 _MOST_NAMED = 40
 """So many curves differ by colour, dashes or width."""
+_LINE_CHARACTERS, _SAMPLE_CHARACTERS = 140, 9
+"""Width of the legend, and of a name's line in it, in characters."""
 _ANISOTROPY = {"r_mean": "r̄", "delta_r": "Δr"}
 
 
 @dataclass(frozen=True)
 class CampaignCell:
-    """A value in the table of specimens: the text, and whether it has flags or is an outlier."""
+    """A value in the table of specimens, its standard deviation, and if it has flags or is an outlier."""
 
-    text: str
+    value: str
+    std: str
     flagged: bool
     outlying: bool
 
@@ -156,10 +159,10 @@ def _specimen(campaign: Campaign, test: SpecimenTest, keys: Sequence[str]) -> Sp
     for key in keys:
         value = test.properties.values.get(key)
         if value is None or value.value is None:
-            cells.append(CampaignCell("–", flagged=False, outlying=False))
+            cells.append(CampaignCell("–", "", flagged=False, outlying=False))
         else:
-            text = value_cell(value, DECIMALS[value.unit])
-            cells.append(CampaignCell(text, bool(value.flags), key in outlying))
+            number, _, std = value_cell(value, DECIMALS[value.unit]).partition(" ± ")
+            cells.append(CampaignCell(number, std, bool(value.flags), key in outlying))
     return SpecimenRow(test.name, direction, cells, "")
 
 
@@ -226,5 +229,6 @@ def _curves(campaign: Campaign) -> Any:
     for axis in axes:
         axis.set(xlabel="strain after correction of the foot, %", ylabel="stress, MPa")
     if named:
-        legend_below(figure, columns=8)
+        longest = max(map(len, campaign.found))
+        legend_below(figure, columns=max(1, _LINE_CHARACTERS // (longest + _SAMPLE_CHARACTERS)))
     return figure

@@ -39,7 +39,12 @@ def test_critical_values_are_those_of_the_tables(count, critical):
 
 @pytest.mark.parametrize(
     ("values", "reason"),
-    [([], "too few"), ([1.0, 9.0], "too few"), ([2.0, 2.0, 2.0], "all values are equal")],
+    [
+        ([], "too few"),
+        ([1.0, 9.0], "too few"),
+        ([2.0, 2.0, 2.0], "all values are equal"),
+        ([0.3, 0.3, 0.3, 0.1 + 0.2], "all values are equal"),
+    ],
 )
 def test_what_cannot_be_tested_is_said(values, reason):
     found = grubbs_test(values)
