@@ -170,7 +170,8 @@ def _flags(campaign: Campaign, name: str, keys: Sequence[str]) -> list[str]:
     """Return what speaks against the values of a specimen, one sentence each."""
     found = campaign.found[name]
     of_values = {key: found.values[key] for key in keys if key in found.values}
-    return [f"{symbol_of(key)}: {flag}" for key, value in of_values.items() for flag in value.flags]
+    own = [f"{symbol_of(key)}: {flag}" for key, value in of_values.items() for flag in value.flags]
+    return own + found.flags
 
 
 def _scatter_rows(group: Group) -> list[ScatterRow]:
