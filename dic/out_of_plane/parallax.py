@@ -51,7 +51,7 @@ class Pairs:
     def of(cls, first: Points, second: Points, field: Field) -> "Pairs":
         """Find the points of the first camera that the second camera also sees.
 
-        The argument `field` is the displacement field of the second camera.
+        The grid of points is that of `field`, the displacement field of the second camera.
         """
         px = _seen_by(second.calibration, _on_grid(first, second))
         column = (px[:, 0] - field.x_px[0]) / _pitch(field.x_px)

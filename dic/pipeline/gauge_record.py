@@ -50,7 +50,7 @@ class ImageClock:
             )
 
     def of(self, images: Sequence[GaugeImage]) -> tuple[Float, str]:
-        """Return the times of images, s, shape (images,), and where they come from.
+        """Return the time of each image in seconds, shape (images,), and the source of the times.
 
         The sources are tried in this order: "table" (`times_s`), "interval" (`interval_s`), and the times
         that the images have themselves, "video", "exif" or "file".

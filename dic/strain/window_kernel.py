@@ -22,9 +22,10 @@ def fit_slopes(
     points : ndarray, shape (rows, columns, 4)
         Position and displacement of each point. Values are needed only where `use` is True.
     design : ndarray, shape (terms, window, window)
-        Memory for the terms of the surface; 3 terms give a plane, 6 a quadratic surface.
+        Work array, which each window overwrites with the terms of the fitted polynomial at its points. 3 terms
+        (x, y, 1) give a plane; 6 terms (also x², xy, y²) give a quadratic surface.
     normal : ndarray, shape (terms, terms + 2)
-        Memory for the normal equations.
+        Work array for the normal equations of a window.
     weights : ndarray, shape (n, window, window, 2)
         Output: weight of each point's displacement in the two slopes at the middle; 0 where `use` is False.
     gradient : ndarray, shape (n, 2, 2)

@@ -166,7 +166,7 @@ class Engine:
         Outcome
             The result of the run. A run that ends by an abort, a `RigError` or a `DeviceError` also returns
             an outcome. The engine raises any other exception again after it has made the rig safe and closed
-            the run file. A note on this exception names the devices that did not confirm their safe state.
+            the run file. If devices did not confirm their safe state, a note on this exception names them.
         """
         # Announce this thread first, so that no simulated time passes before this thread takes a reading.
         with self._rig.clock.activity():
