@@ -22,8 +22,8 @@ def fit_slopes(
     points : ndarray, shape (rows, columns, 4)
         Position and displacement of each point. Values are needed only where `use` is True.
     design : ndarray, shape (terms, window, window)
-        Work array, which each window overwrites with the terms of the fitted polynomial at its points. 3 terms
-        (x, y, 1) give a plane; 6 terms (also x², xy, y²) give a quadratic surface.
+        Work array, which each window overwrites with the terms of the fitted polynomial at its points.
+        3 terms (x, y, 1) give a plane; 6 terms (also x², xy, y²) give a quadratic surface.
     normal : ndarray, shape (terms, terms + 2)
         Work array for the normal equations of a window.
     weights : ndarray, shape (n, window, window, 2)
