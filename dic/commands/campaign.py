@@ -57,7 +57,7 @@ class CampaignOutputs:
     "tables",
     EqualTables,
     click.option(
-        "--files", metavar="PATTERN", help='Tables in FOLDER without a TOML file. Default: "*.csv".'
+        "--files", metavar="PATTERN", help="Tables in FOLDER without a TOML file. Default: all CSV files."
     ),
     click.option("--load", metavar="COLUMN:UNIT", help='Column of the load, such as "Load:kN".'),
     click.option("--strain", metavar="COLUMN:UNIT", help='Column of the strain, such as "3:%".'),

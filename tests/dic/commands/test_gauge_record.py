@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import dic
 from tests.command_line import refusal, run_dic
 from tests.exif_files import save_taken, set_changed
 from tests.image_files import write_image
@@ -310,3 +311,12 @@ transverse_gauge = "width"
     assert {key: found[key] for key in ("E_gpa", "nu", "Rp02_mpa")} == {
         key: alone.report[key] for key in ("E_gpa", "nu", "Rp02_mpa")
     }
+
+
+def test_without_gauges_a_campaign_reads_the_whole_field(folder):
+    source = dic.GaugeChoice(record=folder / "machine.csv", load="Force:kN")
+    settings = dic.PropertySettings(area_mm2=AREA_MM2)
+    specimen = dic.CampaignSpecimen("whole", folder / "r.h5", settings, source)
+    (test,) = dic.measure_campaign([specimen]).tests
+    assert test.properties.values["E_gpa"].value == pytest.approx(E_MPA / 1e3, rel=0.01)
+    assert test.properties.values["nu"].value == pytest.approx(0.33, abs=0.01)
