@@ -15,6 +15,9 @@ of the displacement (t², 0).
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from itertools import accumulate
+from types import MappingProxyType
 
 import numpy as np
 
@@ -44,10 +47,12 @@ OUT_OF_PLANE = ("tilt", "mounted tilt", "gap", "shift", "curvature")
 """The causes out of the plane, which give false strain."""
 
 
+@cache
 def places() -> Mapping[str, slice]:
     """Return for each cause the slice of its fields among all fields."""
-    ends = np.cumsum(list(SIZES.values()))
-    return {name: slice(int(end) - n, int(end)) for (name, n), end in zip(SIZES.items(), ends, strict=True)}
+    ends = accumulate(SIZES.values())
+    found = {name: slice(end - n, end) for (name, n), end in zip(SIZES.items(), ends, strict=True)}
+    return MappingProxyType(found)
 
 
 @dataclass(frozen=True)

@@ -4,16 +4,21 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import t as student
 
 from dic.properties.objective_slope import RULE, objective_slope
 from dic.properties.record import Record
 from dic.properties.settings import PropertySettings
-from dic.properties.value import PropertyValue, missing, root_sum
+from dic.properties.value import NORMAL_95, PropertyValue, missing, root_sum
 from dic.properties.windows import Line, fit_line
 from dic.typing import Float
 
 FIXED_RULE = "least squares between fixed stresses"
+REMEDY = "record more points in the elastic part, or give --window-mpa"
 LEAST_POINTS = 5
+MOST_STD_SHARE = 0.1
+"""A slope with a larger standard deviation is no elastic slope: the window contains yielding, or the noise is
+as large as the strain."""
 TOE_STRAIN = 5e-5
 FEW_POINTS = 50
 """ISO 6892-1 asks for at least this many points in the window of an elastic slope."""
@@ -76,16 +81,19 @@ def elastic_line(
     if settings.window_mpa is not None:
         return _in_fixed_window(record, settings.window_mpa)
     found = objective_slope(strain, stress)
-    if found is None:
-        return missing("GPa", RULE, "few points: no window of ten points in the rising part of the record")
-    if found.line.slope <= 0.0:
-        return missing("GPa", RULE, "the straightest window does not rise")
+    if isinstance(found, str):
+        return missing("GPa", RULE, f"{found}; {REMEDY}")
     extra = {
         "range_share": found.range_share,
         "cut_mpa": float(stress[found.cut]),
         "cut_raised": found.raised,
     }
-    return _elastic(record, found.line, found.spread, RULE, extra, found.objections)
+    elastic = _elastic(record, found.line, found.spread, RULE, extra, found.objections)
+    share = elastic.std_mpa / elastic.line.slope
+    if share > MOST_STD_SHARE:
+        reason = f"the slope of the straightest window is known to {share:.0%} only"
+        return missing("GPa", RULE, f"{reason}; {REMEDY}")
+    return elastic
 
 
 def _in_fixed_window(record: Record, window_mpa: tuple[float, float]) -> Elastic | PropertyValue:
@@ -142,7 +150,10 @@ def _noise_of_slope(record: Record, line: Line, x: Float, y: Float) -> tuple[flo
     """Return the standard deviation of a slope by noise, and by how much noise of strain lowers it."""
     rest = y - line.slope * x - line.intercept
     across = float(((x - x.mean()) ** 2).sum())
-    std = float(np.sqrt(rest @ rest / max(len(x) - 2, 1) / across))
+    free = max(len(x) - 2, 1)
+    std = float(np.sqrt(rest @ rest / free / across))
+    # The scatter of few points is known badly, so their 95 % interval is that of Student's distribution.
+    std *= float(student.ppf(0.975, free)) / NORMAL_95
     # Correlated errors of neighbouring points, as in a filtered signal, tell less than independent errors.
     alike = float(np.clip((rest[1:] @ rest[:-1]) / max(float(rest @ rest), 1e-300), 0.0, 0.98))
     std *= np.sqrt((1.0 + alike) / (1.0 - alike))

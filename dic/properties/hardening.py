@@ -120,7 +120,11 @@ def hardening_laws(curve: TrueCurve, plateau: Plateau | None) -> dict[str, dict[
         "voce": _fit(
             "stress = A + Q (1 - exp(-b plastic))",
             lambda e, a, q, b: a + q * -np.expm1(-b * e),
-            {"A_mpa": first, "Q_mpa": max(top - first, 1.0), "b": 1.0 / float(np.ptp(plastic))},
+            {
+                "A_mpa": max(first, 0.01 * top),
+                "Q_mpa": max(top - first, 1.0),
+                "b": 1.0 / float(np.ptp(plastic)),
+            },
             (plastic, stress),
         ),
     }
@@ -130,7 +134,7 @@ def hardening_laws(curve: TrueCurve, plateau: Plateau | None) -> dict[str, dict[
     law = _fit(
         "strain = stress / E + 0.002 (stress / S)^N",
         lambda e, yield_mpa, n: yield_mpa * (e / 0.002) ** (1.0 / n),
-        {"S_mpa": first, "N": 10.0},
+        {"S_mpa": max(first, 0.01 * top), "N": 10.0},
         (plastic, stress),
     )
     return {"ramberg_osgood": law, **laws}

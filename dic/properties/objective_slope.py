@@ -9,10 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dic.properties.elastic_checks import not_elastic
 from dic.properties.windows import Line, fit_line, spread_of_slopes, straightest
 from dic.typing import Float
 
 RULE = "objective window, rule of ASTM E3076-18"
+TOO_FEW = "few points: no window of ten points in the rising part of the record"
 FIRST_SHARE, CUT_SHARE, RAISED_SHARE = 0.05, 0.15, 0.05
 """Shares of the largest stress. The tangent begins at the first, is raised by the second, and at each further
 attempt by the third."""
@@ -57,7 +59,7 @@ class ObjectiveSlope:
     objections: tuple[str, ...]
 
 
-def objective_slope(x: Float, y: Float) -> ObjectiveSlope | None:
+def objective_slope(x: Float, y: Float) -> ObjectiveSlope | str:
     """Find the slope of the linear part at the beginning of a record.
 
     Parameters
@@ -67,29 +69,29 @@ def objective_slope(x: Float, y: Float) -> ObjectiveSlope | None:
 
     Returns
     -------
-    ObjectiveSlope or None
+    ObjectiveSlope or str
         The first accepted slope. If no slope is accepted, the first slope with the fewest objections; an
-        objection to the range counts least, because a short window may still be straight. None if fewer than
-        ten points are available for each fit.
+        objection to the range counts least, because a short window may still be straight. A window that is
+        not the elastic part is never taken. If there is no slope, the reason.
     """
     shifted_x, shifted_y = x - x[0], y - y[0]
     largest = float(shifted_y.max())
     if largest <= 0.0:
-        return None
+        return "the record does not rise"
     start = int(np.argmax(shifted_y > FIRST_SHARE * largest))
-    attempts: dict[int, ObjectiveSlope] = {}
+    attempts: dict[int, ObjectiveSlope | str] = {}
     raised = 0
     while (cut := _tangency(shifted_x, shifted_y, start, raised)) is not None:
         if cut not in attempts:
-            found = _at_cut(x, y, cut, raised)
-            if found is not None:
-                attempts[cut] = found
-                if not found.objections and found in _steep(attempts.values()):
-                    return _with_spread(x, y, found)
+            found = attempts[cut] = _at_cut(x, y, cut, raised)
+            accepted = isinstance(found, ObjectiveSlope) and not found.objections
+            if accepted and found in (steep := _steep(attempts.values())):
+                return _with_spread(x, y, steep[steep.index(found)])
         raised += 1
-    if not attempts:
-        return None
     steep = _steep(attempts.values())
+    if not steep:
+        reasons = [each for each in attempts.values() if isinstance(each, str) and each != TOO_FEW]
+        return reasons[0] if reasons else TOO_FEW
     return _with_spread(x, y, min(steep, key=_doubts))
 
 
@@ -98,10 +100,10 @@ def _doubts(found: ObjectiveSlope) -> tuple[int, int]:
     return len(others), len(found.objections)
 
 
-def _steep(attempts: Iterable[ObjectiveSlope]) -> list[ObjectiveSlope]:
+def _steep(attempts: Iterable[ObjectiveSlope | str]) -> list[ObjectiveSlope]:
     """Leave out slopes far below the steepest: their windows lie in the hardening, beyond the linear part."""
-    found = list(attempts)
-    steepest = max(each.line.slope for each in found)
+    found = [each for each in attempts if isinstance(each, ObjectiveSlope)]
+    steepest = max((each.line.slope for each in found), default=0.0)
     return [each for each in found if each.line.slope >= STEEP_SHARE * steepest]
 
 
@@ -115,15 +117,17 @@ def _tangency(x: Float, y: Float, start: int, raised: int) -> int | None:
     return int(later[np.argmax((y[later] - base) / (x[later] - x[start]))])
 
 
-def _at_cut(x: Float, y: Float, cut: int, raised: int) -> ObjectiveSlope | None:
+def _at_cut(x: Float, y: Float, cut: int, raised: int) -> ObjectiveSlope | str:
     """Fit every window of the record up to the cut, and check the straightest one."""
     if x[cut] <= x[0] or y[cut] <= y[0]:
-        return None
+        return TOO_FEW
     u, v, width = _normalised(x, y, cut)
     least = max(int(LEAST_SHARE * len(u)), LEAST_POINTS)
     line = straightest(u, v, least) if len(u) >= least else None
     if line is None:
-        return None
+        return TOO_FEW
+    if (reason := not_elastic(u, v, line)) is not None:
+        return reason
     part = slice(line.first, line.stop)
     range_share = float(np.ptp(v[part]))
     return ObjectiveSlope(

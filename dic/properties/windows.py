@@ -10,6 +10,8 @@ from dic.typing import Float
 _TIE = 1e-10
 """Running sums lose digits: windows whose normalised residuals are closer than this are fitted again."""
 _MOST_REFITTED = 500
+_MOST_IN_RUNS = 100
+"""Longer records are averaged over blocks before their runs are compared."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,41 @@ def spread_of_slopes(x: Float, y: Float, line: Line, least: int, factor: float) 
         total += float(((slope[near] - line.slope) ** 2).sum())
         count += int(np.count_nonzero(near))
     return float(np.sqrt(total / count)) if count else 0.0
+
+
+def steepest_run(x: Float, y: Float, least_range: float, margin_x: float) -> Line | None:
+    """Return the run of points with the least slope of x against y, where an error of x is allowed for.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+    least_range : float
+        A run must cover at least this range of y from its first to its last point.
+    margin_x : float
+        Error of x that is allowed for: the slope is taken larger by its effect.
+
+    Returns
+    -------
+    Line or None
+        The line of x against y, with the slope that allows for the error; None if no run is long enough.
+    """
+    width = -(-len(x) // _MOST_IN_RUNS)
+    x, y = (part[: len(x) // width * width].reshape(-1, width).mean(axis=1) for part in (x, y))
+    best: Line | None = None
+    for first in range(len(x) - 1):
+        dx, dy = x[first:] - x[first], y[first:] - y[first]
+        count = np.arange(1, len(dx) + 1)
+        v_yy = np.cumsum(dy * dy) - np.cumsum(dy) ** 2 / count
+        v_xy = np.cumsum(dx * dy) - np.cumsum(dx) * np.cumsum(dy) / count
+        stops = np.flatnonzero((dy >= least_range) & (dy > 0.0))
+        if not stops.size:
+            continue
+        slopes = v_xy[stops] / v_yy[stops] + margin_x / np.sqrt(v_yy[stops])
+        k = int(np.argmin(slopes))
+        if best is None or slopes[k] < best.slope:
+            stop = first + int(stops[k]) + 1
+            best = Line(first * width, stop * width, float(slopes[k]), float("nan"), float("nan"))
+    return best
 
 
 def _all_windows(x: Float, y: Float, least: int) -> Iterator[tuple[int, Float, Float]]:

@@ -6,8 +6,8 @@ The definitions follow ISO 6892-1:2019 (3.10, 11 to 14 and A.3).
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
+from dic.properties.crossing import Crossing, crossing
 from dic.properties.elastic import Elastic
 from dic.properties.record import Record
 from dic.properties.settings import PropertySettings
@@ -64,54 +64,28 @@ def offset_strength(
         reason = "the record of strain ends before the shifted elastic line"
         return missing("MPa", rule, " ".join((reason, *filter(None, [record.end_reason]))))
     turned = [_crossing(strain, stress, elastic, offset, by * elastic.std_mpa) for by in (-1.0, 1.0)]
-    sides = [side[0] for side in turned if side is not None]
-    by_line = max((abs(side - at[0]) for side in sides), default=0.0)
+    by_line = max((abs(side.stress_mpa - at.stress_mpa) for side in turned if side is not None), default=0.0)
     # If all measured strains are too large by the share p, the true offset is at the measured offset (1 + p).
     shifted = _crossing(strain, stress, elastic, offset * (1.0 + settings.strain_share), 0.0)
-    by_strain = abs(shifted[0] - at[0]) if shifted is not None else 0.0
-    # The curve between points is known to about half of what straight lines between them miss.
-    by_chord = 0.5 * abs(at[0] - at[2])
-    std = root_sum(at[0] * settings.stress_share, by_line, by_strain, by_chord, _local_noise(record))
+    by_strain = abs(shifted.stress_mpa - at.stress_mpa) if shifted is not None else 0.0
+    common = at.stress_mpa * settings.stress_share
+    std = root_sum(common, by_line, by_strain, at.std_mpa, _local_noise(record))
     flags = [*_doubt(elastic)]
-    if plateau is not None and at[1] >= plateau.upper:
+    if plateau is not None and at.point >= plateau.upper:
         flags.append(
             "plateau: the intersection lies on the yield plateau; ReH and ReL describe this yielding"
         )
-    if record.passed(at[1] - 1, at[1] + 1)[1] > -np.inf:
+    if record.passed(at.point - 1, at.point + 1)[1] > -np.inf:
         flags.append("gap: images beside the intersection have no strain")
-    window = {"strain_percent": 100 * (offset + at[0] / elastic.line.slope), "point": at[1]}
-    return PropertyValue(at[0], std, "MPa", rule, window, tuple(flags))
+    window = {"strain_percent": 100 * (offset + at.stress_mpa / elastic.line.slope), "point": at.point}
+    return PropertyValue(at.stress_mpa, std, "MPa", rule, window, tuple(flags))
 
 
 def _crossing(
     strain: Float, stress: Float, elastic: Elastic, offset: float, turn_mpa: float
-) -> tuple[float, int, float] | None:
-    """Return the stress of the intersection with a shifted elastic line, the point after it, and the stress
-    of the intersection if the points are joined by straight lines."""
+) -> Crossing | None:
     slope, foot = elastic.turned(turn_mpa)
-    above = stress - slope * (strain - foot - offset)
-    below = np.flatnonzero(above[elastic.line.stop :] < 0.0) + elastic.line.stop
-    # One point below the line may be noise, so three in a row are required.
-    for k in below:
-        if (above[k : k + 3] < 0.0).all() and k > 0:
-            share = above[k - 1] / (above[k - 1] - above[k]) if above[k - 1] > 0.0 else 1.0
-            straight = float(stress[k - 1] + share * (stress[k] - stress[k - 1]))
-            return _on_curve(strain, stress, above, int(k), straight), int(k), straight
-    return None
-
-
-def _on_curve(strain: Float, stress: Float, above: Float, k: int, straight: float) -> float:
-    """Return the stress where a curve through the points around point k meets the line, at ``above = 0``.
-
-    Straight lines between few points lie below a curve that bends. The curve is piecewise cubic and keeps the
-    rise of the points (F. N. Fritsch and R. E. Carlson, SIAM J. Numer. Anal. 17, 238, 1980). If the strain or
-    the distance from the line does not change steadily, because of noise, the points are joined straight.
-    """
-    part = slice(max(k - 3, 0), k + 3)
-    falls, runs = -above[part], strain[part]
-    if len(runs) < 4 or not ((np.diff(runs) > 0.0).all() and (np.diff(falls) > 0.0).all()):
-        return straight
-    return float(PchipInterpolator(falls, stress[part])(0.0))
+    return crossing(strain - foot - offset, stress, slope, elastic.line.stop)
 
 
 def find_plateau(record: Record, elastic: Elastic) -> Plateau | str:
@@ -146,7 +120,8 @@ def _minima(record: Record, upper: int, again: int) -> Plateau:
     end_of_transient = upper + _fallen_again(stress[upper:], int(risen[0]), rebound) if risen.size else upper
     # Seen from the end, the stress falls to the last minimum and then rises.
     back = stress[upper:][::-1]
-    tail = len(stress) - int(np.argmax(back > np.minimum.accumulate(back) + rebound))
+    rises = back > np.minimum.accumulate(back) + rebound
+    tail = len(stress) - int(np.argmax(rises)) if rises.any() else upper
     last = tail + int(np.argmin(stress[tail:]))
     whole = upper + int(np.argmin(stress[upper:]))
     # A single minimum between ReH and hardening is ReL itself, and no transient.

@@ -25,7 +25,7 @@ WIDTH_STD_MM, THICKNESS_STD_MM = 0.01, 0.003
 TILT_MOST_DEG = 0.15
 # Stresses of the images over the yield stress: through the elastic part, and more closely past 0.2 %.
 COURSE = np.concatenate([np.linspace(0.04, 0.82, 16), np.linspace(0.86, 1.06, 8)])
-SHORT_COURSE = np.concatenate([np.linspace(0.05, 0.75, 11), np.linspace(0.85, 1.06, 5)])
+SHORT_COURSE = np.concatenate([np.linspace(0.08, 0.72, 6), [0.86, 0.96, 1.02, 1.08]])
 NAMES = ("E_gpa", "nu", "Rp02_mpa")
 
 
@@ -46,8 +46,11 @@ class Outcome:
         return (value.value - self.truth[name]) / value.std
 
 
-def drawn_test(seed, *, course=COURSE, shift_std_um=SHIFT_STD_UM):
-    """Return the properties from one drawn tension test."""
+def drawn_test(seed, *, course=COURSE, shift_std_um=SHIFT_STD_UM, window=None):
+    """Return the properties from one drawn tension test.
+
+    The elastic slope is fitted between two shares of the yield stress, `window`, or in the objective window.
+    """
     rng = np.random.default_rng([seed, 15])
     material = _material(rng)
     states, loads_n = _loaded(material, course)
@@ -72,6 +75,7 @@ def drawn_test(seed, *, course=COURSE, shift_std_um=SHIFT_STD_UM):
         * (THICKNESS_MM + rng.normal(0.0, THICKNESS_STD_MM)),
         area_std_mm2=float(np.hypot(WIDTH_STD_MM * THICKNESS_MM, THICKNESS_STD_MM * WIDTH_MM)),
         load_std_percent=LOAD_STD_PERCENT,
+        window_mpa=window and tuple(share * material.yield_stress_mpa for share in window),
     )
     test = tensile_test(series, "axial", "width", settings)
     uncorrected, corrected = (column.properties.values for column in test.columns)

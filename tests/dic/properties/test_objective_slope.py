@@ -56,7 +56,7 @@ def test_of_200_records_99_percent_are_within_three_standard_deviations():
 
 
 def test_a_record_that_only_falls_has_no_slope():
-    assert objective_slope(np.arange(50.0), -np.arange(50.0)) is None
+    assert objective_slope(np.arange(50.0), -np.arange(50.0)) == "the record does not rise"
 
 
 def test_a_long_record_is_averaged_before_windows_are_compared():
@@ -78,5 +78,8 @@ def test_slack_within_the_usual_window_gives_the_right_slope_or_a_flag(low, high
         share = np.maximum.accumulate(share)
         strain = drawn.strain + slipped * np.clip((share - low) / (high - low), 0, 1)
         value = material_properties(Curve("slack", drawn.stress, strain), AREA).values["E_gpa"]
+        if value.value is None:
+            assert value.flags[0].startswith("missing: ")
+            continue
         right = abs(value.value - drawn.e_mpa / 1e3) < 0.02 * value.value
         assert right or any(flag.startswith("slack:") for flag in value.flags), (seed, value)

@@ -1,0 +1,83 @@
+"""Checks that a window is the elastic part of a record, for records with few points there.
+
+The checks of ASTM E3076 compare the slopes of the first and the last quarter of a window, and need five
+points in each quarter. A record of settled steps has fewer. Its window of ten points may then contain
+yielding, or lie in the hardening. The checks allow for the scatter of the points.
+"""
+
+import numpy as np
+
+from dic.properties.windows import Line, fit_line, steepest_run
+from dic.typing import Float
+
+ENOUGH_POINTS = 20
+"""Windows with so many points have five points in each quarter."""
+STEEPER, STEEPER_OF_FEW, RUN_SHARE, RUN_STDS = 2.0, 1.25, 0.5, 4.0
+"""Points that cover this share of the window's range of stress must not be steeper than the window by the
+first factor, or by the second one in a window without enough points, beyond so many standard deviations."""
+BEND_LIMIT, BEND_STDS = 0.05, 2.0
+"""Largest difference of the slope at the middle of an end quarter, as a share of the slope."""
+LAST_POINTS, LAST_LIMIT, LAST_STDS = 2, 0.01, 3.0
+"""Without its last one or two points, a window must not be steeper by this share, beyond so many standard
+deviations of their strain: else they have begun to yield."""
+
+
+def not_elastic(x: Float, y: Float, line: Line) -> str | None:
+    """Return the reason why a window is not the elastic part of the record; None if it may be this part.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+        Strain and stress, or both scaled to one, from the beginning of the record to beyond the window.
+    line : Line
+        The fit of stress against strain in the window.
+    """
+    if line.slope <= 0.0:
+        return "the straightest window does not rise"
+    part = slice(line.first, line.stop)
+    rest = x[part] - (y[part] - line.intercept) / line.slope
+    std_x = float(np.sqrt(rest @ rest / max(len(rest) - 2, 1)))
+    least_range = RUN_SHARE * float(np.ptp(y[part]))
+    run = steepest_run(x, y, least_range, RUN_STDS * std_x)
+    steeper = STEEPER if len(rest) >= ENOUGH_POINTS else STEEPER_OF_FEW
+    if run is not None and run.slope * line.slope < 1.0 / steeper:
+        return (
+            f"few points in the elastic part: {run.stop - run.first} points are steeper than the straightest"
+            f" window of {line.stop - line.first} points"
+        )
+    if len(rest) >= ENOUGH_POINTS:
+        return None
+    if _bend(x[part], y[part]) > BEND_LIMIT or _end_yields(x, y, line):
+        return f"few points in the elastic part: the straightest window of {len(rest)} points is curved"
+    return None
+
+
+def _end_yields(x: Float, y: Float, line: Line) -> bool:
+    """Return True if the strain of the last points of a window is too large for the line of the others."""
+    for count in range(1, LAST_POINTS + 1):
+        stop = line.stop - count
+        u, v = x[line.first : stop], y[line.first : stop]
+        others = fit_line(v, u, 0, len(v))
+        across = float(((v - v.mean()) ** 2).sum())
+        rest = u - others.slope * v - others.intercept
+        end_x, end_y = float(x[stop : line.stop].mean()), float(y[stop : line.stop].mean())
+        excess = end_x - others.slope * end_y - others.intercept
+        spread = 1.0 / count + 1.0 / len(v) + (end_y - float(v.mean())) ** 2 / across
+        std = float(np.sqrt(rest @ rest / (len(v) - 2) * spread))
+        if excess > LAST_STDS * std and 1.0 / (others.slope * line.slope) > 1.0 + LAST_LIMIT:
+            return True
+    return False
+
+
+def _bend(x: Float, y: Float) -> float:
+    """Return by how much the slope at an end of a window differs from the whole slope, beyond its scatter.
+
+    A parabola is fitted to strain against stress. The slope is taken at the middle of the end quarter.
+    """
+    v = (y - y.mean()) / (0.5 * np.ptp(y))
+    design = np.column_stack([np.ones(len(v)), v, v**2])
+    found = np.linalg.lstsq(design, x, rcond=None)[0]
+    rest = x - design @ found
+    variance = float(rest @ rest) / max(len(v) - 3, 1) * float(np.linalg.inv(design.T @ design)[2, 2])
+    # At three quarters of the way from the middle to an end, the parabola's slope differs by 2 · 0.75 · c.
+    return float(1.5 * (abs(found[2]) - BEND_STDS * np.sqrt(variance)) / abs(found[1]))
