@@ -43,6 +43,9 @@ REPORT = "demo/report.html"
 PHOTOGRAPH = "printed-target.jpg"
 """The picture of a printed target, on the page about printing."""
 
+COMPARED = "dice-difference.png"
+"""The comparison on the page about exports. No script draws it, because its images are not kept here."""
+
 _SHEET = "dic target dots --count 20x14 --pitch-mm 12 --dpi 200 -o sheet-of-dots.png"
 _SHEET_DPI = 200.0
 

@@ -91,7 +91,7 @@ def test_images_are_measured_to_tables_maps_and_result_files(bare, tmp_path):
     done = bare("correlate", *images, *settings, *outputs, cwd=tmp_path)
     assert_good(done)
     found = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))["images"][1]
-    truth = json.loads((tmp_path / "first" / "truth.json").read_text(encoding="utf-8"))["images"][3]
+    truth = json.loads((tmp_path / "first" / "truth.json").read_text(encoding="utf-8"))["images"][7]
     assert found["corrected"]["eyy"] == pytest.approx(truth["eyy"], abs=60e-6)
     with (tmp_path / "points" / "step-08.csv").open(newline="", encoding="utf-8") as file:
         assert len(list(csv.DictReader(file))) > 100

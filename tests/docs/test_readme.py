@@ -72,7 +72,10 @@ def test_images_and_a_machines_table_become_a_test_report(tmp_path):
     uncorrected, corrected = (column["values"] for column in test["columns"])
     for name, truth in test["known"].items():
         value = corrected[name]
-        assert abs(value["value"] - truth) < 2.0 * value["std"] < 0.03 * truth, name
+        # A shift of 1 µm at 40 mm is 25 µε in both directions. That is 1 % of the largest strain and of E.
+        # It changes nu by 0.01 (1 + nu), which is 4 % of nu.
+        most = 0.1 if name == "nu" else 0.03
+        assert abs(value["value"] - truth) < 2.0 * value["std"] < most * truth, name
     assert abs(corrected["E_gpa"]["value"] / 73.1 - 1) < 0.01
     assert uncorrected["E_gpa"]["value"] / 73.1 < 0.9
 
