@@ -55,7 +55,7 @@ def test_another_program_runs_its_rig_and_faults_are_typed_in(begin, tmp_path):
     assert program.process.wait(DEADLINE_S) == 0
     truth = [json.loads(line) for line in log.read_text().splitlines()]
     assert [line["command"] for line in truth if line["what"] == "command"] == ["displacement 0.02 at 1"]
-    assert {line["what"] for line in truth} == {"sample", "command", "fault"}
+    assert {line["what"] for line in truth} == {"specimen", "sample", "command", "fault"}
     times = [line["time_s"] for line in truth if line["what"] == "sample"]
     assert times == sorted(times)
 
