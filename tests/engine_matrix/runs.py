@@ -211,14 +211,17 @@ def run_at(
     rig_file = _quick_to_give_up(_keeping(rig_file, virtuals))
     with open_rig(rig_file) as opened:
         counts: dict[tuple[str, str], int] = {}
+        counting = threading.Lock()
 
         def at_call(name: str, method: str, call: Any, arguments: tuple[Any, ...]) -> Any:
-            counts[name, method] = counts.get((name, method), 0) + 1
-            if moment.aborted and _is_second_motion(name, method, counts):
+            # The engine and the threads of its safe state may call the same method at the same time.
+            with counting:
+                number = counts[name, method] = counts.get((name, method), 0) + 1
+            if moment.aborted and _is_second_motion(method, number):
                 result = call(*arguments)
                 run.engine.abort("a person pressed stop")
                 return result
-            at_moment = (name, method, counts[name, method]) == (moment.device, moment.method, moment.number)
+            at_moment = (name, method, number) == (moment.device, moment.method, moment.number)
             if at_moment and moment.before:
                 _strike()
             instead = run.interfere.get((name, method))
@@ -280,9 +283,8 @@ def _quick_to_give_up(rig_file: RigFile) -> RigFile:
     )
 
 
-def _is_second_motion(name: str, method: str, counts: dict[tuple[str, str], int]) -> bool:
-    motions = ("go_to_load", "move_to")
-    return method in motions and counts[name, method] == (2 if method == "go_to_load" else 3)
+def _is_second_motion(method: str, number: int) -> bool:
+    return (method, number) in (("go_to_load", 2), ("move_to", 3))
 
 
 def _keeping(rig_file: RigFile, kept: list[VirtualRig]) -> RigFile:
