@@ -18,8 +18,10 @@ from dic.typing import Float
 PART_NAMES = ("images", *PARTS)
 """The names of the parts of a standard deviation.
 
-Their causes are, in this order: noise of the images; errors of the calibration; position of the specimen's
-surface in the reference, relative to the grid; motions that the model cannot determine; the shift.
+images: noise of the images. calibration: errors of the calibration. mounting: the unknown tilt and distance
+between the specimen's surface and the grid's plane in the reference. model: tilt, bending, strain gradient
+and taper, which the fit determines with an uncertainty only. shift: motion of the specimen towards the
+camera, which one camera cannot measure.
 """
 
 

@@ -202,7 +202,11 @@ def _of_camera(result: RunResult, camera: str) -> ExportSource:
 
 @dataclass
 class _Work:
-    """The export of one series. The exporters are created when the first image is known."""
+    """Writes the images of one camera in all chosen formats.
+
+    All cameras share the rows of the table and the list of exported images. The exporters are created when
+    the first image is known.
+    """
 
     folders: Mapping[str, Path]
     comma: bool

@@ -191,4 +191,4 @@ class FrameStream:
 
 
 def _nothing() -> None:
-    """Do nothing. A stream replaces `on_close` by this function after the first call of `on_close`."""
+    """Do nothing. `close` calls `on_close` once; this function takes its place in later calls."""

@@ -136,7 +136,7 @@ class Following:
             self._end_window(reading)
 
     def _judge(self, reading: Reading, step: str, least_n: float, judged_mm: float) -> None:
-        """Check the rise of the load over the last `judged_mm` of the travel."""
+        """Raise an error if the load has risen by less than `least_n` over the last `judged_mm` of travel."""
         begins = self._judged
         begins.append(reading)
         while self._since(begins[1], reading)[1] > judged_mm:

@@ -3,15 +3,16 @@
 from typing import NamedTuple
 
 Taps = tuple[float, ...]
-"""A tuple of 4 or 6 numbers. Its length is the number of spline coefficients (taps) in a direction.
+"""A tuple that is used only for its length: 4 for a cubic spline, 6 for a quintic spline.
 
-The numbers are not used. Numba compiles the code for this length.
+The length is the number of spline coefficients (taps) along x, and also along y, that an interpolation needs.
+The numbers in the tuple are not used. Numba compiles separate code for each length.
 """
 
 Shape = tuple[float, ...]
-"""A tuple of 6 or 12 numbers. Its length is the number of warp parameters.
+"""A tuple that is used only for its length, the number of warp parameters: 6 or 12.
 
-The numbers are not used. Numba compiles the code for this length.
+The numbers in the tuple are not used. Numba compiles separate code for each length.
 """
 
 
@@ -25,7 +26,7 @@ class Method(NamedTuple):
     shape : tuple of 6 or 12 numbers
         The length of the tuple is 6 for affine and 12 for quadratic shape functions.
     radius : int
-        Number of pixels of the subset on either side of its centre.
+        Half of the subset's width in px, without the pixel at the centre: the width is 2 radius + 1 px.
     min_zncc, tolerance_px, max_iterations
         The settings of the same names in `CorrelationSettings`.
     noise_gain, slope_noise_gain : float

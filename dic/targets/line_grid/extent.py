@@ -35,10 +35,12 @@ _BEYOND = 2
 def line_extents(image: GridImage, shape: LatticeShape, cells: CellLattice) -> tuple[range, range]:
     """Return the indices of the lines that are really in the image, for both directions.
 
-    The cells do not determine the number of lines: cells at the rim may be missing, and there may be false
-    cells beyond the rim. Therefore a line must be visible in most of its segments. In all these segments, its
-    offset from the predicted line must be the same. Speckles beside the grid do not fulfil this condition. If
-    there are no lines between the cells, both ranges are empty.
+    The cells do not determine the number of lines: cells at the rim may be missing, and there may be
+    false cells beyond the rim. The lattice of the cells predicts where each line should lie. A line
+    counts if it is visible in most of its segments, and if the median of the grey level profiles across
+    these segments still shows a line. The median shows a line only if most segments have about the same
+    offset from the prediction; the offsets of speckles beside the grid are random. Outer lines that are
+    partly hidden are added afterwards. If there are no lines between the cells, both ranges are empty.
     """
     low = cells.index.min(axis=0) - _BEYOND
     high = cells.index.max(axis=0) + 2 + _BEYOND
