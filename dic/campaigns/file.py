@@ -117,9 +117,14 @@ def list_specimens(
     place, out = Path(folder), {Path(path).resolve() for path in leave_out}
     try:
         files = sorted((path for path in place.glob(pattern) if path.is_file()), key=natural_key)
-    except (ValueError, NotImplementedError, OSError) as error:
+    except (ValueError, NotImplementedError) as error:
+        # pathlib refuses an empty pattern with the first error, and a pattern from the root with the second
         expected, remedy = "a pattern of files in the folder", 'give --files "*.csv"'
         raise CurveError(str(folder), "--files", expected, repr(pattern), remedy) from error
+    except OSError as error:
+        expected, remedy = "a folder that can be read", "name another folder"
+        got = error.strerror or str(error)
+        raise CurveError(str(folder), "list specimens", expected, got, remedy) from error
     files = [path for path in files if path.resolve() not in out]
     if not files:
         expected, remedy = f"a folder with files {pattern}", f"name another folder, or write {FILE_NAME}"

@@ -5,7 +5,7 @@ from typing import Any
 
 from dic.campaigns.campaign import Campaign, Group
 from dic.errors import require_kind
-from dic.results.csv import new_table
+from dic.results.csv import write_rows
 from dic.typing import PathLike
 
 _DIGITS = 6
@@ -34,12 +34,7 @@ def write_campaign_table(campaign: Campaign, path: PathLike, *, decimal_comma: b
     rows = [*_specimens(campaign), *(row for group in campaign.groups for row in _statistics(group))]
     columns = list(dict.fromkeys(["line", "specimen", "direction_deg", *_value_columns(campaign)]))
     columns += ["outlier_of", "flags", "problem"]
-    only_ascii = all(str(value).isascii() for row in rows for value in row.values())
-    with new_table(path, decimal_comma=decimal_comma, only_ascii=only_ascii) as table:
-        table.write(columns)
-        for row in rows:
-            cells = [row.get(name, "") for name in columns]
-            table.write(table.number(cell, _DIGITS) if isinstance(cell, float) else cell for cell in cells)
+    write_rows(path, columns, rows, _DIGITS, decimal_comma=decimal_comma)
 
 
 def _value_columns(campaign: Campaign) -> Iterator[str]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from dic.commands.column_options import COLUMN_OPTIONS
 from dic.commands.correlation_options import comma_option
 from dic.commands.option_groups import option_group
 from dic.commands.test_options import TestOptions, test_options
@@ -59,11 +60,7 @@ class CampaignOutputs:
     click.option(
         "--files", metavar="PATTERN", help="Tables in FOLDER without a TOML file. Default: all CSV files."
     ),
-    click.option("--load", metavar="COLUMN:UNIT", help='Column of the load, such as "Load:kN".'),
-    click.option("--strain", metavar="COLUMN:UNIT", help='Column of the strain, such as "3:%".'),
-    click.option("--transverse", metavar="COLUMN:UNIT", help="Column of the strain across the specimen."),
-    click.option("--time", metavar="COLUMN:UNIT", help="Column of the time, such as Time:s."),
-    click.option("--gauge-length-mm", type=float, help="Gauge length, if the strain is an extension in mm."),
+    *COLUMN_OPTIONS,
 )
 @test_options
 @option_group(
@@ -139,5 +136,5 @@ def _specimens(
         remedy = f"write {_FILE_NAME}, or give {missing} COLUMN:UNIT, such as --load Load:kN --strain 3:%"
         raise CurveError(str(folder), missing, expected, "none", remedy)
     columns = CurveColumns(tables.load, tables.strain, tables.transverse, tables.time, tables.gauge_length_mm)
-    pattern = tables.files or "*.csv"
+    pattern = "*.csv" if tables.files is None else tables.files
     return list_specimens(folder, columns, test.settings(), pattern=pattern, leave_out=outputs.files)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from dic.commands.column_options import COLUMN_OPTIONS
 from dic.commands.field_options import FieldOptions, field_options
 from dic.commands.option_groups import option_group
 from dic.commands.record_options import RecordOptions, record_options
@@ -80,11 +81,7 @@ class StrainChoice:
 @option_group(
     "columns",
     ColumnOptions,
-    click.option("--load", metavar="COLUMN:UNIT", help='Column of the load, such as "Load:kN".'),
-    click.option("--strain", metavar="COLUMN:UNIT", help='Column of the strain, such as "3:%".'),
-    click.option("--transverse", metavar="COLUMN:UNIT", help="Column of the strain across the specimen."),
-    click.option("--time", metavar="COLUMN:UNIT", help="Column of the time, such as Time:s."),
-    click.option("--gauge-length-mm", type=float, help="Gauge length, if the strain is an extension in mm."),
+    *COLUMN_OPTIONS,
 )
 @field_options
 @option_group(

@@ -10,7 +10,7 @@ from dic.errors import require_kind
 from dic.gauges.declared import Gauge
 from dic.gauges.reading import Profile, Reading
 from dic.gauges.series import GaugeImage, GaugeSeries
-from dic.results.csv import new_table
+from dic.results.csv import write_rows
 from dic.typing import PathLike
 
 _KNOWN = ("camera", "step", "load_n", "displacement_mm", "angle_deg", "time_s", "time_source")
@@ -55,12 +55,7 @@ def _write(path: PathLike, rows: list[dict[str, Any]], decimal_comma: bool) -> N
     columns = list(dict.fromkeys(name for row in rows for name in row))
     problem = [name for name in columns if name == "problem"]
     columns = [name for name in columns if name not in problem] + problem
-    only_ascii = all(str(value).isascii() for row in rows for value in row.values())
-    with new_table(path, decimal_comma=decimal_comma, only_ascii=only_ascii) as table:
-        table.write(columns)
-        for row in rows:
-            cells = [row.get(name, "") for name in columns]
-            table.write(table.number(cell, _DIGITS) if isinstance(cell, float) else cell for cell in cells)
+    write_rows(path, columns, rows, _DIGITS, decimal_comma=decimal_comma)
 
 
 def _cells(image: GaugeImage, cuts: set[str]) -> Iterator[tuple[str, Any]]:

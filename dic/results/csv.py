@@ -1,7 +1,7 @@
 """Tables of the points of interest as CSV: one file per image, one line per point."""
 
 import csv
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -56,6 +56,26 @@ def new_table(path: PathLike, *, decimal_comma: bool, only_ascii: bool = True) -
     encoding = "utf-8" if only_ascii else "utf-8-sig"
     with replacing(path) as partial, partial.open("w", newline="", encoding=encoding) as file:
         yield Table(file, decimal_comma=decimal_comma)
+
+
+def write_rows(
+    path: PathLike,
+    columns: Sequence[str],
+    rows: Sequence[Mapping[str, Any]],
+    digits: int,
+    *,
+    decimal_comma: bool,
+) -> None:
+    """Write a table with the given columns. Numbers of type float have `digits` significant digits.
+
+    A row need not have a value for each column.
+    """
+    only_ascii = all(str(value).isascii() for row in rows for value in row.values())
+    with new_table(path, decimal_comma=decimal_comma, only_ascii=only_ascii) as table:
+        table.write(columns)
+        for row in rows:
+            cells = [row.get(name, "") for name in columns]
+            table.write(table.number(cell, digits) if isinstance(cell, float) else cell for cell in cells)
 
 
 def write_csv(

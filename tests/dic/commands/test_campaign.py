@@ -86,6 +86,8 @@ def test_a_toml_file_stands_for_the_options(folder, tmp_path):
         (COLUMNS[2:], "give --load COLUMN:UNIT"),
         (COLUMNS[:4], "the area of the cross-section"),
         ([*COLUMNS, "--files", "*.dat"], "a folder with files *.dat, got none"),
+        ([*COLUMNS, "--files", ""], "--files: expected a pattern of files in the folder, got ''"),
+        ([*COLUMNS, "--files", "/*.csv"], "--files: expected a pattern of files in the folder, got '/*.csv'"),
         ([*COLUMNS[2:], "--load", "Force:kN"], "3 that failed"),
         ([*COLUMNS, "--decimal-comma"], "--csv beside it"),
     ],
