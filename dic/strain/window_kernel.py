@@ -3,7 +3,7 @@
 `dic.strain.fit` describes the method. Each window has its own points, so nothing is shared between windows.
 """
 
-from dic.correlation.kernel.jit import compiled, inner
+from dic.correlation.kernel.jit import compiled, inlined, inner
 from dic.typing import Float, Indices, Mask
 
 
@@ -122,18 +122,52 @@ def _weigh(use: Mask, weights: Float, factors: Float, row: int, column: int, par
 
 
 @inner
-def _shared(
-    k: int, r: int, c: int, down: int, c2: int, number: Indices, clipped: Float, overlap: Float
-) -> float:
-    """Return the correlation of the errors of two points of window `k`, of which one may be clipped."""
+def _shared(r: int, c: int, down: int, c2: int, number: Indices, clipped: Float, overlap: Float) -> float:
+    """Return the correlation of the errors of two points of a window, of which one may be clipped."""
     window, shared = number.shape[1], 0.0
-    if number[k, r + down, c2] >= 0:
-        shared = clipped[number[k, r + down, c2], window - 1 - down, window - 1 + c - c2]
-    elif number[k, r, c] >= 0:
-        shared = clipped[number[k, r, c], window - 1 + down, window - 1 + c2 - c]
+    if number[r + down, c2] >= 0:
+        shared = clipped[number[r + down, c2], window - 1 - down, window - 1 + c - c2]
+    elif number[r, c] >= 0:
+        shared = clipped[number[r, c], window - 1 + down, window - 1 + c2 - c]
     elif down < overlap.shape[0] and abs(c2 - c) < overlap.shape[1]:
         shared = overlap[down, abs(c2 - c)]
     return shared
+
+
+@inlined
+def _sums(
+    r: int, c: int, window: int, edge: bool, overlap: Float, number: Indices, clipped: Float, parts: Float
+) -> tuple[float, ...]:
+    """Return the sums of the eight parts of a point and all later points, times their correlation with it.
+
+    The point itself counts half, because each pair is counted once and the transpose is added later.
+    """
+    variance = overlap[0, 0]
+    if edge and number[r, c] >= 0:
+        variance = clipped[number[r, c], window - 1, window - 1]
+    p = r * window + c
+    s0, s1, s2, s3 = parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3]
+    s4, s5, s6, s7 = parts[p, 4], parts[p, 5], parts[p, 6], parts[p, 7]
+    h = 0.5 * variance
+    s0, s1, s2, s3, s4, s5, s6, s7 = h * s0, h * s1, h * s2, h * s3, h * s4, h * s5, h * s6, h * s7
+    down_most = window if edge else min(window, overlap.shape[0])
+    across_most = window if edge else min(window, overlap.shape[1])
+    for down in range(min(window - r, down_most)):
+        start = c + 1 if down == 0 else max(0, c - across_most + 1)
+        for c2 in range(start, min(window, c + across_most)):
+            q = (r + down) * window + c2
+            shared = overlap[down, abs(c2 - c)] if not edge else 0.0
+            if edge:
+                shared = _shared(r, c, down, c2, number, clipped, overlap)
+            s0 += shared * parts[q, 0]
+            s1 += shared * parts[q, 1]
+            s2 += shared * parts[q, 2]
+            s3 += shared * parts[q, 3]
+            s4 += shared * parts[q, 4]
+            s5 += shared * parts[q, 5]
+            s6 += shared * parts[q, 6]
+            s7 += shared * parts[q, 7]
+    return s0, s1, s2, s3, s4, s5, s6, s7
 
 
 @compiled
@@ -164,12 +198,11 @@ def add_covariances(
     clipped : ndarray, shape (clipped points, 2 window - 1, 2 window - 1)
         `ClippedSubsets.correlations`.
     parts : ndarray, shape (window², 8)
-        Memory: the weighted factors of each point.
+        Work array for the weighted factors of each point of a window.
     covariance : ndarray, shape (n, 4, 4)
         Input and output: covariance of the gradient's elements xx, xy, yx, yy.
     """
     window = use.shape[1]
-    down_most, across_most = min(window, overlap.shape[0]), min(window, overlap.shape[1])
     for k in range(at.shape[0]):
         row, column = at[k, 0] - window // 2, at[k, 1] - window // 2
         _weigh(use[k], weights[k], factors, row, column, parts)
@@ -180,46 +213,11 @@ def add_covariances(
             for c in range(window):
                 if not use[k, r, c]:
                     continue
+                sums = _sums(r, c, window, edge, overlap, number[k], clipped, parts)
                 p = r * window + c
-                # Count each pair of points once here. The transpose is added below.
-                h = 0.5 * overlap[0, 0]
-                if edge and number[k, r, c] >= 0:
-                    h = 0.5 * clipped[number[k, r, c], window - 1, window - 1]
-                s0, s1, s2, s3 = (
-                    h * parts[p, 0],
-                    h * parts[p, 1],
-                    h * parts[p, 2],
-                    h * parts[p, 3],
-                )
-                s4, s5, s6, s7 = (
-                    h * parts[p, 4],
-                    h * parts[p, 5],
-                    h * parts[p, 6],
-                    h * parts[p, 7],
-                )
-                for down in range(min(window - r, window if edge else down_most)):
-                    start = c + 1 if down == 0 else (0 if edge else max(0, c - across_most + 1))
-                    end = window if edge else min(window, c + across_most)
-                    for c2 in range(start, end):
-                        q = (r + down) * window + c2
-                        if edge:
-                            shared = _shared(k, r, c, down, c2, number, clipped, overlap)
-                        else:
-                            shared = overlap[down, abs(c2 - c)]
-                        s0 += shared * parts[q, 0]
-                        s1 += shared * parts[q, 1]
-                        s2 += shared * parts[q, 2]
-                        s3 += shared * parts[q, 3]
-                        s4 += shared * parts[q, 4]
-                        s5 += shared * parts[q, 5]
-                        s6 += shared * parts[q, 6]
-                        s7 += shared * parts[q, 7]
                 for m in range(4):
-                    one, other = parts[p, m], parts[p, 4 + m]
-                    covariance[k, m, 0] += one * s0 + other * s4
-                    covariance[k, m, 1] += one * s1 + other * s5
-                    covariance[k, m, 2] += one * s2 + other * s6
-                    covariance[k, m, 3] += one * s3 + other * s7
+                    for n in range(4):
+                        covariance[k, m, n] += parts[p, m] * sums[n] + parts[p, 4 + m] * sums[4 + n]
         for m in range(4):
             for n in range(m + 1):
                 total = covariance[k, m, n] + covariance[k, n, m]
