@@ -90,7 +90,7 @@ class RunFileError(MeasurementError):
 
 
 Check = tuple[bool, str, str, object, str]
-"""A checked setting: whether its value is good, its name, the expected and the given value, the remedy."""
+"""One check of a setting: True for a good value, the setting's name, expected value, given value, remedy."""
 
 
 def require_all(error: type[MeasurementError], source: str, checks: Iterable[Check]) -> None:

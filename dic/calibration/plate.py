@@ -62,7 +62,7 @@ def behind(calibration: Calibration, plate_mm: float) -> Calibration:
 
 
 def _scaled(bicubic: BicubicMap, share: float, foot_mm: Float) -> BicubicMap:
-    """Return the map with all results moved away from `foot_mm` by `share` of their distance from it."""
+    """Return a map whose results are moved away from `foot_mm` by the fraction `share` of their distance."""
     coefficients = (1.0 + share) * bicubic.coefficients
     coefficients[0, 0] -= share * foot_mm
     return replace(

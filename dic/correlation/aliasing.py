@@ -5,10 +5,12 @@ together with aliased waves of the same frequency. The camera records diagonal w
 because the diagonals of the pixel grid have a higher Nyquist frequency. So the difference between rows and
 diagonals gives the aliased share of the recorded power.
 
-The model of the pattern's power is A k⁻ᵖ exp(-s²k²) times the transfer of a square pixel, sinc²(ωx/2π)
-sinc²(ωy/2π). A sharp edge has p = 3; the lens and round blobs give the exponential. The recorded power is the
-sum over all replicas, plus white noise. The fit takes the parameters that give the recorded power the
-greatest likelihood (P. Whittle, Arkiv för Matematik 2 (1953) 423-434).
+At the wave number k, the model of the pattern's power is A k⁻ᵖ exp(-s²k²) times the transfer function of a
+square pixel, sinc²(ωx/2π) sinc²(ωy/2π). A pattern with sharp edges has p = 3; the exponential factor
+describes the blur of the lens and the shape of round blobs. Sampling shifts the spectrum by multiples of the
+sampling frequency; each shifted copy is a replica. The model of the recorded power is the sum of all
+replicas, plus white noise. The fit chooses the parameters with the greatest likelihood (P. Whittle, Arkiv för
+Matematik 2 (1953) 423-434).
 """
 
 import numpy as np
@@ -19,7 +21,7 @@ from dic.typing import Float
 
 _REPLICAS: tuple[Replica, ...] = tuple((down, right) for down in (-1, 0, 1) for right in (-1, 0, 1))
 _LOWEST = 0.45
-"""The fit ignores frequencies below this share of Nyquist's, because they depend on the speckles' size."""
+"""The fit ignores frequencies below this share of the Nyquist frequency; they depend on the speckle size."""
 
 _STEPS = 4
 _POWERS = np.arange(0.0, 4.5, 0.5)
@@ -69,7 +71,7 @@ def replica_shares(
 
 
 def _replicas(frequency: Float) -> tuple[Float, Float]:
-    """Return the magnitude of the frequency of each replica's waves, in π rad/px, and a pixel's transfer."""
+    """Return for each replica the true frequency, in π rad/px, and the power transfer of a square pixel."""
     distances, pixels = [], []
     for down, right in _REPLICAS:
         y, x = frequency[:, None] / np.pi + 2 * down, frequency / np.pi + 2 * right
@@ -82,7 +84,7 @@ def _scaled(model: Float, recorded: Float, bounds: tuple[float, float]) -> tuple
     """Return the scale of a model and the variance of the noise that fit the recorded power best.
 
     The variance lies between `bounds`. The fit minimises the squared relative deviations by iteration. Each
-    iteration takes its weights from the model that the iteration before has fitted.
+    iteration takes its weights from the model that the previous iteration fitted.
     """
     weight = 1.0 / recorded**2
     scale, noise = 0.0, bounds[1]

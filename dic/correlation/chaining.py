@@ -18,7 +18,7 @@ Half a step would be enough for a square grid, but a sheared grid needs a little
 _EXTRAPOLATION_REACH = 1.5
 """Largest distance, in steps of the grid, over which the motion of a single point is extrapolated.
 
-Extrapolation replaces interpolation where one of the four surrounding points failed.
+A displacement is extrapolated, and not interpolated, where one of the four surrounding points failed.
 """
 
 
@@ -115,7 +115,7 @@ def _interpolated(field: Field, place: Float) -> _Interpolated:
 
 
 def _extrapolated(field: Field, row: Indices, column: Indices, place: Float, share: float) -> Float:
-    """Return warps (n, 6) at places (n, 2), extrapolated from points with `share` times the gradient."""
+    """Return warps (n, 6) at places (n, 2), each extrapolated from one point with `share` of its gradient."""
     warps: Float = field.warps[row, column, :6].copy()
     dx, dy = place[:, 0] - field.x_px[column], place[:, 1] - field.y_px[row]
     warps[:, 0] += share * (warps[:, 1] * dx + warps[:, 2] * dy)

@@ -11,7 +11,7 @@ import numpy as np
 from dic.typing import Float, Indices, Mask
 
 _TOLERANCE_PX, _TOLERANCE = 1.0, 0.1
-"""Largest error of a prediction: a number of px, plus a fraction of the distance to the neighbour."""
+"""Largest allowed error of a predicted displacement: 1 px plus 0.1 of the distance to the neighbour."""
 
 _LARGEST_STRETCH, _SMALLEST_STRETCH = 2.0, 0.5
 

@@ -32,7 +32,7 @@ _FEWEST_MATCHES = 12
 _NEIGHBOURS = 24
 _FEWEST_SUPPORTERS = 5
 _TOLERANCE_PX, _TOLERANCE = 2.0, 0.15
-"""Largest error of a prediction: a number of px, plus a fraction of the distance to the neighbour."""
+"""Largest allowed error of a predicted position: a number of px, plus a fraction of the distance."""
 
 
 @dataclass(frozen=True)

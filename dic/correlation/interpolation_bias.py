@@ -3,8 +3,9 @@
 The deformed image is known at the pixels only, and is interpolated between them. Interpolation changes each
 wave of the pattern a little, and the change depends on the sub-pixel part of the displacement. For a wave of
 angular frequency ω in an image that is displaced by τ, the interpolated image at the true place is the wave
-times E(ω, τ) = Σₙ φ(ω + 2πn) exp(2πinτ), where φ is the transfer function of the interpolation and n are all
-integers. The terms with n ≠ 0 are replicas of the spectrum, which perfect interpolation would remove.
+times E(ω, τ) = Σₙ φ(ω + 2πn) exp(2πinτ), where φ is the transfer function of the interpolation, and the sum
+is over all integers n. The terms with n ≠ 0 are replicas (shifted copies) of the spectrum, which perfect
+interpolation would remove.
 
 The correlation (IC-GN) finds the displacement at which the sum of slope × (interpolated image - reference) is
 0. To first order, the error of the displacement is therefore

@@ -9,7 +9,7 @@ from dic.typing import Float, Grey, Mask
 _TILE_PX = 64
 _SMALLEST_TILE_PX = 16
 _TILES = 25
-"""Largest number of tiles."""
+"""Largest number of tiles of an image whose spectra are averaged."""
 
 _LEAST_SHARE = 0.9
 """Smallest share of a tile's pixels that must lie in the region of interest."""
@@ -39,7 +39,7 @@ class PatternSpectrum:
 
     @property
     def counts(self) -> Float:
-        """Number of signed frequencies that each element of `power` stands for, shape (n + 1, n + 1)."""
+        """Number of positive and negative frequencies in each element of `power`, shape (n + 1, n + 1)."""
         along = np.full(len(self.power), 2.0)
         along[[0, -1]] = 1.0
         return np.outer(along, along)

@@ -24,7 +24,7 @@ _SEEDS = 48
 """Approximate number of points that are tried as seeds."""
 
 _ENOUGH_SEEDS = 0.3
-"""If this fraction of the tried points in view become seeds, no further guess is tried."""
+"""If at least this fraction of the tried points in view become seeds, no further first guess is tried."""
 
 _SMALLEST_TEMPLATE_RADIUS_PX = 15
 

@@ -12,7 +12,7 @@ from dic.image.threads import balanced_bands, in_parallel
 from dic.typing import Float, Indices, Mask
 
 _TRIES = 3
-"""Largest number of neighbours that are tried as the first guess for a point beside a crack."""
+"""Largest number of neighbours whose warps are tried as first guesses for a point beside a crack."""
 
 _BANDS = 16
 """Number of bands of rows that are solved in parallel. It is large enough to keep several processors busy."""

@@ -6,7 +6,7 @@ from dic.image.spline import slope_taps
 from dic.typing import Float
 
 COPIES = 6
-"""Number of replicas of the spectrum, on either side, that are taken into account."""
+"""Number of shifted copies (replicas) of the spectrum, on either side, that are taken into account."""
 
 
 def interpolation_transfer(frequency: Float, order: int) -> Float:

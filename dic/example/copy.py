@@ -15,7 +15,7 @@ FILES = {
     "known.json": "the true modulus, Poisson's ratio and proof strength, for `dic report --known`",
     "truth.json": "the true strains, and the specimen's section and elastic constants",
 }
-"""Name and meaning of each file; the steps under load share one meaning."""
+"""Name and description of each file of the example; all images under load have the same description."""
 
 
 def example_places(folder: PathLike) -> list[Path]:
@@ -27,9 +27,9 @@ def write_example(folder: PathLike) -> list[Path]:
     """Write a small tension test to a folder, for first trials.
 
     The images show a narrow aluminium specimen that is pulled in 16 steps, until it yields. As the grips
-    straighten it, the specimen tips by up to 0.08°. The camera looks at it 30° off-axis and takes the tilt
-    for a strain. The virtual rig has made the images (`examples/draw_series.py`), so the true strains are
-    known.
+    straighten the specimen, it tilts by up to 0.08°. The camera looks at the specimen 30° off-axis, so the
+    tilt causes a false strain. The virtual rig has made the images (`examples/draw_series.py`), so the true
+    strains are known.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ def taken_s(file: Path, page: int = 1) -> float | None:
             block, at = _block(content, page)
             return None if block is None else _taken_s(block, at)
     except (OSError, struct.error, Damage, ValueError):
-        # The reader of the image itself raises an error that names the damage.
+        # A damaged file gives no time here. The reader of the image raises the error that names the damage.
         return None
 
 

@@ -46,7 +46,7 @@ def _segments(content: bytes) -> Iterator[tuple[int, bytes, bytes]]:
     while True:
         start = position
         while content[position : position + 2] == b"\xff\xff":
-            position += 1  # fill bytes may stand before a marker
+            position += 1  # fill bytes may precede a marker
         prefix, marker = struct.unpack_from(">BB", content, position)
         if prefix != 0xFF:
             raise Damage(f"a JPEG that is damaged at byte {position}")

@@ -63,7 +63,8 @@ def page_directories(content: Content) -> list[int]:
             _, offset_code, _, entry_bytes = _layout(content)
             (following,) = _unpack(order + offset_code, content, first + entries * entry_bytes)
         except (struct.error, Damage):
-            # The end of the chain is missing. The reader of this page checks whether the page is whole.
+            # The file ends before the end of the chain of directories. The reader of this page checks whether
+            # the page is whole.
             pages[at] = True
             break
         pages[at] = not kind & _SMALLER_OR_MASK

@@ -19,7 +19,7 @@ PARTS = {
     "model": ("bending", "tilt", "curvature", "gradient", "taper"),
     "shift": ("shift",),
 }
-"""The causes that belong to each part of the standard deviation. The part "images" has no cause here."""
+"""The causes that belong to each part of the standard deviation. The part "images" belongs to no cause."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Outcome:
     curved, graded : bool
         True if the model allows a curvature out of the plane, and a gradient of the strain.
     misfit : float
-        Misfit of the model; about 14 if the model is right.
+        Misfit of the model; its expected value for a correct model is 14.
     slopes, slope_std : ndarray, shape (2,)
         Slopes of the specimen's plane since the reference.
     curvatures : ndarray, shape (3,)

@@ -99,7 +99,7 @@ def turned_camera_reason(points: Points, slopes: Float, centre_mm: Float) -> str
 
 
 def uncertain_mounting(points: Points, centre_mm: Float) -> str:
-    """Return a text about the motion because of which a tilt in the reference is the main uncertainty.
+    """Return a text that names the motion which makes a tilt in the reference the main uncertainty.
 
     A tilt in the reference causes false strain if the specimen slides or stretches. A slide s causes a false
     strain of about s/Cz times the tilt. A strain e causes a false strain of e tan θ times the tilt, where θ

@@ -22,7 +22,7 @@ _STEPS = 12
 _CLOSE_MM = 1e-7
 
 _ERROR_PX = 0.01
-"""Errors of a point in addition to noise. The cameras see the pattern from different directions."""
+"""Standard deviation of each point's errors, in addition to noise, from the different directions of view."""
 
 _OUTLIER = 6.0
 """Points whose residual is larger than this many times the median residual are left out."""

@@ -41,7 +41,7 @@ _TORN = 2.0
 """Largest accepted residuals, as a multiple of the residuals that noise causes."""
 
 _LARGEST_PART = 0.5
-"""If a cause has a larger share of the variance than this, it is named as the reason."""
+"""The mounting is named as the reason for a refusal if its share of the variance is above this limit."""
 
 _USEFUL = 100e-6
 """If the strain's standard deviation is larger than this, only a significant correction is applied."""
@@ -145,9 +145,9 @@ def _corrected(measurement: Measurement, points: Points, fit: TiltFit, centre_mm
 def _too_uncertain(
     parts: StrainParts, change: float, points: Points, fit: TiltFit, centre_mm: Float
 ) -> str | None:
-    """Return the reason if a correction by `change` more probably harms than helps; None if it helps."""
-    # The error by the shift is equal in calibrated and in corrected strain, so it is left out of the
-    # comparison.
+    """Return the reason if a correction by `change` is more likely to harm than to help; otherwise None."""
+    # The error that the shift towards the camera causes is equal in calibrated and in corrected strain, so it
+    # is left out of the comparison.
     own_std = np.sqrt(sum(part**2 for name, part in parts.parts.items() if name != "shift"))
     if own_std.max() <= _USEFUL or change >= 2 * own_std.max():
         return None

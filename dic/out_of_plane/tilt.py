@@ -25,10 +25,10 @@ from dic.typing import Float
 
 _STEPS = 8
 _CLOSE = 1e-7
-"""The plane is final when its slopes change by less than this."""
+"""The iteration for the specimen's plane ends when both slopes change by less than this."""
 
 _ROUGH_PX = 0.002
-"""Smooth errors of real lenses and patterns. They are assumed if smaller errors do not explain the field."""
+"""Assumed smooth errors of real lenses and patterns, px, for fields that the usual errors do not explain."""
 
 _STRANGE = 40.0
 """If the misfit is larger, the field has larger smooth errors than usual. The expected misfit is 14."""

@@ -15,7 +15,7 @@ _DUMB = ("dumb", "unknown")
 
 
 def bottom_lines(draw: "Callable[[], RenderableType]", refreshes_per_s: float) -> "Live | None":
-    """Return Rich's display of the lines that `draw` returns, or None if nothing may be drawn.
+    """Return a display of the library Rich that shows the lines of `draw`, or None if nothing may be drawn.
 
     Nothing may be drawn if standard error is not a terminal, or is a terminal that cannot move its cursor.
     Nothing may be drawn if standard output is a pipe, because the reader of the pipe, such as `tee`, may

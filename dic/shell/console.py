@@ -156,7 +156,7 @@ def _flushed(status: int, prefix: str) -> int:
 
 
 def stopped_early(left: int, count: int, done: str) -> str:
-    """Return the words for a series that a signal ended; `done` is the work, such as "measured"."""
+    """Return the message about a series that a signal ended early; `done` is a word such as "measured"."""
     return f"stopped by a signal, {left} of {count} images not {done}"
 
 

@@ -27,7 +27,7 @@ class Bar:
 
     @cached_property
     def _bar(self) -> "Progress":
-        """Rich's bar. It is made only if it is drawn, because Rich takes time to load."""
+        """The bar of the library Rich. It is made only if it is drawn, because Rich takes time to load."""
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
         columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()

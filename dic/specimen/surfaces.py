@@ -11,20 +11,20 @@ from dic.typing import Float, Grey, Mask
 Bits = NDArray[np.uint8]
 """A mask for OpenCV, with the values 0 and 1."""
 
-# Limits of the windows in the first look.
+# Limits by which `first_look` chooses the windows that may show the specimen.
 _LEAST_SPREAD = 0.4
 _WEAK = 0.03
 """A window with less than this fraction of the strong windows' texture is background."""
 
-# Limits of other surfaces, relative to the main surface.
+# Limits by which `_like_the_main_one` accepts other surfaces, relative to the main surface.
 _LEAST_AREA, _LEAST_STRENGTH, _LEAST_ISOTROPY, _LEAST_LIKENESS = 0.15, 0.05, 0.5, 0.8
 
-# Limits of the windows in the second look, relative to the windows inside the surfaces.
+# Limits by which `find_surfaces` accepts further windows, relative to the windows inside the surfaces.
 _HALF = 0.58
 """A window on the straight edge of a surface has this share of texture: half, and a part from the edge."""
 _LEAST_SHARPNESS = 0.3
 _TONE, _TONE_SPREADS = 0.3, 4.0
-"""A window's brightness may differ by 30 %, or by this multiple of the usual difference."""
+"""A window's brightness may differ from the specimen's by 30 %, or by 4 times the median difference."""
 
 _AS_FULL_ENERGY = 2.7
 """Ratio of mean energy to smaller eigenvalue in a window with few speckles. With many speckles it is 2."""

@@ -132,8 +132,8 @@ def fitted_gradients(displacement: Displacement, window: int, degree: int) -> tu
     valid = _windows(displacement.valid, window)
     gradient = np.full((*shape, 2, 2), np.nan)
     covariance = None if noise is None else np.full((*shape, 4, 4), np.nan)
-    # Points on two straight lines do not determine a quadratic surface. Two lines hold at most 2 · window
-    # points of a window, so require one point more.
+    # Points on two straight lines do not determine a quadratic surface. At most 2 · window points of a window
+    # lie on two lines, so require one point more.
     needed = max(_MIN_WINDOW_SHARE * places, 2 * window + 1 if degree == 2 else 0)
     fits = np.flatnonzero(displacement.valid & (valid.sum(axis=(-1, -2)) >= needed))
     for some in np.array_split(fits, 1 + fits.size * places * 8 // _TERMS_IN_MEMORY):

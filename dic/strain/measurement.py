@@ -116,7 +116,7 @@ class Measurement:
 
     @property
     def resolution_px(self) -> float:
-        """Period of the wave of strain that keeps 90 % of its amplitude in the local strain."""
+        """Period, px, of the strain wave that keeps 90 % of its amplitude in the local strain."""
         return strain_resolution_px(self.settings, self.strain_settings)
 
     @cached_property

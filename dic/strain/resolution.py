@@ -17,7 +17,7 @@ from dic.strain.strain import StrainSettings
 from dic.typing import Float, Mask
 
 _LARGEST_LOSS = 0.6
-"""Largest loss that is stated. After a larger loss, too little of the strain is left for an estimate."""
+"""Largest loss of amplitude that is stated; a larger loss leaves too little strain to estimate the loss."""
 _SIGNIFICANT = 3.0
 """A loss is estimated if the strain's mean square exceeds the noise's by this many standard deviations."""
 
@@ -36,7 +36,7 @@ class Filters:
     strain: StrainSettings
 
     def along(self, per_px: Float) -> Float:
-        """Return the share of the amplitude that remains of waves along the direction of the derivative.
+        """Return the share of its amplitude that a strain wave along the direction of the derivative keeps.
 
         Parameters
         ----------
@@ -50,14 +50,14 @@ class Filters:
         )
 
     def across(self, per_px: Float) -> Float:
-        """Return the share of the amplitude that remains of waves across the direction of the derivative."""
+        """Return the share of its amplitude that a strain wave across the direction of derivative keeps."""
         if self.strain.source == "shape":
             return _mean(per_px, self._subset_px, 1)
         # Across this direction, a fitted plane and a fitted quadratic surface give all rows the same weight.
         return self._displacement(per_px) * _mean(per_px, self.strain.window_points, self.correlation.step_px)
 
     def resolution_px(self, share: float = 0.9) -> float:
-        """Return the period of the wave of strain that keeps the fraction `share` of its amplitude."""
+        """Return the period, px, of the strain wave that keeps the fraction `share` of its amplitude."""
         from scipy.optimize import brentq
 
         gauge_px = self.strain.gauge_px(self.correlation)
@@ -92,7 +92,7 @@ class Filters:
 
 @cache
 def strain_resolution_px(correlation: CorrelationSettings, strain: StrainSettings) -> float:
-    """Return the period of the wave of strain that keeps 90 % of its amplitude in local strain."""
+    """Return the period, px, of the strain wave that keeps 90 % of its amplitude in local strain."""
     return Filters(correlation, strain).resolution_px()
 
 

@@ -108,7 +108,7 @@ def _solve(normal: Float, terms: int) -> None:
 
 @inner
 def _weigh(use: Mask, weights: Float, factors: Float, row: int, column: int, parts: Float) -> None:
-    """Fill the weighted factors of each point of a window; `add_covariances` describes these factors."""
+    """Write the products of `Noise.factors` and slope weights into `parts`, for each point of a window."""
     window = use.shape[0]
     for r in range(window):
         for c in range(window):
@@ -123,7 +123,7 @@ def _weigh(use: Mask, weights: Float, factors: Float, row: int, column: int, par
 
 @inner
 def _shared(r: int, c: int, down: int, c2: int, number: Indices, clipped: Float, overlap: Float) -> float:
-    """Return the correlation of the errors of two points of a window, of which one may be clipped."""
+    """Return the correlation of the errors of two points of a window; the subset of each may be clipped."""
     window, shared = number.shape[1], 0.0
     if number[r + down, c2] >= 0:
         shared = clipped[number[r + down, c2], window - 1 - down, window - 1 + c - c2]
@@ -138,9 +138,10 @@ def _shared(r: int, c: int, down: int, c2: int, number: Indices, clipped: Float,
 def _sums(
     r: int, c: int, window: int, edge: bool, overlap: Float, number: Indices, clipped: Float, parts: Float
 ) -> tuple[float, ...]:
-    """Return the sums of the eight parts of a point and all later points, times their correlation with it.
+    """Return sums of `parts` over a point and all later points, weighted by their correlation with it.
 
-    The point itself counts half, because each pair is counted once and the transpose is added later.
+    The eight sums belong to the eight values that `parts` has for each point. The point itself counts half,
+    because each pair is counted once and `add_covariances` adds the transposed matrix.
     """
     variance = overlap[0, 0]
     if edge and number[r, c] >= 0:
@@ -235,7 +236,7 @@ def add_shared(at: Indices, use: Mask, weights: Float, bias: Float, sums: Float,
     bias : ndarray, shape (rows, columns, 2, 2)
         `Noise.bias`.
     sums : ndarray, shape (4, 2)
-        Memory.
+        Work array, which each window overwrites.
     covariance : ndarray, shape (n, 4, 4)
         Input and output, as for `add_covariances`.
     """

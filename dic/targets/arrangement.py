@@ -1,9 +1,9 @@
 """The arrangement of the dots of a plate: a square grid, or rows of which every second one is shifted.
 
-In an asymmetric grid every second row is shifted by half a pitch. Its dots form a square lattice too, but
-this lattice is turned by 45°: its vectors go half a pitch along the row and half a pitch across the row. So
-the two arrangements differ in their outline only. The sides of the rectangular outline are parallel to the
-squares of the lattice, or to the diagonals of the squares.
+In an asymmetric grid every second row is shifted by half a pitch. The dots of an asymmetric grid also form a
+square lattice, but this lattice is turned by 45°. Each lattice vector goes half a pitch along the row and
+half a pitch across the row. So the two arrangements differ in their outline only. The sides of the
+rectangular outline are parallel to the squares of the lattice, or to the diagonals of the squares.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,8 @@ import numpy as np
 
 from dic.typing import Float, Indices
 
-# Half pitches along and across the rows of an asymmetric grid are index @ _DIAGONALS.
+# For an asymmetric grid, index @ _DIAGONALS converts a lattice index to numbers of half pitches along and
+# across the rows.
 _DIAGONALS = np.array([[1, -1], [1, 1]], np.int64)
 
 
@@ -66,7 +67,7 @@ class Arrangement:
 
     @property
     def name(self) -> str:
-        """The arrangement in words, to be followed by the counts."""
+        """Name of the arrangement for messages, in which the numbers of dots follow the name."""
         return "an asymmetric grid" if self.asymmetric else "a lattice"
 
     @property
@@ -100,6 +101,6 @@ def half_pitch_vectors(vectors_px: Float) -> Float:
 
 
 def _box(index: Indices) -> tuple[int, int]:
-    """Return the numbers of places along both directions."""
+    """Return how many lattice points the indices (n, 2) span along each of the two directions."""
     width, height = (int(extent) + 1 for extent in np.ptp(index, axis=0))
     return width, height

@@ -70,7 +70,7 @@ def _axes(
     x_axis: XAxis,
     source: str,
 ) -> Axes:
-    """Return the axes of a grid whose dots have the given half pitches (n, 2), X along the rows.
+    """Return the axes of a grid with dots at `steps` (n, 2), in half pitches; X is along the rows.
 
     With an odd number of rows, the top and the bottom row begin at the left, so the plate looks different
     after half a turn, and the dots determine the axes. With an even number of rows, the plate looks the same

@@ -163,7 +163,7 @@ def markers_seen(image: NDArray[np.uint8], dictionary: str) -> tuple[Indices, Fl
 
 
 def _second_board(number: Indices, corners: Float, marker_px: Float) -> Float | None:
-    """Return the centres (n, 2), px, of a second board's markers, with numbers of the first; or None."""
+    """Return the centres (n, 2), px, of markers away from the board that repeat its numbers, or None."""
     centre = corners.mean(axis=1)
     away = np.linalg.norm(centre[:, None] - marker_px.mean(axis=1), axis=-1).min(axis=1, initial=np.inf)
     elsewhere = away > np.linalg.norm(marker_px[0, 1] - marker_px[0, 0])

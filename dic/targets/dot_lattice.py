@@ -221,7 +221,7 @@ class _Dots:
 
 
 def _other_plate(blobs: Blobs, placed: Indices, index: Indices) -> Float | None:
-    """Return the dots (m, 2), px, of a second plate beside that of the blobs `placed`; None without one.
+    """Return the dots (m, 2), px, of a second plate beside the plate of the blobs `placed`, or None.
 
     The second lattice must be at least half as large as the first. A reflection can divide one plate into two
     parts. Two such parts do not count as two plates. They are recognised because the lattice of one part

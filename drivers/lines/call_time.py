@@ -17,7 +17,7 @@ MARGIN_SHARE = 0.2
 OPENING_S = 4.0
 """Time, in seconds, for all requests that open a device. A long reply timeout of the device extends it."""
 OPENING_ANSWERS = 4
-"""If this many reply timeouts are longer than `OPENING_S`, opening may take so long."""
+"""Opening may take the time of this number of reply timeouts, if that time is longer than `OPENING_S`."""
 
 
 class CallTime:
@@ -101,7 +101,7 @@ class CallTime:
 
     @property
     def patient(self) -> bool:
-        """Whether a late answer may still be used. This is so within a call, but not during opening."""
+        """True if a late answer may still be used: within a call, but not while the device is opened."""
         return self._end_s < math.inf and not self._opening
 
     @property

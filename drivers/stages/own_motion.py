@@ -2,7 +2,8 @@
 
 import threading
 
-# Larger shifts of a stage at rest are motions. Its position control moves it less, a protocol step more.
+# A larger change of the angle between two readings at rest means that the stage was moved. The position
+# control of a stage at rest changes the angle by less, and a step of a protocol changes it by more.
 SHIFT_DEG = 0.05
 
 

@@ -22,7 +22,7 @@ from drivers.testing.common import ANSWER_S, Handle, assert_identified, assert_s
 from drivers.testing.stream_contract import StreamContract
 
 PAUSES, PAUSE_S = 0.3, 1e-3
-"""A thread pauses at this fraction of a driver's function calls and returns, for at most so many seconds."""
+"""Fraction of a driver's calls and returns at which a thread pauses, and the longest pause in seconds."""
 BYTE_BITS = 8
 
 

@@ -48,5 +48,5 @@ class Filing:
         self._calls.finish(written, meanwhile=self._meanwhile, every_s=self._every_s)
 
     def mark(self, time_s: float, message: str) -> None:
-        """Record an event at the end of a wait. By it a replay knows the number of readings in the wait."""
+        """Record an event at the end of a wait, so that a replay can count the readings during the wait."""
         self._recorder.event(time_s, "info", "engine", message)

@@ -65,9 +65,9 @@ class Unloaded:
 
 
 def unloaded(conditions: Conditions, rig: Rig) -> Unloaded | None:
-    """Return the largest load of an unloaded specimen, or None if no load frame is used.
+    """Return the load up to which a specimen counts as unloaded, or None if no load frame is used.
 
-    The load comes from the protocol. If the protocol does not pull the specimen, it comes from the rig.
+    The load comes from the protocol if the protocol pulls the specimen, and otherwise from the rig.
     """
     if conditions.zeroing is not None:
         key = conditions.zeroing.key

@@ -42,7 +42,7 @@ class Actions:
 class Preparation:
     """Prepares the rig as the conditions of a protocol require.
 
-    `unloaded` is the load of an unloaded specimen, or None without a load frame.
+    `unloaded` gives the load up to which a specimen counts as unloaded, or is None without a load frame.
     """
 
     conditions: Conditions

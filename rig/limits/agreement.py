@@ -23,13 +23,15 @@ _NOISE_DEFAULT_SHARE = 0.2
 _DRIFT_SHARE = 0.01
 _DRIFT_SIGMAS = 5.0
 _SOFTENING, _SOFTENING_MARGIN = 0.05, 0.03
-"""An increment that should be elastic may be softer than the stiffest one by the first fraction.
+"""An increment that should be elastic may be softer than the stiffest increment by the first fraction.
 
 The second value is a margin, as a fraction of the increment's load.
 """
 _YIELDED_SHARE = 0.02
-"""A yielded specimen carries more than this fraction of the load of an elastic one at the same displacement,
-even at a strain of tens of percent."""
+"""Smallest load of a yielded specimen, as a fraction of an elastic specimen's load at equal displacement.
+
+The bound is valid even at a strain of tens of percent.
+"""
 _REST_MIN_S = 0.5
 _REST_EVERY = 10
 _STUCK_READINGS = 5

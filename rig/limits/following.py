@@ -20,12 +20,17 @@ _SOFTENING_SHARE = 0.03
 """A load that rises by less than this fraction of the expected rise does not follow the motion."""
 _YIELDING_SHARE = 0.1
 """Where yielding is expected, a specimen that keeps this fraction of its stiffness must not cause an error.
-So the rise is checked over a travel in which its load rises above the noise, limited by `_WINDOW_MAX_SHARE`.
+
+So the rise is checked over a longer travel, in which the load of such a specimen rises above the noise. The
+constant `_WINDOW_MAX_SHARE` limits this travel.
 """
 _SOFTEST_SHARE = 0.02
 _SMOOTH = 3
-"""The mean of this number of readings is used. A window ends preferably at a reading that noise has raised,
-so a stiffness from single readings would be biased."""
+"""Number of readings whose mean load and mean displacement are used instead of single readings.
+
+Noise can raise a single reading and so end a window too early. Single readings would therefore give a biased
+stiffness.
+"""
 _TANGENT_WINDOWS = 3
 """Number of windows over which a stiffness is measured."""
 

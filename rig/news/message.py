@@ -19,7 +19,7 @@ _MARGIN_S = 5.0
 
 
 class Messenger:
-    """A process that sends one message. It is the message of `send`, or one about the killed program.
+    """A process that sends one message: the message that `send` gets, or a message about a killed program.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ from rig.protocol.move import Ending, Failure, Move, commanded_or_measured, has_
 from rig.protocol.step import Execute, ProtocolStep, Reading
 
 _NEAR_START = 2.0
-"""A motion starts from the commanded value if the measured value is within so many tolerances of it."""
+"""A motion starts from the commanded value if the measured value differs by at most this many tolerances."""
 
 
 @dataclass(frozen=True)

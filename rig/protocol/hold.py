@@ -9,9 +9,12 @@ from rig.protocol.move import Move, commanded_or_measured
 from rig.protocol.step import Execute, ProtocolStep, Quantity, Reading
 
 _NEAR_HOLD: dict[Quantity, float] = {"load": 2.0, "displacement": 0.5}
-"""A hold keeps the commanded value if the measured value is within so many tolerances of it, otherwise the
-measured value. A hold of the displacement sends no command, so its number is small: with a larger one, the
-readings could leave the tolerance of the commanded value."""
+"""A hold keeps the commanded value if the measured value differs by at most this number of tolerances.
+
+Otherwise the hold keeps the measured value. The number for displacement is small, because a hold of the
+displacement sends no command. With a larger number, the readings could leave the tolerance of the commanded
+value.
+"""
 
 
 @dataclass(frozen=True)

@@ -77,8 +77,8 @@ class Move:
 def commanded_or_measured(place: Place, move: Move, reading: Reading, tolerances: float) -> float:
     """Return the commanded value if the measured value is near it, otherwise the measured value.
 
-    A part of the course begins at this value. The measured value can be far from the commanded one if the
-    motion to the latter was left out.
+    A part of the course begins at this value. The measured value can be far from the commanded value if the
+    motion to the commanded value was left out.
     """
     span, measured = place.of(move.quantity), reading.of(move.quantity)
     is_there = span.is_known and not abs(measured - span.low) > tolerances * move.tolerance

@@ -19,7 +19,7 @@ from rig.recorder.space import ReservedSpace
 from rig.recorder.tables import CameraTable, Table, create_entry, create_group, create_text, fit
 
 ROW_BYTES = 256 << 10
-"""One row of any table lets the file grow by at most so many bytes, with new chunks and their index."""
+"""Largest growth of the file by one row of any table, in bytes, including new chunks and their index."""
 
 _CACHE_BYTES = 64 << 10
 """Size in bytes of HDF5's cache of each column. The default of 1 MiB would fill up slowly in a long run."""

@@ -13,8 +13,10 @@ from rig.protocol.tables import Sample
 
 OPERATOR_DONE = "operator: done"
 STEP_ON_FILE = "the step is on file"
-"""Messages of events at the end of a wait during which the devices were read. A replay ends its waits there
-too."""
+"""Messages of events that end a wait during which the devices were read.
+
+A replay ends its waits at the same events.
+"""
 
 STEP_REACHED = "reached without images: step"
 PHASE_ENDED = "the event of the phase has happened in step"

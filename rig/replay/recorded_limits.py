@@ -1,4 +1,4 @@
-"""The limits that applied to an archived run. With them its replay ends at the same reading."""
+"""The limits that applied to an archived run. They make the replay end at the same reading as the run."""
 
 import math
 import tomllib

@@ -37,7 +37,7 @@ class RigFaults(Mapping[str, FaultPanel]):
         self._panel(device, dot, text).switch_on(fault)
 
     def clear(self, text: str = "") -> None:
-        """Switch off the fault ``DEVICE.FAULT``, all faults of ``DEVICE``, or, for an empty text, all faults.
+        """Switch off the fault ``DEVICE.FAULT``, or all faults of ``DEVICE``; an empty text means all faults.
 
         Raises
         ------

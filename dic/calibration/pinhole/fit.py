@@ -162,7 +162,8 @@ def _cross_validation_px(views: _Views, whole: "_Solution", first: GridPoints, *
 def _solution(views: _Views, model: CameraModel, start: Float, *, k2: bool) -> "_Solution":
     """Return the least-squares solution.
 
-    The equations are solved twice, because the first solution gives the noise of the grid points.
+    The equations are solved twice, because their weights need the noise of the grid points. The first
+    solution gives this noise.
     """
     parameters, noise_px = start, _FIRST_NOISE_PX
     for _ in range(2):

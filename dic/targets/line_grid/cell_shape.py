@@ -1,4 +1,4 @@
-"""Decide whether cells have the shape that lines leave between them, or are round.
+"""Decide whether the cells found in an image are the areas between grid lines, or round dots.
 
 In a plate of dots, the background looks like lines, and the dots look like the cells between these lines. The
 shape of the mean cell distinguishes dots from the cells of a line grid.

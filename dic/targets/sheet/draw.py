@@ -30,7 +30,7 @@ _SUFFIXES = (".pdf", ".png", ".svg")
 _DPI = (72.0, 2400.0)
 _MOST_PX = 400_000_000
 _LONGEST_MM = 2000.0
-"""No plotter prints longer sheets."""
+"""Largest length of a sheet, because no plotter prints longer sheets."""
 
 
 def draw_target(target: Target, path: PathLike, dpi: float = 600.0) -> tuple[float, float]:
@@ -144,7 +144,7 @@ def _figure(target: Target, shapes: Shapes, sheet_mm: tuple[float, float], dpi: 
 
 
 def _draw_rulers(axes: Any, shapes: Shapes) -> None:
-    """Draw a ruler below the target and one at its left; each is a multiple of 10 mm long."""
+    """Draw a ruler below and one at the left of the target; their lengths are multiples of 10 mm."""
     width, height = shapes.size_mm()
     for along_x, size, beside in ((True, width, height), (False, height, width)):
         length = max(10, int(size // 10) * 10)

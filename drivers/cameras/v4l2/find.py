@@ -16,7 +16,7 @@ _NO_CAMERA = (errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ENOTTY)
 
 @dataclass(frozen=True)
 class Identity:
-    """Identity of the camera at a device node. A camera that is plugged into its socket again keeps it."""
+    """Identity of the camera at a device node, unchanged when the camera is plugged into its socket again."""
 
     driver: str
     card: str

@@ -6,11 +6,11 @@ import threading
 from collections import deque
 
 MODULUS = 2**16
-# A program's first sequence number is at most this much larger than the machine's number. Numbers start again
-# at 0, so a number that is ahead by more than half of their range would count as older. This limit is far
-# below that.
+# A program's first sequence number exceeds the machine's number by at most this value. After the largest
+# number the sequence starts again at 0, so a number that is ahead by more than half of the range would count
+# as older. This limit is far below half of the range.
 LEAP_MAX = 2**13
-# A program remembers so many of its latest sequence numbers, because the machine may still execute them.
+# Number of latest sequence numbers that a program remembers, because the machine may still execute them.
 REMEMBERED = 64
 
 

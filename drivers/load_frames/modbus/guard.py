@@ -16,7 +16,8 @@ from drivers.load_frames.modbus.registers.mapped_device import MappedDevice
 from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 from drivers.registry import GuardSpec
 
-# The guardian's first sequence number is so far ahead of the machine's that all of the run's are older.
+# The guardian's first sequence number exceeds the machine's by this value, so that the machine takes all
+# sequence numbers of the run for older ones.
 LEAP = LEAP_MAX + 2**12
 REACH = "reach the machine for the guardian"
 

@@ -29,7 +29,8 @@ NEEDED: dict[str, dict[str, Unit]] = {
     "watchdog": {"timeout": "s"},
     "heartbeat": {"heartbeat": ""},
 }  # fmt: skip
-# The optional blocks. For each of them: the block that has its registers in maps without it, and their names.
+# The registers of each optional block, and the mandatory block that has these registers in a map without the
+# optional block.
 APART = {
     "status": ("state", ("status", "fault", "executed", "result")),
     "setpoints": ("command", ("displacement", "speed", "load", "load_rate")),
