@@ -1,1 +1,1 @@
-"""Comparison with other programs: reads their result files, and compares them at the points in common."""
+"""Reads result files of other correlation programs, and compares them with a measurement of offaxis."""

@@ -1,4 +1,4 @@
-"""Differences between a measurement and the results of another program, at the points in common."""
+"""Differences between a measurement and the results of another program for the same image."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,14 +16,15 @@ QUANTILES = (0.05, 0.5, 0.95)
 
 @dataclass(frozen=True)
 class Difference:
-    """The difference of one quantity: ours minus the other program's.
+    """The difference of one quantity: the value of offaxis minus the value of the other program.
 
     Attributes
     ----------
     quantity : str
         "u_px", "v_px" (positive downwards), "exx", "eyy" or "exy" (y upwards).
     ours, peer : ndarray, shape (n,)
-        Values at the other program's points; NaN where one of the two has none.
+        Values of offaxis and of the other program, at the points of the other program; NaN where a value is
+        missing.
     """
 
     quantity: str
@@ -32,11 +33,11 @@ class Difference:
 
     @property
     def values(self) -> Float:
-        """Ours minus the other program's, shape (n,), NaN where one has no value."""
+        """The value of offaxis minus the value of the other program, shape (n,); NaN if one is missing."""
         return self.ours - self.peer
 
     def as_dict(self) -> dict[str, float | int | None]:
-        """Return the statistics, in the unit of the quantity; `docs/exports.md` explains the keys."""
+        """Return the statistics of the difference for JSON, in the quantity's unit; see `docs/exports.md`."""
         known = self.values[np.isfinite(self.values)]
         if not known.size:
             return {"points": 0}
@@ -63,7 +64,7 @@ class Comparison:
         The image of the measurement.
     peer : PeerField
     differences : mapping of str to Difference
-        By quantity; strains only if both have them.
+        The differences, keyed by quantity. Strains are included only if the other program's file has them.
     our_points : int
         Number of points with a displacement in the measurement.
     """
@@ -78,7 +79,7 @@ class Comparison:
 
     @property
     def common(self) -> int:
-        """Number of the other program's points at which the measurement has a displacement too."""
+        """Number of points at which both programs have a displacement."""
         return int(np.isfinite(self.differences["u_px"].values).sum())
 
     def as_dict(self) -> dict[str, Any]:
@@ -100,10 +101,10 @@ class Comparison:
 def compare(measurement: Measurement, peer: PeerField) -> Comparison:
     """Compare raw displacements and strains with those of another program.
 
-    The measurement is interpolated bilinearly to the other program's points, between four points of the grid
-    that all have a value and lie around a part of the region without a gap. A point of the grid itself is not
-    interpolated. Where the displacement has the second derivative D along an axis, the interpolation errs by
-    up to D step² / 8.
+    The measurement is interpolated bilinearly to the other program's points, each between the four grid
+    points around it. All four must have a value, and the region must be without a gap between them. A point
+    that is itself a grid point needs no interpolation. If the displacement has the second derivative D along
+    an axis, the error of the interpolation is at most D step² / 8.
     """
     field = measurement.field
     ours = {name: np.where(field.converged, getattr(field, name), np.nan) for name in ("u_px", "v_px")}
@@ -116,7 +117,7 @@ def compare(measurement: Measurement, peer: PeerField) -> Comparison:
 
 
 def raw_strain(measurement: Measurement, measure: str) -> StrainField:
-    """Return the raw local strain of a measurement in a strain measure."""
+    """Return the raw local strain of a measurement, in the given strain measure."""
     settings = measurement.strain_settings
     if measurement.calibrated is None and settings.measure == measure:
         return measurement.strain
@@ -130,11 +131,11 @@ class Interpolation:
     Attributes
     ----------
     corners : ndarray of int, shape (4, 2, n)
-        Rows and columns of the four points of the grid around each point.
+        Row and column indices of the four grid points around each of the n points.
     weights : ndarray, shape (4, n)
-        Their weights.
+        Weights of these four grid points.
     inside : ndarray of bool, shape (n,)
-        True for points within the grid, on a part of the region without a gap.
+        True for points within the grid, if the region has no gap between the four grid points.
     """
 
     corners: Any
@@ -156,7 +157,9 @@ class Interpolation:
         return cls(corners, weights, inside)
 
     def __call__(self, values: Float) -> Float:
-        """Return values (rows, columns) at the points, shape (n,); NaN where they are not known."""
+        """Interpolate the grid's values, shape (rows, columns), to the n points; NaN if values are
+        missing.
+        """
         parts = [
             # A corner without weight need not have a value.
             np.where(weight > 0.0, weight * values[rows, columns], 0.0)
@@ -166,9 +169,11 @@ class Interpolation:
 
 
 def _between(places: Float, grid: Any) -> tuple[Any, Any, Float]:
-    """Return the indices of the neighbours of places in a grid, and where between them each place lies.
+    """Return the indices of the two grid lines beside each place, and the place's fraction of the way
+    between.
 
-    A place on the grid has itself as both neighbours. A place beyond the grid has NaN.
+    For a place on a grid line, both indices are that line's. For a place outside the grid, the fraction is
+    NaN.
     """
     low = np.clip(np.searchsorted(grid, places, side="right") - 1, 0, len(grid) - 1)
     on_grid = places == grid[low]
@@ -179,7 +184,7 @@ def _between(places: Float, grid: Any) -> tuple[Any, Any, Float]:
 
 
 def _within(region: Mask, x: tuple[Any, Any], y: tuple[Any, Any]) -> Mask:
-    """Return True for each rectangle of pixels that lies in the region as a whole."""
+    """Return True for each rectangle of pixels, with limits x and y, that lies wholly in the region."""
     summed = np.zeros((region.shape[0] + 1, region.shape[1] + 1), np.int64)
     summed[1:, 1:] = region.cumsum(axis=0, dtype=np.int64).cumsum(axis=1)
     (left, right), (top, bottom) = (x[0], x[1] + 1), (y[0], y[1] + 1)

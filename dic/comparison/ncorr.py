@@ -1,12 +1,14 @@
-"""Reads the MATLAB files of Ncorr, of MATLAB's versions 5 to 7.
+"""Reads the result files of Ncorr, which are MATLAB files of the format versions 5 to 7.
 
-Files of version 7.3 are HDF5 with references, which `dic.hdf5` refuses to open; MATLAB converts them.
+Files of version 7.3 are HDF5 with references, which `dic.hdf5` refuses to open. MATLAB can convert them to
+version 7.
 
 Ncorr 1.2.2 (Blaber, Adair, Antoniou; on GitHub) keeps in `data_dic_save` one displacement and one strain per
-image. Its arrays have one element for each (spacing + 1)-th pixel of the reference, from the first one: rows
-go downwards, columns to the right. Displacements "formatted" are in the user's unit, `dispinfo.pixtounits`
-per px. The callback that calculates strains in `ncorr.m` computes Green-Lagrange strain in these axes.
-Elements outside of Ncorr's region are zero; its masks are objects of MATLAB that no other program can read.
+image. The arrays have one element for each (spacing + 1)-th pixel of the reference, from the first pixel on:
+rows go downwards, columns to the right. The displacements that Ncorr calls "formatted" are in the user's
+unit; 1 px is `dispinfo.pixtounits` of these units. The function in `ncorr.m` that calculates strains computes
+Green-Lagrange strain in the axes of the image. Elements outside Ncorr's region are zero. Ncorr's masks are
+MATLAB objects, which no other program can read.
 """
 
 from collections.abc import Callable
@@ -22,21 +24,23 @@ from dic.typing import Float
 _ROOT = "data_dic_save"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _USER_BLOCK_BYTES = 512
-"""MATLAB writes its own heading in front of HDF5."""
+"""A MATLAB file of version 7.3 begins with a heading of this size, in front of the HDF5 content."""
 _STRAINS = {f"plot_{name}_ref_formatted": name for name in ("exx", "eyy", "exy")}
 _REMEDY = "save the analysis in Ncorr again, with formatted displacements"
 
 Value = Callable[[str, str], Float | None]
-"""Returns a value of Ncorr by its group, such as "displacements", and its name; None if there is none."""
+"""Function that returns a value from a group of an Ncorr file, such as "displacements"; None if it is
+missing.
+"""
 
 
 def read_ncorr(path: Path, number: int = 1) -> PeerField:
-    """Read the results of an image from a file of Ncorr; `number` is its number in the file, from 1.
+    """Read the results of one image from a file of Ncorr; `number` counts the images of the file from 1.
 
     Raises
     ------
     RunFileError
-        If the file cannot be read, or has no such image or no formatted displacements.
+        If the file cannot be read, lacks this image, or has no "formatted" displacements.
     """
     try:
         with opened(path) as content:
@@ -54,7 +58,7 @@ def read_ncorr(path: Path, number: int = 1) -> PeerField:
 
 
 def is_matlab(path: Path) -> bool:
-    """Return True if a file begins as those of MATLAB do."""
+    """Return True if a file begins like a MATLAB file."""
     try:
         with opened(path) as content:
             return content[:6] == b"MATLAB"

@@ -29,11 +29,12 @@ class PeerField:
     u_px, v_px : ndarray, shape (n,)
         Displacement in image axes, v positive downwards.
     strains : mapping of str to ndarray, shape (n,)
-        Those of "exx", "eyy", "exy" that the file has, in axes with y upwards; NaN where there is none.
+        The strains "exx", "eyy" and "exy", if the file has them, in axes with y upwards; NaN at points
+        without strain.
     measure : str
         Strain measure of `strains`: "green-lagrange" or "small".
     image : str
-        The deformed image, as far as the file names it.
+        Name of the deformed image; empty if the file does not name it.
     """
 
     program: str
@@ -55,7 +56,7 @@ class PeerField:
 def field_of(
     program: str, path: Path, columns: Mapping[str, Float], use: Mask, measure: str, image: str = ""
 ) -> PeerField:
-    """Return the results at the points that a program has found.
+    """Return the results of another program at the points that this program could measure.
 
     Parameters
     ----------
@@ -64,13 +65,13 @@ def field_of(
     columns : mapping of str to ndarray, shape (n,)
         x, y, u, v in px and the strains, all in image axes with y downwards.
     use : ndarray of bool, shape (n,)
-        True for the points that the program has found.
+        True for the points that the program could measure.
     measure, image : str
 
     Raises
     ------
     RunFileError
-        If no point was found.
+        If the program could measure no point.
     """
     use = use & np.isfinite([columns[name] for name in "xyuv"]).all(axis=0)
     if not use.any():

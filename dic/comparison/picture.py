@@ -1,4 +1,4 @@
-"""Picture of a comparison: maps of ours, of the other program, and of the difference."""
+"""Draws a comparison: maps of our values, of the other program's values, and of their difference."""
 
 from typing import Any
 
@@ -30,7 +30,7 @@ def draw_comparison(comparison: Comparison, image: Grey) -> Any:
     points = comparison.peer.points_px
     height, width = image.shape
     aspect = np.clip(height / width, 0.3, 3.0)
-    # A tall image has the quantities side by side.
+    # The maps of a tall image fit the page better if the quantities are side by side.
     upright = aspect > 1.3
     width_in = _WIDTH_IN / (2.0 if upright else 1.0)
     across, along = (len(shown), 3) if upright else (3, len(shown))
@@ -80,7 +80,7 @@ def _draw_row(
 
 
 def _marker_pt(points: Float, width: int, width_in: float) -> float:
-    """Return the width of a marker, pt, that fills the distance between two points."""
+    """Return the width of a marker, pt, at which the markers of neighbouring points touch."""
     from scipy.spatial import KDTree
 
     spacing = float(width)

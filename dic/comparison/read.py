@@ -18,7 +18,8 @@ def read_peer(path: PathLike, *, number: int = 1, measure: str | None = None) ->
     number : int
         Number of the image in a file of Ncorr, from 1. Other files have one image.
     measure : str, optional
-        Strain measure of a file of OpenCorr, which does not name it. Default: "small", as OpenCorr's.
+        Strain measure of a file of OpenCorr, because the file does not name it. Default: "small", OpenCorr's
+        own default.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """Reads the text files of DICe and OpenCorr.
 
-DICe (Sandia; dicengine on GitHub): comment lines begin with three stars; they say that x points to the right
-and y downwards, with 0,0 at the upper left. `VSG_Strain_Post_Processor` in `DICe_PostProcessor.cpp` computes
-Green-Lagrange strain in these axes. Points that failed have SIGMA, GAMMA or MATCH of -1.
+DICe (Sandia; dicengine on GitHub): comment lines begin with three stars. The comments say that x points to
+the right and y downwards, with 0,0 at the upper left. `VSG_Strain_Post_Processor` in `DICe_PostProcessor.cpp`
+computes Green-Lagrange strain in these axes. Points that failed have SIGMA, GAMMA or MATCH of -1.
 
 OpenCorr (Jiang, on GitHub): `oc_io.cpp` writes one line per point of interest, with any separator. x and y
 are the columns and rows of the image, from 0 at the upper left. `oc_strain.cpp` computes small strain by
@@ -34,7 +34,7 @@ def read_dice(path: Path) -> PeerField:
     Raises
     ------
     RunFileError
-        If the file cannot be read, lacks a column, or has displacements since the image before.
+        If the file cannot be read, lacks a column, or gives displacements relative to the previous image.
     """
     lines = _lines(path)
     comments = [line for line in lines if line.startswith("***")]
@@ -70,7 +70,7 @@ def program_of_text(path: Path) -> str:
     Raises
     ------
     RunFileError
-        If neither did, or the file cannot be read.
+        If neither program wrote the file, or the file cannot be read.
     """
     for line in _lines(path):
         if line.startswith("***") or "COORDINATE_X" in line:
@@ -93,7 +93,7 @@ def _lines(path: Path) -> list[str]:
 
 
 def _columns(path: Path, lines: list[str]) -> dict[str, Float]:
-    """Return the columns of a table by the names in its first line."""
+    """Return the columns of a table as a dict; its keys are the names in the table's first line."""
     if len(lines) < 2:
         raise wrong(path, "a line of names and lines of numbers", f"{len(lines)} lines", _REMEDY)
     separator = next((each for each in _SEPARATORS if each in lines[0]), ",")

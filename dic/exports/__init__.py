@@ -1,1 +1,1 @@
-"""Exports: writes the fields of results in the formats of other programs, image by image."""
+"""Writes the displacement and strain fields of results in the formats of other programs, image by image."""

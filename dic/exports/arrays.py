@@ -1,4 +1,4 @@
-"""Exports for NumPy and MATLAB: one file per image, with one array per value and the units beside."""
+"""Exports for NumPy and MATLAB: one file per image, with one array per quantity, and the units."""
 
 import json
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from dic.files.writing import replacing
 
 
 class NumpyExporter(Exporter):
-    """Writes a compressed `.npz` per image; `numpy.load` reads it without pickles."""
+    """Writes one compressed `.npz` file per image, which `numpy.load` reads with ``allow_pickle=False``."""
 
     def add(self, image: ExportImage) -> None:
         """Write an image."""
@@ -27,7 +27,7 @@ class NumpyExporter(Exporter):
 
 
 class MatlabExporter(Exporter):
-    """Writes a `.mat` per image, in the format of version 5, which every MATLAB and Octave reads."""
+    """Writes one `.mat` file per image, in format version 5, which every MATLAB and Octave can read."""
 
     def add(self, image: ExportImage) -> None:
         """Write an image."""
@@ -46,7 +46,9 @@ class MatlabExporter(Exporter):
 
 
 def _arrays(image: ExportImage) -> dict[str, Any]:
-    """Return the arrays of an image, each of shape (rows, columns), with the places in px in front."""
+    """Return the arrays of an image, each of shape (rows, columns); the first two are the points' x and y in
+    px.
+    """
     points = image.points
     x_px, y_px = np.meshgrid(points.x_px, points.y_px)
     return {"x_px": x_px, "y_px": y_px, "active": points.active, **points.values}

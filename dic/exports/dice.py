@@ -1,8 +1,8 @@
-"""Export as text in the manner of DICe, for programs that read DICe's solution files.
+"""Export as text in DICe's format, for programs that read DICe's solution files.
 
 DICe (dicengine on GitHub, `DICe_Schema.cpp` and the solution files of its tests) writes comment lines that
-begin with three stars, one line with the names of the columns, and one line per subset. Its axes are those of
-the image: x to the right, y downwards. So the shear strain changes its sign.
+begin with three stars, one line with the names of the columns, and one line per subset. DICe uses the axes of
+the image: x to the right, y downwards. In these axes the shear strain has the opposite sign.
 """
 
 import numpy as np
@@ -17,10 +17,10 @@ _COLUMNS = (
 
 
 class DiceExporter(Exporter):
-    """Writes one file per image, with the points that have a displacement and no others.
+    """Writes one file per image, with only the points that have a displacement.
 
-    SIGMA is the standard deviation of the displacement, as in DICe: the larger of both axes, px. GAMMA is the
-    least of the zero-normalised sum of squared differences, which is 2 (1 - ZNCC).
+    SIGMA is the larger one of the standard deviations of u and v, px, as in DICe. GAMMA is the minimum of the
+    zero-normalised sum of squared differences, which equals 2 (1 - ZNCC).
     """
 
     def add(self, image: ExportImage) -> None:

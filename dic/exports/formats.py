@@ -1,4 +1,4 @@
-"""The formats of exports, by their names on the command line."""
+"""The export formats, named as on the command line."""
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
@@ -16,12 +16,12 @@ FORMATS: Mapping[str, str] = {
     "netcdf": "dic.exports.netcdf:NetcdfExporter",
     "dice": "dic.exports.dice:DiceExporter",
 }
-"""Each format's class, which is loaded when it is used."""
+"""The class that writes each format, as text; a class is imported only when its format is used."""
 
 NewExporter = Callable[[Path, ExportSeries], Exporter]
 
 
 def exporter_of(name: str) -> NewExporter:
-    """Return the class that writes a format."""
+    """Import and return the class that writes a format."""
     module, attribute = FORMATS[name].split(":")
     return cast(NewExporter, getattr(import_module(module), attribute))

@@ -1,4 +1,4 @@
-"""What an export writes: a series of images one by one, each with its values, units and readings."""
+"""The content of an export: images of a series, one at a time, with values, units and device readings."""
 
 import re
 from abc import ABC, abstractmethod
@@ -14,7 +14,7 @@ from dic.results.points import PointValues
 from dic.results.schema import units_of
 
 FIXED = ("X_mm", "Y_mm")
-"""Places of the points in the reference: the same in all images of a series."""
+"""Values that are the same in all images of a series: the points' positions in the reference."""
 LONG_NAMES = {
     "u_px": "displacement to the right", "v_px": "displacement downwards",
     "std_u_px": "standard deviation of u_px", "std_v_px": "standard deviation of v_px",
@@ -30,7 +30,7 @@ _READINGS = {"load_n": "N", "displacement_mm": "mm", "angle_deg": "deg", "time_s
 
 @dataclass(frozen=True)
 class ExportSeries:
-    """What all images of an export share.
+    """Properties that all images of an export share.
 
     Attributes
     ----------
@@ -48,25 +48,26 @@ class ExportSeries:
 
     @property
     def name(self) -> str:
-        """Name of a file that holds the whole series."""
+        """Name of a file that contains the whole series."""
         return file_name(self.camera) or "series"
 
 
 @dataclass(frozen=True)
 class ExportImage:
-    """An image of an export.
+    """The results of one image, to be exported.
 
     Attributes
     ----------
     number : int
-        Its number in the series, from 1; images that could not be measured are counted.
+        Number of the image in the series, from 1. Images that could not be measured count too.
     name : str
-        Name of its files, without an ending.
+        Name of the image's files, without suffix.
     points : PointValues
     known : mapping
-        The readings of a run's step that are known: load_n, displacement_mm, angle_deg, time_s.
+        Device readings of the run's step, such as load_n, displacement_mm, angle_deg and time_s; only those
+        that exist.
     row : mapping
-        The image's line of the table of mean strains, as `write_strain_table` takes it.
+        The image's row in the table of mean strains, in the form that `write_strain_table` needs.
     """
 
     number: int
@@ -77,12 +78,12 @@ class ExportImage:
 
 
 class Exporter(ABC):
-    """Writes a series of images in one format; it keeps nothing of an image but its mean strains.
+    """Writes a series of images in one format; of earlier images it keeps at most the mean strains.
 
     Parameters
     ----------
     folder : Path
-        The folder of the format, which exists.
+        The folder for the files of this format; it must exist.
     series : ExportSeries
     """
 
@@ -94,20 +95,20 @@ class Exporter(ABC):
         """Write an image."""
 
     def finish(self) -> None:  # noqa: B027 - most formats have no more to write
-        """Write what belongs to the series as a whole, after the last image."""
+        """Write the files that describe the whole series; called after the last image."""
 
     def abandon(self) -> None:  # noqa: B027 - most formats write each file whole
-        """Remove what is not complete, after an error."""
+        """Remove files that are not complete; called after an error."""
 
 
 def readings_of(known: Mapping[str, Any]) -> dict[str, float]:
-    """Return the readings that a step has."""
+    """Return the device readings of a step that exist and are not NaN."""
     numbers = {name: float(known[name]) for name in _READINGS if known.get(name) is not None}
     return {name: value for name, value in numbers.items() if value == value}
 
 
 def long_name(name: str) -> str:
-    """Return what a value is, in words."""
+    """Return the description of an exported value, in words, from its name such as "exx_std"."""
     bare = name.removeprefix("corrected_")
     text = LONG_NAMES.get(bare, bare)
     for ending, what in (("_std_images", "part that the images cause"), ("_std", "standard deviation")):
@@ -118,7 +119,7 @@ def long_name(name: str) -> str:
 
 
 def units(names: Iterable[str]) -> dict[str, str]:
-    """Return the unit of each value by its name."""
+    """Return a dict of the units of exported values, keyed by their names."""
     return {name: unit_of(name) for name in names}
 
 
@@ -128,18 +129,20 @@ def unit_of(name: str) -> str:
 
 
 def file_name(text: str) -> str:
-    """Return a text as the name of a file: letters, digits and a few signs."""
+    """Return a text as a valid file name: other characters than letters, digits and ".+-_" become "_"."""
     return re.sub(r"[^\w.+-]+", "_", text)
 
 
 def unique_names(stems: Sequence[str], taken: Iterable[str] = ()) -> list[str]:
-    """Return the names of the files of images; where two would be equal, the image's number comes first."""
+    """Return a different file name for each image: a name that occurs twice gets the image's number in
+    front.
+    """
     counts = Counter([*stems, *taken])
     return [f"{number:04d}_{stem}" if counts[stem] > 1 else stem for number, stem in enumerate(stems, 1)]
 
 
 def stem_of(label: str | Path) -> str:
-    """Return the name of an image without its ending; of a page or frame of a file with its number."""
+    """Return the name of an image without suffix; the number of a page or video frame is appended."""
     file, page = split_page(Path(label))
     kind = "frame" if is_video(file) else "page"
     return file.stem if page is None else f"{file.stem}_{kind}{page}"

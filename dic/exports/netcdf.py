@@ -1,7 +1,7 @@
 """Export as netCDF-4: one file for a series, with dimensions image, y_px and x_px.
 
-A netCDF-4 file is an HDF5 file whose dimensions are dimension scales (netCDF User's Guide, appendix on the
-netCDF-4 file format). So h5py writes it image by image, and no other library is needed.
+A netCDF-4 file is an HDF5 file whose dimensions are stored as HDF5 dimension scales (netCDF User's Guide,
+appendix on the netCDF-4 file format). So h5py can write the file image by image, without a netCDF library.
 """
 
 from contextlib import ExitStack
@@ -18,9 +18,9 @@ _GRID = ("y_px", "x_px")
 
 
 class NetcdfExporter(Exporter):
-    """Writes a file that xarray, netCDF4, MATLAB (`ncread`) and Panoply read.
+    """Writes one netCDF-4 file, which xarray, netCDF4, MATLAB (`ncread`) and Panoply can read.
 
-    Images without a value, such as one whose strain was not corrected, have NaN there.
+    If an image lacks a quantity, for example because its strain was not corrected, the values are NaN.
     """
 
     def __init__(self, folder: Path, series: ExportSeries) -> None:
@@ -47,7 +47,7 @@ class NetcdfExporter(Exporter):
                 self._described(name, points.values[name], _GRID)
 
     def finish(self) -> None:
-        """Give all values the same number of images, and put the file in its place."""
+        """Extend all variables to the number of images, and give the file its final name."""
         if self._file is not None:
             for dataset in self._file.values():
                 if dataset.maxshape[0] is None:
@@ -56,7 +56,7 @@ class NetcdfExporter(Exporter):
         self._place.close()
 
     def abandon(self) -> None:
-        """Close the file, which disappears."""
+        """Close and delete the unfinished file."""
         if self._file is not None:
             self._file.close()
         error = OSError("the export has ended early")
@@ -77,7 +77,7 @@ class NetcdfExporter(Exporter):
         return file
 
     def _new_rows(self, name: str, value: Any) -> Any:
-        """Create a value with one row per image; rows that are not written are NaN, 0 or ""."""
+        """Create a variable with one row per image; a row that is never written contains NaN, 0 or ""."""
         text, shape = isinstance(value, str), np.shape(value)
         dtype = h5py.string_dtype() if text else np.asarray(value).dtype
         packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if shape else {}

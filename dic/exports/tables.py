@@ -10,14 +10,15 @@ from dic.results.strain_table import STRAIN_FILE, write_strain_table
 
 
 class CsvExporter(Exporter):
-    """Writes the tables of `dic correlate --csv`; those of a run have the best correction of each step.
+    """Writes the same tables as `dic correlate --csv`. For a run, they contain the best correction of each
+    step.
 
     Parameters
     ----------
     folder, series
         As for `Exporter`.
     rows : list
-        The lines of the table of mean strains, to which the images are added.
+        The rows of the table of mean strains; each image appends its row to this list.
     decimal_comma : bool
         True for numbers with a decimal comma and semicolons between cells.
     """

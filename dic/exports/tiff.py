@@ -1,4 +1,4 @@
-"""Export as TIFF: one folder per value and one file per image, whose pixels are the points of the grid."""
+"""Export as TIFF: one folder per quantity, one file per image, one pixel per point of the grid."""
 
 import json
 from pathlib import Path
@@ -12,9 +12,9 @@ from dic.files.writing import replacing
 
 
 class TiffExporter(Exporter):
-    """Writes each value as 32-bit floating point, NaN where a point has none.
+    """Writes each quantity as 32-bit floating point; a point without a value is NaN.
 
-    The tag ImageDescription says in JSON which value it is, its unit, and where the points lie in the image.
+    The tag ImageDescription contains, as JSON, the quantity, its unit, and the pixel positions of the points.
     """
 
     def __init__(self, folder: Path, series: ExportSeries) -> None:

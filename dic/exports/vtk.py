@@ -1,7 +1,7 @@
 """Export for ParaView: a structured grid per image (.vts), and a file that orders them in time (.pvd).
 
-Format: VTK File Formats, the chapter on XML files; arrays are inline, each as base64 of its length (64 bits)
-and its values.
+Source of the format: "VTK File Formats", chapter on XML files. Each array is in the file itself: its length
+(64 bits) and its values, in base64.
 """
 
 import base64
@@ -18,14 +18,15 @@ from dic.results.schema import units_of
 from dic.typing import Float
 
 _HIDDEN = 2
-"""Bit HIDDENPOINT of the array vtkGhostType: ParaView does not draw such points."""
+"""The bit HIDDENPOINT of the array vtkGhostType; ParaView does not draw points with this bit."""
 _TYPES = {"f8": "Float64", "u1": "UInt8"}
 
 
 class VtkExporter(Exporter):
-    """Writes the grid of points in millimetres, or in pixels without a calibration; y points upwards in both.
+    """Writes the grid of points in mm, or in px if there is no calibration, always with y upwards.
 
-    Points without a displacement are hidden. Displacements are vectors too, for the filter Warp By Vector.
+    Points without a displacement are hidden. Displacements are also written as vectors, for ParaView's filter
+    "Warp By Vector".
     """
 
     def __init__(self, *arguments: Any) -> None:
@@ -39,7 +40,9 @@ class VtkExporter(Exporter):
         self._times.append((image.number, image.known.get("time_s"), name))
 
     def finish(self) -> None:
-        """Write the order of the images: by time, if each image has one later than that before."""
+        """Write the file that orders the images: by time if every image has a later time than the one
+        before.
+        """
         known = [time for _, time, _ in self._times if time is not None]
         timed = len(known) == len(self._times) and all(np.diff(known) > 0.0)
         lines = [
@@ -75,14 +78,14 @@ def grid_text(points: PointValues) -> str:
 
 
 def _places(points: PointValues) -> Float:
-    """Return the places of all points, also of those without a value, shape (rows, columns, 3)."""
+    """Return the positions of all points, in mm or px, y upwards, shape (rows, columns, 3)."""
     x_px, y_px = np.meshgrid(points.x_px.astype(np.float64), points.y_px.astype(np.float64))
     x, y = points.values.get("X_mm", x_px), points.values.get("Y_mm", -y_px)
     return np.stack([_filled(x, x_px, y_px), _filled(y, x_px, y_px), np.zeros_like(x_px)], axis=-1)
 
 
 def _filled(values: Float, x_px: Float, y_px: Float) -> Float:
-    """Return places in which those that are not known continue the others linearly; they are hidden."""
+    """Replace unknown coordinates by those of the plane fitted to the known ones; such points are hidden."""
     known = np.isfinite(values)
     if known.all() or not known.any():
         return np.nan_to_num(values)

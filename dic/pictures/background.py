@@ -13,7 +13,7 @@ _MOST_PX = 1200
 """Longer side of the image that is drawn. More pixels make a picture slow and large, not clearer."""
 
 _MARGIN = 0.05
-"""Free space around the points on rectified pictures, as a fraction of their extent."""
+"""Free space around the points on a rectified picture, as a fraction of the extent of the points."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def background_of(image: NDArray[Any], places: Places) -> Background:
 
 
 def _magnification(homography: Float, points: Float) -> tuple[float, float]:
-    """Return the largest width and height that a homography gives to a pixel at any of the points (…, 2)."""
+    """Return the largest width and the largest height of the image of a pixel under a homography."""
     here = mapped(homography, points)
     across, down = (np.linalg.norm(mapped(homography, points + step) - here, axis=-1) for step in np.eye(2))
     return float(across.max()), float(down.max())

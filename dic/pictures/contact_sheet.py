@@ -18,7 +18,7 @@ from dic.strain.measurement import Measurement
 from dic.typing import Grey, ImageLike, PathLike
 
 MOST_PANELS = 48
-"""A longer series is shown by this number of images, evenly spaced, with the first and the last."""
+"""Largest number of images shown; of a longer series, evenly spaced images from first to last are shown."""
 
 _COLUMNS = {"wide": 6, "tall": 8}
 _LONGEST_NAME = 24

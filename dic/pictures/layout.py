@@ -11,7 +11,7 @@ _BAR_MM, _BAR_GAP_MM, _BAR_TEXT_MM = 2.5, 1.2, 9.5
 _TICKS_LEFT_MM, _TICKS_BELOW_MM = 10.0, 8.5
 _MARGIN_MM = 1.5
 _LEAST_AXES_MM = 22.0
-"""Width that the numbers below an axis need."""
+"""Least width of a panel's axes: the numbers below narrower axes would overlap."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Layout:
         return _PANEL_TITLE_MM + self._axes_mm[1] + below
 
     def readable(self) -> "Layout":
-        """Return the layout with fewer panels in a row, if the axes would be too small otherwise."""
+        """Return this layout, with fewer panels in a row if the axes of the panels would be too small."""
         layout = self
         while layout.columns > 1 and layout._axes_mm[0] < _LEAST_AXES_MM:
             layout = replace(layout, columns=layout.columns - 1)
@@ -93,7 +93,7 @@ class Layout:
         return figure.add_axes(self._rectangle(left, self._top_mm(row) + _PANEL_TITLE_MM, width, height))
 
     def add_bar(self, figure: Any, index: int) -> Any:
-        """Add the axes of a panel's colour bar; if `bars` is False, the axes of the bar for all panels."""
+        """Add the axes for the colour bar of a panel, or for the common colour bar if `bars` is False."""
         row, column = divmod(index, self.columns)
         width, height = self._axes_mm
         if self.bars:
@@ -109,7 +109,7 @@ class Layout:
         return _MARGIN_MM + (_TITLE_MM if self.title else 0.0) + row * self._row_mm
 
     def _rectangle(self, left: float, top: float, width: float, height: float) -> list[float]:
-        """Return a rectangle as matplotlib takes it: fractions of the figure, from the lower left corner."""
+        """Return a rectangle in matplotlib's form: fractions of the figure, from its lower left corner."""
         bottom = self.height_mm - top - height
         return [
             left / self.width_mm,

@@ -118,7 +118,7 @@ def draw_panel(axis: Any, panel: Panel, corners: Float, settings: MapSettings, s
 
 
 def draw_bar(figure: Any, mesh: Any, axis: Any, extend: str) -> None:
-    """Draw the colour bar. An end is an arrow if values lie beyond this end of the scale."""
+    """Draw the colour bar; an end of the bar is an arrow if the map has values beyond this end."""
     bar = figure.colorbar(mesh, cax=axis, extend=extend, extendfrac=0.04)
     bar.ax.tick_params(labelsize=FONT_PT - 1, length=2, pad=1.5)
     bar.ax.ticklabel_format(useOffset=False)

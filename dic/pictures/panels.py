@@ -13,12 +13,12 @@ from dic.typing import Float
 
 MICRO = 1e6
 _PERCENTILES = (1.0, 99.0)
-"""The scale spans these percentiles, so that single extreme points do not stretch it."""
+"""The colour scale spans these percentiles of the values, so that single extreme values do not widen it."""
 
 _LEAST_SPREAD = 1e-3
-"""Least range of a scale, as a fraction of its values."""
+"""Least range of a colour scale, as a fraction of its larger absolute end."""
 _LEAST_RANGE = 1e-9
-"""Least range of the scale for an image without any motion."""
+"""Least range of a colour scale for an image without any motion, where all values are zero."""
 
 _STRAIN_NAMES = {"exx": "εxx", "eyy": "εyy", "exy": "εxy"}
 
@@ -45,12 +45,12 @@ class Panel:
 
     @property
     def title(self) -> str:
-        """Name and unit."""
+        """Title of the map: the name and the unit of the quantity."""
         return f"{self.name}, {self.unit}"
 
     @property
     def span(self) -> tuple[float, float] | None:
-        """The lowest and the highest value without single extreme points; None if there are no values."""
+        """The 1st and the 99th percentile of the values; None if there are no values."""
         known = self.values[np.isfinite(self.values)]
         if not known.size:
             return None
@@ -99,7 +99,7 @@ Scale = Mapping[str, tuple[float, float]]
 
 
 def widened(scale: Scale, maps: Maps) -> Scale:
-    """Return a scale that also spans the 1st to the 99th percentile of the maps of a further image."""
+    """Return a scale widened to span the 1st to the 99th percentile of the maps of a further image."""
     ends = dict(scale)
     for panel in maps.panels:
         if (span := panel.span) is not None:
@@ -109,7 +109,7 @@ def widened(scale: Scale, maps: Maps) -> Scale:
 
 
 def finished(scale: Scale, settings: MapSettings) -> Scale:
-    """Return the scale that is drawn: symmetric for diverging colours, with the ends that the user gave."""
+    """Return the final scale: symmetric if the colours diverge, and with the limits that the user gave."""
     ends = {quantity: _spread(*span) for quantity, span in scale.items()}
     if settings.colours == "diverging":
         ends = {quantity: _symmetric(*span) for quantity, span in ends.items()}
@@ -117,7 +117,7 @@ def finished(scale: Scale, settings: MapSettings) -> Scale:
 
 
 def _spread(low: float, high: float) -> tuple[float, float]:
-    """Return ends that differ clearly, even if the values differ by rounding errors only."""
+    """Return the ends of a scale, moved apart if they differ by little more than rounding errors."""
     least = max(_LEAST_SPREAD * max(abs(low), abs(high)), _LEAST_RANGE)
     if high - low >= least:
         return low, high

@@ -12,8 +12,7 @@ from dic.typing import Float
 
 _CORNERS = ((0, 0), (0, 1), (1, 0), (1, 1))
 _DETERMINED = 1e-9
-"""Least eigenvalue, as a fraction of the largest, of the normal equations of a homography that is determined.
-
+"""Least ratio of eigenvalues at which points determine a homography uniquely; see `_determine_homography`.
 Points on a line give 1e-16, and a grid of 2 × 1000 points gives 0.1.
 """
 
@@ -143,7 +142,7 @@ def _cell_corners(field: Field, *, deformed: bool) -> Float:
 
 
 def _between(positions: Float) -> Float:
-    """Return the limits of cells around positions (n,), shape (n + 1,); a single cell is 1 px wide."""
+    """Return the limits between cells around n positions, shape (n + 1,); a single cell is 1 px wide."""
     middle = (positions[1:] + positions[:-1]) / 2
     half = (positions[1] - positions[0]) / 2 if positions.size > 1 else 0.5
     return np.concatenate([[positions[0] - half], middle, [positions[-1] + half]])

@@ -7,7 +7,7 @@ from math import isfinite
 from dic.errors import Check, CorrelationError, is_number, require_all
 
 QUANTITIES = ("u", "v", "exx", "eyy", "exy")
-"""Displacement to the right and upwards, and the three strains."""
+"""The quantities that a map can show: displacement to the right and upwards, and three strains."""
 
 COLOURS = {
     "viridis": "viridis",

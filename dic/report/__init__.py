@@ -1,4 +1,4 @@
-"""The report: one HTML file with all figures; it compares runs with Helm and Deaner's paper."""
+"""Writes reports as single HTML files; the report on runs compares them with Helm and Deaner's paper."""
 
 from dic.report.page import write_report
 

@@ -21,15 +21,15 @@ from dic.typing import PathLike
 _COMPARE_FIRST = "compare specimens first: dic.compare_specimens(properties)"
 _DASHES, _WIDTHS = ("-", "--", ":", "-."), (1.3, 2.6)
 _MOST_NAMED = 40
-"""So many curves differ by colour, dashes or width."""
+"""A figure of more curves than this has no legend: no more styles of line can be told apart."""
 _LINE_CHARACTERS, _SAMPLE_CHARACTERS = 140, 9
-"""Width of the legend, and of a name's line in it, in characters."""
+"""Width of the legend, and of the sample of line beside each name, in characters."""
 _ANISOTROPY = {"r_mean": "r̄", "delta_r": "Δr"}
 
 
 @dataclass(frozen=True)
 class CampaignCell:
-    """A value in the table of specimens, its standard deviation, and if it has flags or is an outlier."""
+    """A cell of the table of specimens: value, standard deviation, has the value flags, is it an outlier."""
 
     value: str
     std: str
@@ -39,7 +39,7 @@ class CampaignCell:
 
 @dataclass(frozen=True)
 class SpecimenRow:
-    """A specimen in the table."""
+    """A row of the table of specimens: name, direction, properties, and the reason if its test failed."""
 
     name: str
     direction: str
@@ -49,7 +49,7 @@ class SpecimenRow:
 
 @dataclass(frozen=True)
 class ScatterRow:
-    """A property in the table of a group: symbol, unit, number, and the statistics as text."""
+    """A row of the table of a group: a property, its number of values, its statistics and its outlier."""
 
     symbol: str
     unit: str
@@ -138,7 +138,7 @@ def _view(campaign: Campaign, title: str) -> CampaignView:
 
 
 def symbol_of(key: str) -> str:
-    """Return the symbol of a property: "Rp0,2" for "Rp02_mpa"."""
+    """Return the symbol of a property from its key, such as "Rp0,2" from "Rp02_mpa"."""
     return SYMBOLS[key][0] if key in SYMBOLS else key.partition("_")[0]
 
 
@@ -167,7 +167,7 @@ def _specimen(campaign: Campaign, test: SpecimenTest, keys: Sequence[str]) -> Sp
 
 
 def _flags(campaign: Campaign, name: str, keys: Sequence[str]) -> list[str]:
-    """Return what speaks against the values of a specimen, one sentence each."""
+    """Return the objections to the values of a specimen, one sentence each."""
     found = campaign.found[name]
     of_values = {key: found.values[key] for key in keys if key in found.values}
     own = [f"{symbol_of(key)}: {flag}" for key, value in of_values.items() for flag in value.flags]
@@ -188,14 +188,14 @@ def _scatter_rows(group: Group) -> list[ScatterRow]:
 
 
 def statistics_cells(scatter: Scatter) -> list[str]:
-    """Return mean, standard deviation between specimens, standard error and mean stated one as text."""
+    """Return the statistics of a property as text, in the order of `dic.campaigns.table.STATISTICS`."""
     digits = DECIMALS[scatter.unit]
     numbers = (scatter.mean, scatter.std_between, scatter.standard_error, scatter.stated_std)
     return ["–" if number is None else fixed(number, digits) for number in numbers]
 
 
 def outlier_text(scatter: Scatter) -> str:
-    """Return the outcome of Grubbs' test in words."""
+    """Return the result of Grubbs' test for outliers in words."""
     test = scatter.outlier
     if test.place is None or test.statistic is None or test.critical is None:
         return f"not tested: {test.reason}"

@@ -32,7 +32,7 @@ class Entry:
 
     @property
     def where(self) -> str:
-        """The run and the camera of this value, as text."""
+        """The names of the run and the camera that gave this value."""
         return f"run {self.run}, {self.camera}"
 
 

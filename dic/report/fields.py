@@ -25,7 +25,7 @@ class FieldPicture:
 
 
 def field_pictures(run: Run) -> list[FieldPicture]:
-    """Return the maps of every camera at a few characteristic steps, which depend on the kind of the run."""
+    """Return the maps of every camera of a run, at steps that are characteristic of the kind of test."""
     telling = rotation.telling_steps if run.kind == "rotation" else tension.telling_steps
     pictures = []
     for step, words in telling(run.steps):

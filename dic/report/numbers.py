@@ -5,7 +5,7 @@ from datetime import datetime
 
 _MOST_DIGITS = 4
 _ROUND = 9.95
-"""A number below this limit is less than 10.0 after rounding to one decimal."""
+"""Only a number below this limit is written as less than 10.0 when it is rounded to one decimal."""
 
 
 def micro(value: float) -> str:

@@ -1,4 +1,4 @@
-"""Write the HTML page of the report; this module selects the content of the page and its order."""
+"""Write the HTML page of the report on runs; this module selects and orders the content of the page."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

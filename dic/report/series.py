@@ -22,9 +22,9 @@ from dic.typing import Float
 Kind = Literal["tension", "rotation", ""]
 
 _CLEAR = 3.0
-"""Smallest off-axis angle that the report shows, as a multiple of the angle's standard deviation."""
+"""The report shows an off-axis angle only if it exceeds its standard deviation by this factor."""
 _LEAST_DEG = 1.0
-"""Smallest off-axis angle that the report shows. A smaller angle is within the usual error of alignment."""
+"""The report shows no smaller off-axis angle: it is within the usual error of alignment."""
 
 _ALONG_DEG = 15.0
 """Largest angle between a camera's tilt and an axis for which false strain counts as strain along the axis.

@@ -26,7 +26,7 @@ _COMPONENTS = ("exx", "eyy", "exy")
 
 @dataclass(frozen=True)
 class ImageRow:
-    """An image in the table: its name, the share of its points in %, its strains in µε, and a problem."""
+    """A row of the table: image, share of points that were measured in %, strains in µε, and a problem."""
 
     name: str
     share: str

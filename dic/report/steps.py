@@ -19,7 +19,7 @@ _READINGS: tuple[Reading, ...] = (
     ("Displ., mm", "displacement_mm", 4),
     ("Angle, °", "angle_deg", 3),
 )
-"""Readings of the devices: heading in the table, name of the attribute of a step, and number of decimals."""
+"""The readings of devices in the table: heading, attribute of `RunStep`, and number of decimals."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class StepTable:
 def camera_tables(run: Run) -> list[StepTable]:
     """Return one table of steps per camera, with raw, calibrated and corrected strain in µε.
 
-    If the standard deviations of calibrated and corrected strain are known, they stand beside the strain.
+    The table also shows the standard deviations of calibrated and corrected strain, if they are known.
     """
     tables, readings = [], _readings(run)
     for series in run.cameras:

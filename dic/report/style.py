@@ -13,7 +13,7 @@ Kind = Literal["raw", "calibrated", "corrected"]
 
 ON_AXIS_COLOUR = "#4d4d4d"
 OFF_AXIS_COLOURS = ("#0072b2", "#e69f00", "#d55e00", "#009e73", "#cc79a7")
-"""Colours by Okabe and Ito, which colour-blind people can distinguish."""
+"""Colours of curves, chosen by Okabe and Ito so that colour-blind people can distinguish them."""
 MARKERS = "osD^vP"
 ON_AXIS_MARKERS = "x+1234"
 PAIR_STYLE = {"color": "#009e73", "marker": "D", "linestyle": ":", "markersize": 3.5}
@@ -25,7 +25,7 @@ CONFIDENCE = 1.96
 
 PAGE_WIDTH_IN = 11.0
 _LABELS_LEFT_IN = 0.9
-"""Room for the labels of a vertical axis, up to "−100000 µε" with its name."""
+"""Space for the labels of a vertical axis: the axis' name and numbers as long as "−100000"."""
 _LABELS_BELOW_IN = 0.46
 _RIGHT_IN = 0.1
 _TOP_IN = 0.18

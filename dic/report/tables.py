@@ -23,7 +23,7 @@ _MOTIONS = {
     "free": "none: the steps tell no motion",
 }
 _USES = (("in use", "model"), ("recommended", "recommended"))
-"""Purposes of a calibration model, such as "in use", each with the attribute that names the model."""
+"""Purposes of a calibration model, such as "in use", and the attributes of `Calibration` that name it."""
 
 
 def calibration_rows(run: Run) -> list[list[str]]:

@@ -18,7 +18,9 @@ _DASHES = ("--", "-", ":", "-.")
 
 @dataclass(frozen=True)
 class PropertyRow:
-    """A row of the table: symbol, name and unit of a property, one cell per column, known value, and rule."""
+    """A row of the table of properties: a property with one value per column, its known value and its
+    rule.
+    """
 
     symbol: str
     name: str
@@ -51,7 +53,7 @@ class TensileView:
 
 
 def tensile_view(test: TensileTest) -> TensileView:
-    """Return tables and figures of a test; call it within `plot_style`."""
+    """Return the tables and figures of a tensile test; call this function within `plot_style`."""
     return TensileView(
         test=test,
         headings=[(column.camera, column.kind_text) for column in test.columns],

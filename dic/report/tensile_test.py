@@ -38,7 +38,7 @@ class TestColumn:
     Attributes
     ----------
     camera : str
-        "" for a series of images.
+        Name of the camera; "" for a series of images.
     read : GaugeCurve
     labels : tuple of str
         The image or step of each point of the curve.
@@ -52,16 +52,16 @@ class TestColumn:
 
     @property
     def kind_text(self) -> str:
-        """The kind of strain."""
+        """The kind of strain in words, such as "calibrated"."""
         return _UNCORRECTED[self.read.kind]
 
     @property
     def label(self) -> str:
-        """Camera and kind of strain."""
+        """Heading of the column: the camera and the kind of strain."""
         return ", ".join(part for part in (self.camera, self.kind_text) if part)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return properties and curve for JSON."""
+        """Return the properties and the stress-strain curve of the column as a dict for JSON."""
         curve, found = self.read.curve, self.properties.as_dict()
         values = {
             name: found[name] | ({"symbol": SYMBOLS[name][0]} if name in SYMBOLS else {})
@@ -99,7 +99,7 @@ class TensileTest:
     columns : tuple of TestColumn
         The columns of each camera, from the least accurate kind of strain to the best.
     known : mapping of str to float
-        True or certified values, by the keys of the properties; {} without known values.
+        True or certified values, keyed by the properties' keys; empty if no values are known.
     """
 
     title: str
@@ -116,7 +116,7 @@ class TensileTest:
         return self.columns[-1]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the test for JSON."""
+        """Return the test as a dict for JSON."""
         settings = {"area_mm2": self.settings.area_mm2, "area_std_mm2": self.settings.area_std_mm2}
         settings |= {"load_std_percent": self.settings.load_std_percent}
         return {
@@ -151,14 +151,14 @@ def tensile_test(
         Names of the gauges along and across the specimen.
     settings : PropertySettings
     known : mapping of str to float, optional
-        True or certified values, by the keys of the properties. They are shown beside the measured values.
+        True or certified values, keyed by the properties' keys, to show beside the measured values.
     title : str, optional
         Default: the name of the result file.
 
     Raises
     ------
     CurveError, GaugeError
-        If this is no tensile test, or a name is unknown.
+        If the series is no tensile test, or the name of a gauge is unknown.
     """
     known = dict(known or {})
     for name, value in known.items():

@@ -1,4 +1,4 @@
-"""Figures of the tension test: strains like figures 16 to 20 of Helm and Deaner; load and displacement."""
+"""Figures of the tension test: strains as in figures 16 to 20 of Helm and Deaner's paper, and the load."""
 
 from typing import Any
 
