@@ -157,9 +157,7 @@ class Interpolation:
         return cls(corners, weights, inside)
 
     def __call__(self, values: Float) -> Float:
-        """Interpolate the grid's values, shape (rows, columns), to the n points; NaN if values are
-        missing.
-        """
+        """Interpolate values (rows, columns) of the grid to the n points; NaN if a value is missing."""
         parts = [
             # A corner without weight need not have a value.
             np.where(weight > 0.0, weight * values[rows, columns], 0.0)
@@ -169,8 +167,7 @@ class Interpolation:
 
 
 def _between(places: Float, grid: Any) -> tuple[Any, Any, Float]:
-    """Return the indices of the two grid lines beside each place, and the place's fraction of the way
-    between.
+    """Return the two grid lines beside each place (indices), and the fraction of the way between them.
 
     For a place on a grid line, both indices are that line's. For a place outside the grid, the fraction is
     NaN.

@@ -46,9 +46,7 @@ class MatlabExporter(Exporter):
 
 
 def _arrays(image: ExportImage) -> dict[str, Any]:
-    """Return the arrays of an image, each of shape (rows, columns); the first two are the points' x and y in
-    px.
-    """
+    """Return the arrays of an image, shape (rows, columns), beginning with the points' x and y in px."""
     points = image.points
     x_px, y_px = np.meshgrid(points.x_px, points.y_px)
     return {"x_px": x_px, "y_px": y_px, "active": points.active, **points.values}

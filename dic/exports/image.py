@@ -134,9 +134,7 @@ def file_name(text: str) -> str:
 
 
 def unique_names(stems: Sequence[str], taken: Iterable[str] = ()) -> list[str]:
-    """Return a different file name for each image: a name that occurs twice gets the image's number in
-    front.
-    """
+    """Return a unique file name for each image; the image's number is put before a repeated name."""
     counts = Counter([*stems, *taken])
     return [f"{number:04d}_{stem}" if counts[stem] > 1 else stem for number, stem in enumerate(stems, 1)]
 

@@ -10,8 +10,7 @@ from dic.results.strain_table import STRAIN_FILE, write_strain_table
 
 
 class CsvExporter(Exporter):
-    """Writes the same tables as `dic correlate --csv`. For a run, they contain the best correction of each
-    step.
+    """Writes the same tables as `dic correlate --csv`; for a run, with the best correction of each step.
 
     Parameters
     ----------

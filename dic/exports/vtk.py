@@ -40,9 +40,7 @@ class VtkExporter(Exporter):
         self._times.append((image.number, image.known.get("time_s"), name))
 
     def finish(self) -> None:
-        """Write the file that orders the images: by time if every image has a later time than the one
-        before.
-        """
+        """Write the file that orders the images: by time if the times always increase, else by number."""
         known = [time for _, time, _ in self._times if time is not None]
         timed = len(known) == len(self._times) and all(np.diff(known) > 0.0)
         lines = [

@@ -1,1 +1,1 @@
-"""Gauges in a measured field: extensometers, areas, cuts and points, with one reading per image."""
+"""Virtual gauges in a displacement field: extensometers, areas, line cuts and points, read in each image."""

@@ -1,4 +1,4 @@
-"""Line cuts: affine displacements fitted around many places at once."""
+"""Line cuts: displacement and strain along a line, from affine fits around many places at once."""
 
 from dataclasses import dataclass
 
@@ -17,18 +17,18 @@ from dic.typing import Float, Indices, Mask
 
 _NAMES = ("u", "v", "exx", "eyy", "exy")
 _IN_MEMORY = 4_000_000
-"""Correlations between points are computed for about this number of pairs at a time."""
+"""Correlations between errors of points are computed for about this number of pairs of points at a time."""
 
 
 @dataclass(frozen=True)
 class PlacedCut:
-    """A line cut, and the points around each of its places.
+    """A line cut, and the measured points around each place of the cut.
 
     Attributes
     ----------
     gauge : LineCut
     rows, columns : ndarray of int, shape (places, m)
-        Places of the points in the grid of points.
+        Row and column indices of the points in the grid of points.
     member : ndarray of bool, shape (places, m)
         False where a place has fewer than m points.
     place : ndarray, shape (places, m)
@@ -43,7 +43,7 @@ class PlacedCut:
 
     @classmethod
     def of(cls, gauge: LineCut, places: GridPlaces, window_points: int) -> "PlacedCut":
-        """Find the points around each place, by default in a window of `window_points` columns and rows.
+        """Find the points around each place; without a width, in a square of `window_points` points a side.
 
         Raises
         ------
@@ -67,7 +67,7 @@ class PlacedCut:
         return cls(gauge, rows, columns, member, place)
 
     def read(self, field: GaugeField) -> Profile:
-        """Return displacement and strain at each place in one field."""
+        """Return displacement and strain at each place of the cut, in one displacement field."""
         displacement = field.displacement
         valid = self.member & displacement.valid[self.rows, self.columns]
         counts, declared = valid.sum(axis=1), self.member.sum(axis=1)
@@ -91,7 +91,7 @@ class PlacedCut:
         )
 
     def _fitted(self, field: GaugeField, some: Indices, valid: Mask) -> dict[str, Float]:
-        """Return the values at the places with the indices `some`."""
+        """Return displacement, strain and standard deviations at the places with the indices `some`."""
         displacement, at = field.displacement, (self.rows[some], self.columns[some])
         whole = displacement.position[at]
         places = np.einsum("pm,pmi->pi", self.place[some], np.where(self.member[some][..., None], whole, 0.0))
@@ -113,7 +113,7 @@ class PlacedCut:
 
 
 def _covariances(noise: Noise, rows: Indices, columns: Indices, sums: Float) -> Float:
-    """Return the covariance of the six sums of each place, shape (places, 6, 6)."""
+    """Return the covariance of a place's displacement and gradient (six sums), shape (places, 6, 6)."""
     count, most = rows.shape
     weights = np.einsum("ik,pjm->pmikj", np.eye(2), sums).reshape(count, most, 2, 6)
     used = (sums != 0.0).any(axis=1)[:, :, None, None]

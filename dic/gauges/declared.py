@@ -1,7 +1,8 @@
 """The gauges that a user declares by name: extensometers, strain-gauge areas, line cuts and points.
 
 Places are in pixels (x right, y down, from the centre of the image's first pixel) or in millimetres on the
-specimen (the calibration grid's axes, X right, Y up). Angles are positive from x right to y up in both.
+specimen (the calibration grid's axes, X right, Y up). In both units, angles are positive from the right
+upwards.
 """
 
 import re
@@ -16,7 +17,7 @@ from dic.typing import Float
 
 UNITS = ("px", "mm")
 LEAST_LINES = 32
-"""ISO 10113 recommends to average transverse strain over many places of the gauge length."""
+"""Least number of lines of a transverse gauge; ISO 10113 recommends to average over many places."""
 MOST_LINES = 10_000
 _MOST = 1e6
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
@@ -64,7 +65,7 @@ class Gauge:
         return []
 
     def upwards(self, places: Any) -> Float:
-        """Return places (…, 2) of the gauge with the second coordinate upwards."""
+        """Return the given places, shape (…, 2), in axes whose second coordinate points upwards."""
         return np.asarray(places, np.float64) * (1.0, -1.0 if self.unit == "px" else 1.0)
 
 
@@ -75,9 +76,9 @@ class Extensometer(Gauge):
     Attributes
     ----------
     start, end : tuple of float
-        Centres of the two patches.
+        Coordinates of the centres of the two patches.
     patch : float
-        Width of the square patches, one side of which is parallel to the line.
+        Side length of the square patches. One side is parallel to the line.
     """
 
     kind: ClassVar[str] = "extensometer"
@@ -92,16 +93,16 @@ class Extensometer(Gauge):
 
 @dataclass(frozen=True, kw_only=True)
 class TransverseExtensometer(Gauge):
-    """The mean of many parallel line extensometers, such as for the width of a specimen.
+    """Many parallel line extensometers, whose strains are averaged; for example across a specimen.
 
     Attributes
     ----------
     start, end : tuple of float
-        Ends of the line in the middle.
+        Ends of the middle line.
     patch : float
-        Width of the square patch at each end of each line.
+        Side length of the square patch at each end of each line.
     spread : float
-        Distance between the first and the last line, which are equally far from the line in the middle.
+        Distance between the first and the last line. The middle line lies halfway between them.
     lines : int
         Number of lines, at least 32. A reading needs 32 lines with displacements at both ends.
     """
@@ -132,11 +133,11 @@ class StrainGauge(Gauge):
     Attributes
     ----------
     centre, size : tuple of float, or None
-        Middle, and width and height, of a rectangle.
+        Centre of a rectangle, and its width and height; None for a polygon.
     angle_deg : float
-        Angle by which the rectangle is turned.
+        Angle by which the rectangle is turned about its centre.
     corners : tuple of (float, float), or None
-        Corners of a polygon, in the place of a rectangle.
+        Corners of a polygon; None for a rectangle.
     direction_deg : float
         Direction of the engineering strain `strain`: 0 for x, 90 for y.
     """
@@ -205,8 +206,8 @@ class LineCut(Gauge):
     places : int
         Number of places, from 2 to 2000.
     width : float or None
-        Width of the square around each place to which an affine displacement is fitted. None for the window
-        of local strain.
+        Side length of the square around each place. An affine displacement is fitted to the points in the
+        square. None for the window of local strain.
     """
 
     kind: ClassVar[str] = "cut"
@@ -233,8 +234,8 @@ class PointGauge(Gauge):
     ----------
     at : tuple of float
     width : float or None
-        Width of the square around the place to which an affine displacement is fitted. None for the window
-        of local strain.
+        Side length of the square around the place. An affine displacement is fitted to the points in the
+        square. None for the window of local strain.
     direction_deg : float
         Direction of the engineering strain `strain`: 0 for x, 90 for y.
     """
@@ -256,7 +257,7 @@ class PointGauge(Gauge):
 KINDS: Mapping[str, type[Gauge]] = {
     kind.kind: kind for kind in (Extensometer, TransverseExtensometer, StrainGauge, LineCut, PointGauge)
 }
-"""The classes of gauges by the names of their kinds in a file."""
+"""The class of each kind of gauge, keyed by the name of the kind in a file."""
 
 
 def _line_checks(start: object, end: object) -> list[Check]:

@@ -1,4 +1,4 @@
-"""The displacement fields of one image that gauges read: raw, calibrated and corrected, with their errors."""
+"""The displacement fields of one image that gauges read: raw, calibrated and corrected, with errors."""
 
 from dataclasses import dataclass, replace
 
@@ -16,18 +16,18 @@ _STRAINS = ("exx", "eyy", "exy")
 
 @dataclass(frozen=True)
 class GaugeField:
-    """A displacement field and the errors of its strain.
+    """A displacement field of one kind, with the errors that all points share.
 
     Attributes
     ----------
     displacement : Displacement
-        With the errors that the images cause, unless they are not known.
+        The displacements. They have the errors that the images cause, if these errors are known.
     common_noise : ndarray, shape (3, 3)
-        Covariance of the errors of exx, eyy, exy that all points share because the noise of this image
-        changes the correction.
+        Covariance of errors of exx, eyy, exy that are the same at all points. Their cause is the noise of
+        this image, which changes the correction.
     shared : ndarray, shape (3, 3)
-        Covariance of the errors of exx, eyy, exy that all points share from other causes: the calibration,
-        and motion out of the grid's plane.
+        Covariance of errors of exx, eyy, exy that are the same at all points and have other causes: the
+        calibration, and motion out of the grid's plane.
     measure : str
         The strain measure.
     """
@@ -41,12 +41,12 @@ class GaugeField:
 def fields_of(
     measurement: Measurement, correction: Correction | None, calibration: Calibration | None
 ) -> dict[str, GaugeField]:
-    """Return the fields of an image by their kinds, "raw", "calibrated" and "corrected", where it has them.
+    """Return the available fields of an image, keyed by kind: "raw", "calibrated" and "corrected".
 
-    Result files hold no errors of calibrated displacements. These errors are computed from the errors of the
-    field in pixels, and from the calibration. Corrected displacements take the errors of the calibrated ones.
-    Motion out of the plane changes the scale of the image, and so these errors, by less than the uncertainty
-    of the errors.
+    Result files contain no errors of calibrated displacements. The function computes these errors from the
+    errors of the displacements in pixels, and from the calibration. It uses the errors of calibrated
+    displacements also for corrected ones: motion out of the plane changes the image scale so little that the
+    change of the errors is below their uncertainty.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def fields_of(
 
 
 def _shared(measurement: Measurement) -> Float:
-    """Return the covariance of the errors that all points of the calibrated strain share."""
+    """Return the covariance, shape (3, 3), of the calibrated strain's errors that are equal at all points."""
     if measurement.shared is not None:
         return measurement.shared
     whole, own = measurement.calibrated_mean, measurement.by_images
@@ -85,7 +85,7 @@ def _shared(measurement: Measurement) -> Float:
 
 
 def _common_noise(correction: Correction, by_images: MeanStrain | None) -> Float:
-    """Return the covariance of the errors that all points share because noise changes the correction.
+    """Return the covariance, shape (3, 3), of strain errors that noise causes through the correction.
 
     The noise part of the corrected mean strain contains the noise of the field and the noise of the
     correction.

@@ -18,7 +18,7 @@ def read_gauges(path: PathLike | None = None, texts: Sequence[str] = ()) -> tupl
     """Read the gauges that a TOML file and texts declare.
 
     The file has a table ``[[gauge]]`` for each gauge, with `name`, `kind` and the attributes of the kind's
-    class, and at its top an optional `unit` for all gauges. `docs/gauges.md` has an example.
+    class. A key `unit` at the top of the file is the unit of all gauges. `docs/gauges.md` has an example.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def require_names(gauges: Sequence[Gauge]) -> None:
 def _all_of(
     tables: Sequence[tuple[str, Mapping[str, Any]]], errors: Sequence[MeasurementError]
 ) -> tuple[Gauge, ...]:
-    """Return the gauges of tables with their places in the input; raise all mistakes as one error."""
+    """Return the gauges that tables declare; a single error reports all mistakes and where they are."""
     gauges, found = [], list(errors)
     for place, table in tables:
         try:
@@ -136,7 +136,7 @@ def _doubled(names: Sequence[str]) -> list[MeasurementError]:
 
 
 def _typed_value(text: str) -> Any:
-    """Return a number, a pair, or a list of pairs, as TOML would give it; other text unchanged."""
+    """Convert an option's text to a number, a pair or a list of pairs; return any other text unchanged."""
     if ";" in text:
         return [_typed_value(part) for part in text.split(";") if part]
     if "," in text:

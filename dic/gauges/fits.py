@@ -18,19 +18,19 @@ from dic.typing import Float, Indices
 LEAST_POINTS = 3
 _VALUES = (*("u", "u_std", "v", "v_std", *STRAIN_KEYS[:3], "rotation_deg", *STRAIN_KEYS[3:]),)
 MOVED, GRADIENT = [0, 3], [1, 2, 4, 5]
-"""Places of the displacement and of the gradient among the six sums of a fit."""
+"""Indices of the displacement and of the gradient in the six sums that a fit gives."""
 LEAST_SHARE = 0.5
 """Smallest share of a gauge's points that must have a displacement."""
 
 
 @dataclass(frozen=True)
 class PlacedFit:
-    """The points of an area, and the place at which the fitted displacement is read.
+    """The points of a strain-gauge area or around a point, and the place at which their fit is evaluated.
 
     Attributes
     ----------
     rows, columns : ndarray of int, shape (n,)
-        Places of the points in the grid of points.
+        Row and column indices of the points in the grid of points.
     place : ndarray, shape (n,)
         Weights of the points. The weighted sum of the points' positions is the place of the reading, in any
         unit.
@@ -50,7 +50,7 @@ class PlacedFit:
     def of(
         cls, chosen: Indices, places: GridPlaces, at: Float, direction_deg: float, reason: str = ""
     ) -> "PlacedFit":
-        """Return the fit to the points with the indices `chosen`, read at `at`."""
+        """Return the fit to the points with the indices `chosen`, evaluated at the place `at`."""
         angle = np.radians(direction_deg)
         direction = np.array([np.cos(angle), np.sin(angle)])
         position = places.position[chosen]
@@ -59,7 +59,7 @@ class PlacedFit:
         return cls(places.rows[chosen], places.columns[chosen], place, direction, reason)
 
     def read(self, field: GaugeField) -> Reading:
-        """Return the reading in one field."""
+        """Return the gauge's reading in one displacement field."""
         displacement = field.displacement
         valid = displacement.valid[self.rows, self.columns]
         declared, points = len(self.rows), int(valid.sum())
@@ -141,7 +141,7 @@ def place_area(gauge: StrainGauge, places: GridPlaces) -> PlacedFit:
 
 
 def place_point(gauge: PointGauge, places: GridPlaces, window_points: int) -> PlacedFit:
-    """Find the points around a place, by default those of a window of `window_points` columns and rows.
+    """Find the points around a point gauge; without a width, in a square of `window_points` points a side.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def place_point(gauge: PointGauge, places: GridPlaces, window_points: int) -> Pl
 
 
 def without_points(gauge: Gauge, found: int, places: GridPlaces, remedy: str) -> GaugeError:
-    """Return the error of a gauge at a place with too few measured points."""
+    """Return the error for a gauge that lies at a place with too few measured points."""
     return GaugeError(
         f"gauge {gauge.name!r}",
         "find its points",
@@ -168,7 +168,7 @@ def without_points(gauge: Gauge, found: int, places: GridPlaces, remedy: str) ->
 
 
 def _objection(position: Float, declared: int) -> str:
-    """Return why an affine displacement cannot be fitted to points (n, 2); "" if it can."""
+    """Return the reason why points (n, 2) do not determine an affine displacement; "" if they do."""
     if len(position) < max(LEAST_POINTS, LEAST_SHARE * declared):
         return f"too few points have a displacement: {len(position)} of {declared}"
     return "the points lie on one line" if lie_on_one_line(position) else ""

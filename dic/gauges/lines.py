@@ -26,7 +26,7 @@ class PlacedLines:
     ----------
     gauge : Extensometer or TransverseExtensometer
     rows, columns : ndarray of int, shape (n,)
-        Places of all points of the patches in the grid of points.
+        Row and column indices of all points of the patches in the grid of points.
     members : ndarray of int, shape (2, lines, m)
         Indices of the points in the patch at the start and at the end of each line.
     patches : ndarray of bool, shape (2, lines, m)
@@ -76,10 +76,10 @@ class PlacedLines:
         return cls(gauge, places.rows[every], places.columns[every], members, patches, place)
 
     def read(self, field: GaugeField) -> Reading:
-        """Return the reading in one field.
+        """Return the extensometer's reading in one displacement field.
 
         The strain is the change of the distance between the middles of the two patches, divided by this
-        distance. A rigid motion does not change it. With many lines the strains are averaged.
+        distance. So a rigid motion does not change the strain. The strains of several lines are averaged.
         """
         valid = field.displacement.valid[self.rows, self.columns]
         counts = (self.patches & valid[self.members]).sum(axis=2)
@@ -92,7 +92,7 @@ class PlacedLines:
         return replace(read, points=int(valid.sum()), declared=len(valid), lines=lines)
 
     def _read(self, field: GaugeField, good: Mask, valid: Mask) -> Reading:
-        """Return the reading of the lines that are `good`, from the points that are `valid`."""
+        """Return the reading from the lines that are `good` and the points that are `valid`."""
         displacement, at = field.displacement, (self.rows, self.columns)
         mean = self._sums(1, good, valid, field) - self._sums(0, good, valid, field)
         before = mean @ np.where(valid[:, None], displacement.position[at], 0.0)
@@ -127,10 +127,10 @@ class PlacedLines:
         )
 
     def _sums(self, side: int, good: Mask, valid: Mask, field: GaugeField) -> Float:
-        """Return the weights, shape (lines, n), that give the displacement in the middle of each patch.
+        """Return the weights of all points, shape (lines, n), in the displacement at each patch's middle.
 
-        The displacement is that of a plane fitted to the points' displacements. If the points lie on one
-        line, it is the mean of their displacements.
+        This displacement is the value of a plane fitted to the displacements of the patch's points. If the
+        points lie on one line, the displacement is the mean over the points.
         """
         members, patches = self.members[side, good], self.patches[side, good]
         position = field.displacement.position[self.rows, self.columns][members]

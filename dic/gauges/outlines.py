@@ -1,4 +1,4 @@
-"""The shapes of gauges: their corners, and the lines with which a picture shows them."""
+"""The outlines of gauges: the places that a gauge declares, and the lines that a picture shows."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ _SQUARE = 0.5 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-
 
 
 def corners_of(gauge: Gauge) -> Float:
-    """Return the places that a gauge declares, shape (n, 2), in its unit, the second coordinate upwards."""
+    """Return the places that a gauge declares, shape (n, 2), in its unit, second coordinate upwards."""
     match gauge:
         case StrainGauge():
             return gauge.outline
@@ -31,7 +31,7 @@ def corners_of(gauge: Gauge) -> Float:
 
 
 def outlines_of(gauge: Gauge) -> list[Float]:
-    """Return the lines of a drawing of a gauge, each of shape (n, 2), as `corners_of` gives places."""
+    """Return the lines that draw a gauge, each of shape (n, 2), in the same unit and axes as `corners_of`."""
     corners = corners_of(gauge)
     match gauge:
         case StrainGauge():
@@ -48,7 +48,7 @@ def outlines_of(gauge: Gauge) -> list[Float]:
 
 
 def _middle_line(gauge: TransverseExtensometer) -> tuple[Float, Float, Float]:
-    """Return both ends of the line in the middle, and the vector from it to the last line."""
+    """Return both ends of the gauge's middle line, and the vector from the middle line to the last line."""
     start, end = gauge.upwards(gauge.start), gauge.upwards(gauge.end)
     direction = (end - start) / np.linalg.norm(end - start)
     return start, end, 0.5 * gauge.spread * np.array([-direction[1], direction[0]])

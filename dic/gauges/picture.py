@@ -1,4 +1,4 @@
-"""A picture of the reference image with the gauges and their points, to be checked by a person."""
+"""Draws the gauges and their measured points on the reference image, so that a person can check them."""
 
 from typing import Any
 
@@ -10,11 +10,11 @@ from dic.strain.measurement import Measurement
 from dic.typing import Float, Grey
 
 _COLOURS = ("#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7")
-"""Colours for all kinds of colour vision, after Okabe and Ito."""
+"""Colours of gauges, chosen by Okabe and Ito so that colour-blind people can distinguish them."""
 _WIDTH_IN = 9.0
 _MOST_POINTS = 4000
 _FEW_LINES = 5
-"""More lines are drawn thin."""
+"""If a gauge has more lines than this number, its lines are drawn thin."""
 _GREY_PERCENTILES = (1.0, 99.5)
 
 
@@ -48,7 +48,7 @@ def draw_gauges(placed: PlacedGauges, measurement: Measurement, reference: Grey)
 
 
 def _draw(axes: Any, name: str, lines: list[Float], points: Float, colour: str) -> None:
-    """Draw the lines and points of one gauge, and enter its name into the legend."""
+    """Draw the lines and points of one gauge, and add the gauge's name to the legend."""
     from matplotlib import patheffects
 
     edge = [patheffects.withStroke(linewidth=3.0, foreground="black")]
@@ -58,7 +58,7 @@ def _draw(axes: Any, name: str, lines: list[Float], points: Float, colour: str) 
         width, effects = (0.7, None) if thin else (1.8, edge)
         marker = "+" if len(line) == 1 else None
         axes.plot(*line.T, color=colour, linewidth=width, path_effects=effects, marker=marker, markersize=12)
-    # Names at the gauges would cover each other, because gauges often share a place.
+    # Write the names in the legend: names beside the gauges would overlap, because gauges often overlap.
     axes.plot([], [], color=colour, linewidth=4.0, label=name)
 
 

@@ -1,4 +1,4 @@
-"""Gauges on the points of one series: found once in the reference, and read in each image."""
+"""Gauges with their measured points: the points are found once in the reference, and read in each image."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -30,12 +30,12 @@ from dic.typing import Float
 
 Placed = PlacedLines | PlacedFit | PlacedCut
 Readings = Mapping[str, Mapping[str, Reading | Profile]]
-"""The readings of an image by the gauge's name, and then by "raw", "calibrated" and "corrected"."""
+"""Readings in one image, keyed by the gauge's name, then by kind: "raw", "calibrated" or "corrected"."""
 
 
 @dataclass(frozen=True)
 class PlacedGauges:
-    """Gauges and the measured points at their places, for all images of a series.
+    """Gauges with the measured points that each gauge uses, for all images of a series.
 
     Attributes
     ----------
@@ -75,8 +75,8 @@ class PlacedGauges:
         Raises
         ------
         GaugeError
-            If a gauge lies outside of the image or off the measured points, or is declared in millimetres
-            without a calibration. The message names all such gauges together.
+            If a gauge lies outside the image or where no points were measured, or is declared in mm without a
+            calibration. The message names all such gauges together.
         """
         require_names(gauges)
         field, calibrated = measurement.field, measurement.calibrated

@@ -1,4 +1,4 @@
-"""Least squares planes through values at points, computed as weighted sums of these values."""
+"""Least squares planes through values at points; a plane's value and slopes are weighted sums of values."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ extent along it."""
 
 
 def sums_at(position: Float, at: Float) -> Float:
-    """Return the weights of values at points that give a fitted plane's value at a place, and its slopes.
+    """Return the weights of the values at n points in a fitted plane's value at `at`, and in its two slopes.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def lie_on_one_line(position: Float) -> bool:
 
 
 def sums_at_places(position: Float, valid: Mask, places: Float) -> Float:
-    """Return the weights of `sums_at` for many places at once, shape (places, 3, m).
+    """Return the weights that `sums_at` gives for one place, for many places at once, shape (places, 3, m).
 
     Parameters
     ----------

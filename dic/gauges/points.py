@@ -1,4 +1,4 @@
-"""The points of the measured grid that lie at a gauge's place."""
+"""Selects the measured points at a gauge's place: in a square, a polygon, or around a point."""
 
 from dataclasses import dataclass
 
@@ -13,10 +13,10 @@ from dic.typing import Float, Indices, Mask
 
 _DIAGONAL = 1.4143
 _NEIGHBOUR = 1.6
-"""Points up to this multiple of the spacing apart are neighbours, also along diagonals."""
+"""Points are neighbours, also along diagonals, if their distance is at most this multiple of the spacing."""
 _ALONG_X = np.array([1.0, 0.0])
 _ROUNDING = 1e-9
-"""Points on the edge of a patch count as inside, although rounding may move them by this fraction."""
+"""Points on the edge count as inside: squares are enlarged by this fraction because of rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class GridPlaces:
     Attributes
     ----------
     rows, columns : ndarray of int, shape (n,)
-        Places of the points in the grid of points.
+        Row and column indices of the points in the grid of points.
     position : ndarray, shape (n, 2)
         Coordinates of the points, the second upwards.
     spacing : float
@@ -76,17 +76,17 @@ class GridPlaces:
     def in_patch(self, centre: Float, along: Float, width: float) -> Indices:
         """Return the points of `in_square` on the same piece of the surface as the centre.
 
-        A centre off the region stands for the point of the patch that is nearest to it: a patch may project
-        over the edge of the specimen.
+        If the centre lies outside the region, the point of the patch nearest to the centre replaces it,
+        because a patch may extend beyond the edge of the specimen.
         """
         return self._seen(centre, self.in_square(centre, along, width))
 
     def around(self, place: Float, width: float | None, window_points: int) -> Indices:
         """Return the indices of the points that give displacement and strain at a place of the surface.
 
-        The points lie in a square of the given width. Without a width, they are those of the window of local
-        strain around the nearest point. Points beyond a crack or an edge are left out. If the place itself
-        lies off the region, or no point is near, there is none.
+        The points lie in a square of the given width. Without a width, the function returns the points of the
+        window of local strain around the nearest point. Points beyond a crack or an edge are left out. If the
+        place lies outside the region, or has no point near it, the function returns no points.
         """
         reach = 2.0 * self.spacing if width is None else width
         near = self.in_square(place, _ALONG_X, reach)
@@ -100,10 +100,10 @@ class GridPlaces:
         return self._seen(place, np.flatnonzero(apart <= window_points // 2))
 
     def pieces(self, chosen: Indices) -> int:
-        """Return the number of pieces of the surface on which points lie, as cracks and gaps divide it.
+        """Return on how many pieces of the surface the points lie; cracks and gaps divide the surface.
 
-        Two points lie on one piece if a chain of points connects them, and each of its straight lines stays
-        inside the region.
+        Two points lie on the same piece if a chain of points connects them, and every straight line of the
+        chain stays inside the region.
         """
         if self.sight is None or not len(chosen):
             return min(1, len(chosen))
@@ -112,7 +112,7 @@ class GridPlaces:
         pairs = pairs[self.sight.clear(*pixel[pairs.T])]
         links = coo_array((np.ones(len(pairs)), pairs.T), shape=2 * (len(chosen),))
         label = connected_components(links, directed=False)[1]
-        # Points of a narrow area may be far apart and yet lie on one piece.
+        # Points of a narrow area may be farther apart than neighbours and yet lie on one piece.
         joined = label == label[0]
         while not joined.all():
             distance, nearest = map(np.asarray, cKDTree(place[joined]).query(place[~joined]))
@@ -124,14 +124,14 @@ class GridPlaces:
         return 1
 
     def _pixel(self, sight: Sight, place: Float, near: Indices) -> Float:
-        """Return the image coordinates of a place, from those of the points near it."""
+        """Return the pixel coordinates of a place, from those of the points with indices `near`."""
         pixel, position = sight.pixels(self.rows[near], self.columns[near]), self.position[near]
         if lie_on_one_line(position):
             return np.asarray(pixel[np.argmin(np.linalg.norm(position - place, axis=1))])
         return np.asarray(sums_at(position, place)[0] @ pixel)
 
     def _seen(self, place: Float, near: Indices) -> Indices:
-        """Return those of the points to which the straight line from a place stays inside the region."""
+        """Return the points of `near` to which the straight line from a place stays inside the region."""
         if self.sight is None or not near.size:
             return near
         pixel, start = (
@@ -159,7 +159,7 @@ class GridPlaces:
         return np.flatnonzero(inside | on_edge)
 
     def extent(self, unit: str) -> str:
-        """Return the range of the measured points as text for messages, in the axes of the unit."""
+        """Return the range of the measured points' coordinates as text for messages, in the gauge's axes."""
         if not len(self.position):
             return "nothing: there is none"
         x, y = self.position.T * np.array([[1.0], [-1.0 if unit == "px" else 1.0]])

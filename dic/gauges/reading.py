@@ -1,4 +1,4 @@
-"""What a gauge reads in one image."""
+"""Classes for the reading of a gauge in one image."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ _KEYS = ("strain", "strain_std", "strain_std_images", "extension", "extension_st
 
 @dataclass(frozen=True)
 class SharedPart:
-    """The error of a gauge's strain by calibration and motion out of the plane, which all points share.
+    """Errors of a gauge's strain from calibration and out-of-plane motion, which are equal at all points.
 
     Attributes
     ----------
@@ -54,12 +54,14 @@ class Reading:
         Number of lines that a transverse extensometer used; None for other gauges.
     values : mapping of str to float
         For an area or a point: exx, eyy, exy, e1, e2, direction_deg and rotation_deg, the displacements u and
-        v in the middle (x to the right, y up), and their standard deviations. The standard deviations of u
-        and v contain only the part that the images cause.
+        v at the place of a point or the centroid of an area (x to the right, y up), and the standard
+        deviations of these values. The standard deviations of u and v contain only the part that the images
+        cause.
     reason : str
         The reason why there is no reading; "" if there is one.
     shared : SharedPart or None
-        The part of the error that `strain_std` has beyond `strain_std_images`; None if there is no reading.
+        The other part of the error in `strain_std`, which is not in `strain_std_images`; None if there is no
+        reading.
     """
 
     unit: str
@@ -106,7 +108,7 @@ class Profile:
     values : mapping of str to ndarray, shape (places,)
         u, v, exx, eyy and exy, and their standard deviations; NaN where a place has no value.
     points, declared : ndarray of int, shape (places,)
-        Number of points that were used at each place, and number of points there in the reference.
+        Number of points that were used at each place, and number of points at each place in the reference.
     reason : str
         The reason why no place has a value; "" otherwise.
     """

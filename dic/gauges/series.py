@@ -13,7 +13,7 @@ from dic.gauges.reading import Reading
 from dic.typing import Float
 
 KINDS = ("corrected", "calibrated", "raw")
-"""Kinds of strain, the best one first."""
+"""Kinds of strain, from the most accurate to the least accurate."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,10 @@ class GaugeImage:
     label : str
         The path of the image file, or the run's step to which the image belongs.
     readings : mapping of str to mapping of str to (Reading or Profile)
-        By the gauge's name, and then by "raw", "calibrated" and "corrected". Empty if the image could not be
-        measured.
+        Keyed by the gauge's name, and then by "raw", "calibrated" or "corrected". Empty if the image could
+        not be measured.
     known : mapping of str to (str or float)
-        What else is known of the image: time_s and time_source; in a run camera, step, load_n,
+        Further data of the image. In a series: time_s and time_source. In a run: camera, step, load_n,
         displacement_mm, angle_deg, time_s.
     failure : str or None
         The reason why the image could not be measured.
@@ -40,7 +40,7 @@ class GaugeImage:
     failure: str | None = None
 
     def best(self, gauge: str) -> tuple[str, Any]:
-        """Return the best kind of reading of a gauge that the image has, and this reading."""
+        """Return the best kind of strain for which the image has a reading of a gauge, and this reading."""
         own = self.readings[gauge]
         kind = next(kind for kind in KINDS if kind in own)
         return kind, own[kind]
@@ -57,8 +57,8 @@ class GaugeSeries:
     gauges : tuple of Gauge
     images : tuple of GaugeImage
     in_order : bool
-        False if images that could not be measured may stand at a wrong place: result files of earlier
-        versions list them at the end.
+        False if images that could not be measured may be at a wrong place in the list: result files of
+        earlier versions list them at the end.
     """
 
     source: str
@@ -71,13 +71,13 @@ class GaugeSeries:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """The kinds of readings that at least one image has, the best first."""
+        """The kinds of strain for which at least one image has readings, the best kind first."""
         present = {kind for image in self.images for own in image.readings.values() for kind in own}
         return tuple(kind for kind in KINDS if kind in present)
 
     @property
     def complete(self) -> bool:
-        """True if every gauge has a reading of its best kind in every image."""
+        """True if every gauge has a reading of its best kind of strain in every image."""
         return all(
             image.failure is None and not any(image.best(gauge.name)[1].reason for gauge in self.gauges)
             for image in self.images
@@ -89,7 +89,7 @@ class GaugeSeries:
         Parameters
         ----------
         gauge : str
-            Name of the gauge; not of a line cut.
+            Name of a gauge that is not a line cut.
         kind : str, optional
             "raw", "calibrated" or "corrected". Default: the best kind that any image has.
 

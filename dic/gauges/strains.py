@@ -6,7 +6,7 @@ from dic.typing import Float
 
 
 def along(covariance: Float, direction: Float) -> float:
-    """Return the variance of the strain along a unit vector (2,) from the covariance (3, 3) of the strains.
+    """Return the variance of the strain along a unit vector (2,), from the covariance of exx, eyy, exy.
 
     The strain along the unit vector (c, s) is c² exx + s² eyy + 2 c s exy.
     """
@@ -21,7 +21,7 @@ def along_weights(direction: Float) -> Float:
 
 
 def covariance_along(covariance: Float, one: Float, other: Float) -> float:
-    """Return the covariance of two weighted sums of exx, eyy, exy, from their covariance (3, 3)."""
+    """Return the covariance of two weighted sums of exx, eyy, exy, from the covariance of exx, eyy, exy."""
     # A component with the weight 0 may have an unknown error, NaN.
     rows, columns = one != 0.0, other != 0.0
     return float(one[rows] @ covariance[np.ix_(rows, columns)] @ other[columns])

@@ -1,4 +1,4 @@
-"""The covariance of weighted sums of the displacements of some points.
+"""The covariance of weighted sums of displacements.
 
 A gauge reads, to first order, a weighted sum of displacements. Points whose subsets share pixels have
 correlated errors, so the variance of the sum is larger than for independent points. The interpolation bias is
@@ -15,7 +15,7 @@ from dic.strain.fit import covariance_of_sums
 from dic.typing import Float, Indices
 
 _FEW = 300
-"""Up to this number of points the matrix of all correlations is faster than Fourier transforms."""
+"""Up to this number of points, the matrix of all correlations is faster than Fourier transforms."""
 
 
 def covariance_at_points(rows: Indices, columns: Indices, weights: Float, noise: Noise) -> Float:
@@ -24,7 +24,7 @@ def covariance_at_points(rows: Indices, columns: Indices, weights: Float, noise:
     Parameters
     ----------
     rows, columns : ndarray of int, shape (n,)
-        Places of the points in the grid of points, each at most once.
+        Row and column indices of the points in the grid of points. Each point occurs at most once.
     weights : ndarray, shape (n, 2, p)
         Weights of the two components of each displacement in each sum.
     noise : Noise
@@ -44,7 +44,7 @@ def covariance_at_points(rows: Indices, columns: Indices, weights: Float, noise:
 def correlations(rows: Indices, columns: Indices, noise: Noise) -> Float:
     """Return the correlations between the errors of points (…, n), shape (…, n, n).
 
-    Subsets that an edge of the region clips have correlations of their own; see `Noise.clipped`.
+    Subsets that an edge of the region clips have other correlations than whole subsets; see `Noise.clipped`.
     """
     overlap = noise.overlap
     down, right = (places[..., None, :] - places[..., :, None] for places in (rows, columns))
@@ -95,7 +95,7 @@ def _by_clipping(
     clipped: ClippedSubsets,
     overlap: Float,
 ) -> Float:
-    """Return what clipped subsets change in the covariance of sums over points with whole subsets.
+    """Return by how much clipped subsets change the covariance that whole subsets would give.
 
     The array `parts`, shape (…, …, p, 2), has the error of each sum by each point of the part of the grid
     that begins at `origin`.
@@ -117,7 +117,7 @@ def _by_clipping(
         i, j = row - origin[0], column - origin[1]
         near = around[i : i + width, j : j + width]
         different = table[own] - whole
-        # A pair of two clipped points is met twice, and a pair of a clipped and a whole one only once.
+        # The loop meets a pair of clipped points twice, but a pair of a clipped and a whole point once.
         (numbers,) = clipped.numbers_around(np.array([row]), np.array([column]), reach)
         of_whole = np.where(numbers < 0, different, 0.0)
         middle = parts[i, j]

@@ -20,7 +20,7 @@ _DIGITS = 9
 
 
 def cut_file(path: PathLike, gauge: str) -> Path:
-    """Return the path of the table of a line cut beside the table of the other gauges."""
+    """Return the path of a line cut's table, which is in the folder of the table of the other gauges."""
     path = Path(path)
     return path.with_name(f"{path.stem}.{gauge}{path.suffix}")
 
@@ -33,8 +33,8 @@ def gauge_table_files(path: PathLike, gauges: Sequence[Gauge]) -> list[Path]:
 def write_gauge_table(series: GaugeSeries, path: PathLike, *, decimal_comma: bool = False) -> None:
     """Write one line for each image with the readings of all gauges, and a table of each line cut.
 
-    `docs/gauges.md` describes the columns. Columns in which no image has a value are left out. The table of a
-    cut is a file beside it, with the name of the cut before the ending of the file name.
+    `docs/gauges.md` describes the columns. Columns in which no image has a value are left out. Each line cut
+    has a table in a file of its own, named like `path` with the name of the cut before the suffix.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def _cut_rows(image: GaugeImage, name: str) -> Iterator[dict[str, Any]]:
 
 
 def _problem_at(profile: Profile, k: int) -> str:
-    """Return why a place of a cut has no value."""
+    """Return the reason why a place of a line cut has no value."""
     count, declared = int(profile.points[k]), int(profile.declared[k])
     if not declared:
         return "no measured point is near, or the place lies off the surface"

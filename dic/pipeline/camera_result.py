@@ -1,4 +1,4 @@
-"""The results of one camera of a run."""
+"""The class `CameraResult`: calibration, measurements and failures of one camera of a run."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The correlation of a series of images, one by one; images that are finished already are skipped."""
+"""Correlates the images of a series one by one; images that are finished already are skipped."""
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -53,7 +53,7 @@ class SeriesImage:
         return content_of(known, () if self.hint is None else self.hint.ravel())
 
     def read(self) -> ImageLike:
-        """Return the image, or its path."""
+        """Return the image or its path; if the image is given by a function, call the function."""
         return self.image() if callable(self.image) else self.image
 
 
@@ -75,8 +75,8 @@ def correlate_series(
         The images that were finished before. They are not correlated again. Every other image is added after
         its correlation. All images must have digests.
     before : sequence of FinishedImage
-        The outcomes of the first images, from a result file. All of them must have been correlated with the
-        first reference.
+        The outcomes of the first images of the series, from a result file. All these images must have been
+        correlated with the first reference.
     """
     going_on = finished is not None
     for number, given in enumerate(images, 1):

@@ -1,4 +1,4 @@
-"""Exports of results. Each image is read from the result file, written in all formats, and not kept."""
+"""Exports results: each image is read, written in all formats, and then removed from memory."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -67,7 +67,7 @@ class ExportSource:
         Name of the camera of a run; "" for a series of images.
     images : sequence of MeasuredImage
     names : list of str
-        Name of the files of each image.
+        Name of each image's files, without suffix.
     known : list of mapping
         The known values of each step of a run, such as its load; empty for a series.
     about : mapping of str to str or float
@@ -90,7 +90,7 @@ class ExportSource:
             yield ExportImage(k + 1, self.names[k], points, readings_of(known), image.row() | known)
 
     def series(self, first: Measurement) -> ExportSeries:
-        """Return what all images share; the settings come from the first measurement."""
+        """Return the properties that all images share; the settings are those of the first measurement."""
         settings: dict[str, str | float] = {
             "subset_px": first.settings.subset_px,
             "step_px": first.settings.step_px,
@@ -160,7 +160,7 @@ def export_results(
 
 
 def sources_of(results: MeasuredSeries | SeriesResult | RunResult, camera: str | None) -> list[ExportSource]:
-    """Return the series of results, one for each camera of a run.
+    """Return the series of images in results: one series, or one for each camera of a run.
 
     Raises
     ------
@@ -269,7 +269,7 @@ def _export(
 
 @contextmanager
 def _as_output_error(folders: Mapping[str, Path]) -> Iterator[None]:
-    """Turn an error of the file system into one sentence; errors of reading a result file pass unchanged."""
+    """Report an error of the file system in one sentence; errors of reading a result file pass unchanged."""
     try:
         yield
     except OSError as error:

@@ -133,7 +133,7 @@ def _images(results: Results, camera: str | None, *, of_one_camera: bool = False
 
 
 def _masked(image: ExportImage, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Return a value at all points; NaN where the image has no value, and outside the region."""
+    """Return one quantity at all points; NaN outside the region and where a value is missing."""
     values = image.points.values.get(name)
     if values is None:
         return np.full(shape, np.nan)

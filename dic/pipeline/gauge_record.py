@@ -133,7 +133,7 @@ def join_record(
 
 @dataclass(frozen=True)
 class GaugeCurve:
-    """The curve of a tensile test from gauges, and the error of its strain that all points share.
+    """The curve of a tensile test from gauges, and the error of the strain that is common to all points.
 
     Attributes
     ----------
@@ -141,11 +141,12 @@ class GaugeCurve:
         Load and engineering strain at each image that has a reading, and the loads after the last reading.
         `Curve.passed_n` has the loads of other images without a reading.
     shared_std : ndarray, shape (n,)
-        Standard deviation of the strain by calibration and motion out of the plane; NaN if it is not known.
+        Standard deviation of the strain due to the calibration and to motion out of the plane; NaN if it is
+        not known.
     shared_transverse : ndarray, shape (n, 2), or None
-        The error of the transverse strain in two parts. The first column is the part, with its sign, that
-        accompanies one standard deviation of the axial strain's error. The second column is the standard
-        deviation of the rest. None without a transverse gauge.
+        The error of the transverse strain. The first column is the change of the transverse strain, with its
+        sign, when the error of the axial strain is one standard deviation. The second column is the standard
+        deviation of the independent part. None without a transverse gauge.
     kind : str
         "raw", "calibrated" or "corrected".
     left_out : int
@@ -242,7 +243,7 @@ def _shared_std(series: GaugeSeries, gauge: str, kind: str) -> Float:
 
 
 def _shared_transverse(series: GaugeSeries, gauge: str, transverse: str, kind: str) -> Float:
-    """Return `GaugeCurve.shared_transverse` for all images, shape (images, 2); NaN where it is not known."""
+    """Return `GaugeCurve.shared_transverse` for all images, shape (images, 2); NaN if it is not known."""
     found = np.full((len(series.images), 2), np.nan)
     for k, image in enumerate(series.images):
         readings = [image.readings.get(name, {}).get(kind) for name in (gauge, transverse)]

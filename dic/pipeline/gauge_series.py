@@ -1,4 +1,4 @@
-"""The readings of gauges in the images of a result file, or of a series that has just been measured."""
+"""Reads gauges in the images of a result file, or of a series that has just been measured."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace

@@ -38,8 +38,8 @@ def measure_images(
 ) -> MeasuredSeries:
     """Measure displacement and strain in images relative to a reference image.
 
-    If an image cannot be measured, the series goes on, and the result lists this image in `failures`. For
-    series that do not fit into memory use `measure_series`.
+    If an image cannot be measured, the function continues with the next image, and `failures` of the result
+    lists this image. For series that do not fit into memory use `measure_series`.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def measure_images(
 def _sources(
     reference: ImageLike, images: ImageLike | SeriesImage | Iterable[ImageLike | SeriesImage] | None
 ) -> tuple[ImageLike, Iterable[ImageLike | SeriesImage]]:
-    """Return the reference, and the images one by one; a path may be a folder, a pattern or a stack."""
+    """Return the reference and an iterable of the images; a path may name a folder, a pattern or a stack."""
     if isinstance(images, SeriesImage):
         return reference, [images]
     several = None if images is None else one_by_one(images)
@@ -109,7 +109,7 @@ def _sources(
 def _timed(
     reference: ImageLike, images: Iterable[ImageLike | SeriesImage]
 ) -> Iterator[ImageLike | SeriesImage]:
-    """Yield images; if the reference and an image are given by paths, the image has its time."""
+    """Yield the images; an image gets the time it was taken if it and the reference are given by paths."""
     times = SeriesTimes(reference) if isinstance(reference, str | Path) else None
     for image in images:
         if times is None or not isinstance(image, str | Path):
@@ -166,7 +166,7 @@ def measured(
     strain: StrainSettings | None,
     motion: Motion | None = None,
 ) -> MeasuredImage:
-    """Return the measurement of a correlated image, with its correction if this needs one image only."""
+    """Return the measurement of a correlated image, with a correction if one image is enough for it."""
     if found.fields is None:
         return MeasuredImage(found.label, failure=found.failure, time=found.time)
     measurement = measurement_of(found, calibration, strain)

@@ -11,7 +11,7 @@ from dic.pipeline.camera_result import CameraResult
 from dic.typing import Float, Grey
 
 _SETTINGS = CorrelationSettings(subset_px=41, step_px=20, shape="quadratic")
-"""A few large subsets are enough, because only a plane is fitted."""
+"""Settings of the correlation; a few large subsets are enough, because only a plane is fitted to them."""
 
 
 def match_references(first: CameraResult, second: CameraResult) -> ReferenceSurface:

@@ -65,7 +65,7 @@ class CorrectionSettings:
 
     @property
     def shift(self) -> Shift:
-        """The knowledge about the specimen's shift towards the camera."""
+        """The assumed uncertainty of the specimen's shift towards the camera."""
         return Shift.of(self.shift_std_um, self.tilt_axis_mm)
 
     def completed(self, mounting: RunMounting) -> "CorrectionSettings":
@@ -217,7 +217,7 @@ class CorrectedStep:
 
     @property
     def outline(self) -> "CorrectedStep":
-        """The step without measurements, displacements and local strains, which take most of the memory."""
+        """This step without measurements, displacements and local strains, which need most of the memory."""
         corrections = {name: correction.outline() for name, correction in self.corrections.items()}
         joint = None if self.joint is None else self.joint.outline()
         return replace(self, measurements={}, corrections=corrections, joint=joint)

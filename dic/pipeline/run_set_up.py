@@ -1,4 +1,4 @@
-"""The inputs from which a run's fields give its strains, and the writing of the result file."""
+"""The inputs from which strains are computed from a run's displacement fields; writes the result file."""
 
 import json
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from dic.strain.strain import StrainSettings
 
 @dataclass(frozen=True)
 class RunSetUp:
-    """A run, and the inputs from which its strains are computed, in addition to its fields.
+    """A run, and the inputs that are needed to compute strains from the run's displacement fields.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class RunSetUp:
     plate_mm: float
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the values that identify strain and corrections, for JSON."""
+        """Return a dict for JSON of all values that determine strain and corrections."""
         correcting = json.loads(self.correcting.as_text())
         return {"strain": vars(self.strain), "correcting": correcting, "plate_mm": self.plate_mm}
 

@@ -56,16 +56,16 @@ class SeriesCorrelation:
 
     @property
     def job(self) -> dict[str, Any]:
-        """Everything except the images that determines the fields, as values for JSON."""
+        """Everything except the images that determines the displacement fields, as values for JSON."""
         reference = self.sources.reference
         known = of_page(self._digests.of(reference), reference)
         return series_job(self.series, known, self.incremental)
 
     def look_up(self, place: ResultPlace, set_up: SeriesSetUp) -> SeriesResult | None:
-        """Look for a result file that holds the fields; return its result if it holds the strains too.
+        """Search for a file with the displacement fields; return its result if it also has the strains.
 
-        A result of the first images with equal settings may be replaced, because it becomes a part of the new
-        result.
+        If a result file has the same settings but only the first images, it may be replaced, because the new
+        result contains it.
 
         Raises
         ------
@@ -164,7 +164,7 @@ class SeriesCorrelation:
         return replace(self.begun.correlated[number], label=str(path), time=self._times.of(path))
 
     def stay(self) -> None:
-        """Do not remove the folder of finished images when the block of `keeping` ends."""
+        """Keep the folder of finished images when the `with` block of `keeping` ends."""
         if self.kept is not None:
             self.kept.stays = True
 

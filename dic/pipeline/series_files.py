@@ -145,7 +145,7 @@ class SeriesOutputs:
             write_set_up(self._writer, reference, calibration, outcomes, alignment)
 
     def write_table(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Write the tables of mean strains and of gauges; `write_strain_table` describes the rows."""
+        """Write the tables of mean strains (see `write_strain_table` for the rows) and of gauges."""
         if self._files.strains is not None:
             write_strain_table(rows, self._files.strains, decimal_comma=self._decimal_comma)
         if self._files.gauge_tables and self.gauge_images:

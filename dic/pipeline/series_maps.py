@@ -1,4 +1,4 @@
-"""The maps of a series of images on one scale; memory does not grow with the number of images."""
+"""Draws the maps of a series on one colour scale; memory does not grow with the number of images."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -50,8 +50,8 @@ class SeriesMaps:
     """Draw the maps of a series of image files.
 
     A scale for all images is known only after the last image. Until then the values are in a temporary file.
-    If each image has a scale of its own, its picture is drawn at once. A picture that cannot be drawn does
-    not end the measurement: `draw` raises the error after all other pictures are drawn.
+    If the images have separate scales, each picture is drawn at once. A picture that cannot be drawn does not
+    end the measurement: `draw` raises the error after all other pictures are drawn.
 
     Parameters
     ----------
@@ -68,10 +68,10 @@ class SeriesMaps:
         self._failed: dict[int, MeasurementError | OSError] = {}
 
     def add(self, number: int, title: str, measurement: Measurement, correction: Correction | None) -> None:
-        """Add an image; `number` is its index in the series, from 0. The label of its measurement is its
-        file.
+        """Add the maps of an image; `number` is the index of the image in the series, from 0.
 
-        If an image is added again, for example after a correction, the new maps replace the earlier ones.
+        The label of the measurement must be the path of the image file. If an image is added again, for
+        example after a correction, the new maps replace the earlier ones.
         """
         if not self._files.all():
             return

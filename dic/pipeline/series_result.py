@@ -1,4 +1,4 @@
-"""The results of a series of images."""
+"""The classes `MeasuredImage` and `MeasuredSeries`: the results of a series of images."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -29,7 +29,8 @@ class MeasuredImage:
     failure : str or None
         The reason why the image could not be measured, as one sentence.
     time : ImageTime
-        When the image was taken, relative to the reference. The steps of a run have a time of their own.
+        When the image was taken, relative to the reference. Not used for a run, whose steps have their own
+        times.
     """
 
     label: str

@@ -1,4 +1,4 @@
-"""The inputs from which the displacement fields of a series of images give its strains."""
+"""The inputs that are needed to compute strains from the displacement fields of a series of images."""
 
 import json
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from dic.strain.strain import StrainSettings
 
 @dataclass(frozen=True)
 class SeriesSetUp:
-    """The inputs from which the strains of a series are computed, in addition to its fields.
+    """The inputs that are needed to compute the strains of a series from its displacement fields.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class SeriesSetUp:
     calibration_digest: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the values that identify the set-up, for JSON."""
+        """Return a dict for JSON of all values that determine the strains."""
         return {
             "strain": vars(self.strain),
             "motion": self.motion.as_dict(),
@@ -53,7 +53,8 @@ class SeriesSetUp:
         Raises
         ------
         MeasurementError
-            If the motion needs a calibration that is missing, or the calibration belongs to another size.
+            If the motion needs a calibration that is missing, or the calibration belongs to images of another
+            size.
         """
         require_calibration(self.motion, self.calibration)
         require_size(self.calibration, shape)

@@ -40,7 +40,7 @@ class SeriesSources:
     def of(
         cls, reference: PathLike, images: Sequence[PathLike] | None = None, *, in_order: bool = False
     ) -> "SeriesSources":
-        """Return the series that a reference and images name.
+        """Find the files of a series from the names of a reference and of images.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Compute strain again from the fields of a result file: no image is read, and nothing is correlated."""
+"""Compute strain again from the displacement fields of a result file, without any image or correlation."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -29,7 +29,7 @@ from dic.typing import PathLike
 
 
 def job_of_fields(result: SeriesResult | RunResult) -> Job:
-    """Return the job of a result, if its fields have all data that the computation of strain needs.
+    """Return the job of a result whose fields have all data that the computation of strain needs.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def strain_of_run(
 def strain_with(
     result: RunResult, set_up: RunSetUp, output: Path, on_image: Callable[[], None] = lambda: None
 ) -> RunResult:
-    """Return the results of a run with another set-up, written to `output`; see `strain_of_run`."""
+    """Compute the strains of a run with another set-up, and write them to `output`; see `strain_of_run`."""
     job = Job(job_of_fields(result).fields, as_text(set_up.as_dict()))
     cameras = [_camera_anew(each, set_up.strain, set_up.plate_mm, on_image) for each in result.cameras]
     set_up.write(output, cameras, origin_anew(result, [Path(result.file)], job))
@@ -160,7 +160,7 @@ def strain_with(
 def _camera_anew(
     camera: CameraResult, strain: StrainSettings, plate_mm: float, on_image: Callable[[], None]
 ) -> CameraResult:
-    """Return the results of a camera, whose measurements are computed from its fields when they are used."""
+    """Return the results of a camera; its measurements are computed from its fields when they are used."""
     calibration, moved_mm = camera.calibration, plate_mm - camera.calibration.plate_mm
     if moved_mm:
         calibration = behind(calibration, moved_mm)

@@ -13,7 +13,7 @@ from dic.strain.measurement import Measurement
 from dic.typing import Float
 
 _ROOM = 1e-6
-"""The rectangle extends beyond the outermost points by this fraction of the field's size."""
+"""The gauge extends beyond the outermost points by this fraction of the field's size."""
 
 
 def whole_field_gauges(results: Results) -> tuple[StrainGauge, StrainGauge]:

@@ -41,7 +41,7 @@ def planar_anisotropy(ratios: Mapping[int, PropertyValue]) -> dict[str, Property
 def _sum(
     ratios: Mapping[int, PropertyValue], weights: tuple[float, float, float], rule: str
 ) -> PropertyValue:
-    """Return a weighted sum of the ratios at 0°, 45° and 90°."""
+    """Return the weighted sum of the strain ratios at 0°, 45° and 90°, with its standard deviation."""
     value, parts, flags = 0.0, [], []
     for direction, weight in zip(DIRECTIONS_DEG, weights, strict=True):
         ratio = ratios[direction]

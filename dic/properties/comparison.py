@@ -1,4 +1,4 @@
-"""Compare the elastic slope with the slopes in other bands of stress, to reveal slack in the window."""
+"""Compare the elastic slope with the slopes in two bands of stress, because a difference reveals slack."""
 
 from dataclasses import replace
 
@@ -11,16 +11,18 @@ from dic.properties.windows import fit_line
 from dic.properties.yielding import Plateau, offset_strength
 
 USUAL_BAND, USUAL_DIFFERENCE = (0.1, 0.4), 0.02
-"""Band of the elastic slope in ISO 6892-1, as shares of the yield strength; and the largest difference."""
+"""Band of stress for the elastic slope in ISO 6892-1, as shares of the yield strength, and the largest
+relative difference of the slope in this band.
+"""
 UPPER_BAND, STEEPER, LESS_STEEP = (0.4, 0.6), 0.02, -0.06
-"""Band above the usual one. There the slope of a sound record is hardly larger, and only a little smaller."""
+"""Band of stress above the usual one, with the largest and the smallest relative difference of the slope."""
 LEAST_POINTS = 5
 
 
 def compared(
     record: Record, elastic: Elastic, settings: PropertySettings, plateau: Plateau | None
 ) -> Elastic:
-    """Return the elastic line with flags if the slopes in two bands of stress speak against it."""
+    """Return the elastic line, with a flag for each band of stress whose slope differs too much."""
     if plateau is not None:
         yield_mpa: float | None = float(record.stress[plateau.upper])
     else:
@@ -43,7 +45,7 @@ def compared(
 
 
 def _slope(record: Record, low_mpa: float, high_mpa: float) -> float | None:
-    """Return the slope between two stresses, on the first way up; None if there are too few points."""
+    """Return the slope between two stresses during the first loading; None if there are too few points."""
     stress = record.strained_stress
     stop = int(np.argmax(stress > high_mpa))
     below = np.flatnonzero(stress[:stop] < low_mpa)

@@ -1,4 +1,4 @@
-"""The intersection of a curve, of which points are known, with a straight line through the origin."""
+"""The intersection of a curve, given by points, with a straight line through the origin."""
 
 from dataclasses import dataclass
 
@@ -8,12 +8,12 @@ from scipy.interpolate import PchipInterpolator
 from dic.typing import Float
 
 _NEAR = 3
-"""So many points on each side of the intersection shape the curve."""
+"""Number of points on each side of the intersection through which the smooth curve is drawn."""
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """Where a curve meets a line.
+    """The intersection of a curve with a line.
 
     Attributes
     ----------
@@ -21,7 +21,7 @@ class Crossing:
     point : int
         First point beyond the line.
     std_mpa : float
-        Standard deviation because the curve between its points is not known.
+        Standard deviation of the stress. Its cause is that the curve between its points is not known.
     """
 
     stress_mpa: float
@@ -30,12 +30,13 @@ class Crossing:
 
 
 def crossing(strain: Float, stress: Float, slope: float, first: int) -> Crossing | None:
-    """Return where a curve falls below the line ``stress = slope · strain``; None if it never does.
+    """Return where a curve falls below the line ``stress = slope · strain``; None if it stays above the line.
 
-    Between two points, a curve whose slope only falls lies above the straight line through these points, and
-    below the extended line through the next two points. The first bound is exact if the curve is straight;
-    the second is exact for a curve that yields at a sharp corner. The value is that of a smooth curve between
-    the bounds, and its standard deviation is that of a rectangular distribution over the farther bound.
+    The curve is assumed to have a slope that only falls. Between two points such a curve lies above the
+    straight line through these points, and below the extended line through the next two points. The first
+    bound is exact if the curve is straight; the second is exact for a curve that yields at a sharp corner.
+    The returned stress is that of a smooth curve between the bounds. Its standard deviation is that of a
+    rectangular distribution that reaches to the farther bound.
 
     Parameters
     ----------
@@ -44,7 +45,7 @@ def crossing(strain: Float, stress: Float, slope: float, first: int) -> Crossing
     slope : float
         MPa.
     first : int
-        The search begins at this point.
+        Index of the point at which the search begins.
     """
     above = stress - slope * strain
     # One point below the line may be noise, so three in a row are required.
@@ -55,7 +56,7 @@ def crossing(strain: Float, stress: Float, slope: float, first: int) -> Crossing
 
 
 def _between(strain: Float, stress: Float, above: Float, slope: float, k: int) -> Crossing:
-    """Return the intersection between the points k - 1 and k."""
+    """Return the intersection of a curve with the line between the curve's points k - 1 and k."""
     share = above[k - 1] / (above[k - 1] - above[k]) if above[k - 1] > 0.0 else 1.0
     lowest = float(stress[k - 1] + share * (stress[k] - stress[k - 1]))
     highest = max(_extended(strain, stress, slope, k), lowest)
@@ -79,8 +80,8 @@ def _smooth(stress: Float, above: Float, k: int, straight: float) -> float:
     """Return the stress where a smooth curve through the points around point k meets the line.
 
     The curve is piecewise cubic and keeps the rise of the points (F. N. Fritsch and R. E. Carlson, SIAM J.
-    Numer. Anal. 17, 238, 1980). Points at which the distance from the line does not change steadily, by
-    noise, are left out.
+    Numer. Anal. 17, 238, 1980). Points are left out if noise keeps the distance from the line from changing
+    steadily.
     """
     first, stop = k - 1, k + 1
     while first > max(k - _NEAR, 0) and above[first - 1] > above[first]:

@@ -27,13 +27,15 @@ class Curve:
         Engineering strain across the specimen, negative in tension; NaN where it was not measured.
     time_s : ndarray, shape (n,), or None
     passed_n : ndarray, shape (n, 2), or None
-        Smallest and largest load of the instants just before each point that are left out because they have
-        no strain; NaN where none is left out. None if none is left out at all.
+        Instants without a strain are left out of the curve. The array has the smallest and largest load of
+        the instants left out just before each point, and NaN if there are none. None if no instant was left
+        out.
 
     Raises
     ------
     CurveError
-        If the values are not a tensile test: too few points, gaps, time that runs backwards, compression.
+        If the values cannot be a tensile test: too few points, gaps, time that runs backwards, or
+        compression.
     """
 
     source: str
@@ -61,7 +63,7 @@ class Curve:
 
     @property
     def measured(self) -> int:
-        """Number of points with a strain: all before the first point without one."""
+        """Number of points before the first point without a strain."""
         missing = np.flatnonzero(np.isnan(self.strain))
         return int(missing[0]) if missing.size else len(self.strain)
 
@@ -71,7 +73,7 @@ class Curve:
             remedy = "fill in or delete the line"
             raise self._wrong("load", "a number at each point", _missing_at(gaps), remedy)
         end = self.measured
-        # Strain may end early, because an extensometer is taken off; it does not begin again.
+        # Strain may end early, because an extensometer is taken off. It cannot begin again later.
         if np.isfinite(self.strain[end:]).any():
             expected, got = (
                 "numbers without gaps up to the end of the measurement",
@@ -148,8 +150,8 @@ def read_curve(
         Column of the strain and its unit: 1, mm/mm, %, ‰, µε or others; with `gauge_length_mm` also mm, µm
         and in.
     time : str, optional
-        Column of the time and its unit: s, ms, min or h. Without it, the order of a column with the heading
-        "Time" is still checked.
+        Column of the time and its unit: s, ms, min or h. If this is not given, a column with the heading
+        "Time" must still increase.
     gauge_length_mm : float, optional
         Length over which an extension was measured, mm.
 

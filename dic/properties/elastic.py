@@ -1,4 +1,4 @@
-"""The elastic slope of a test with its standard deviation, and the foot of its curve."""
+"""The elastic slope of a test with its standard deviation, and the strain at which its line starts."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -33,12 +33,12 @@ class Elastic:
     line : Line
         Stress in MPa against strain.
     std_mpa : float
-        Standard deviation of the slope by noise and choice of the window, without the errors that all points
-        share.
+        Standard deviation of the slope due to noise and the choice of the window, without errors that are
+        common to all points.
     centre : tuple of float
-        Mean strain and mean stress of the window, through which every such line passes.
+        Mean strain and mean stress of the window. Every least squares line passes through this point.
     window : dict
-        The window in words for JSON.
+        Description of the window for JSON.
     rule : str
     flags : tuple of str
     """
@@ -52,16 +52,16 @@ class Elastic:
 
     @property
     def foot(self) -> float:
-        """Strain at which the elastic line has the stress 0: the corrected zero of strain."""
+        """Strain at which the elastic line has the stress 0; it is the corrected zero of the strain."""
         return -self.line.intercept / self.line.slope
 
     def turned(self, by_mpa: float) -> tuple[float, float]:
-        """Return slope and foot of the line turned about its centre until its slope is larger."""
+        """Return slope and foot of the line turned about `centre` so that its slope is larger by `by_mpa`."""
         slope = self.line.slope + by_mpa
         return slope, self.centre[0] - self.centre[1] / slope
 
     def value(self, settings: PropertySettings) -> PropertyValue:
-        """Return the modulus in GPa, with the uncertainties that all points share."""
+        """Return the elastic modulus in GPa; its standard deviation includes errors common to all points."""
         slope = self.line.slope
         std = root_sum(self.std_mpa, slope * settings.stress_share, slope * settings.strain_share)
         return PropertyValue(slope / 1e3, std / 1e3, "GPa", self.rule, self.window, self.flags)
@@ -70,9 +70,9 @@ class Elastic:
 def elastic_line(
     record: Record, settings: PropertySettings, points: tuple[int, int] | None = None
 ) -> Elastic | PropertyValue:
-    """Fit the elastic line of a test; a `PropertyValue` that is missing says why there is none.
+    """Fit the elastic line of a test; if there is none, return a `PropertyValue` with the reason.
 
-    With `points`, the first one and the one after the last, the line is fitted to these points.
+    If `points` is given, the line is fitted to the points from `points[0]` to before `points[1]`.
     """
     strain, stress = record.strain, record.strained_stress
     if points is not None:
@@ -147,21 +147,21 @@ def _elastic(
 
 
 def _noise_of_slope(record: Record, line: Line, x: Float, y: Float) -> tuple[float, float]:
-    """Return the standard deviation of a slope by noise, and by how much noise of strain lowers it."""
+    """Return a slope's standard deviation due to noise, and its decrease due to noise of the strain."""
     rest = y - line.slope * x - line.intercept
     across = float(((x - x.mean()) ** 2).sum())
     free = max(len(x) - 2, 1)
     std = float(np.sqrt(rest @ rest / free / across))
-    # The scatter of few points is known badly, so their 95 % interval is that of Student's distribution.
+    # Few points give an inaccurate scatter, so use the 95 % interval of Student's distribution.
     std *= float(student.ppf(0.975, free)) / NORMAL_95
-    # Correlated errors of neighbouring points, as in a filtered signal, tell less than independent errors.
+    # Points with correlated errors, as in a filtered signal, contain less information than independent ones.
     alike = float(np.clip((rest[1:] @ rest[:-1]) / max(float(rest @ rest), 1e-300), 0.0, 0.98))
     std *= np.sqrt((1.0 + alike) / (1.0 - alike))
     return std, line.slope * record.noise(x) ** 2 * len(x) / across
 
 
 def _course_flags(record: Record, line: Line, points: int) -> list[str]:
-    """Return the flags of the test that speak against the slope: few points, toe, hysteresis, ladder."""
+    """Return flags for objections to the elastic slope: few points, a toe, hysteresis, or load in steps."""
     flags = []
     if points < FEW_POINTS:
         flags.append(f"few points: {points} in the window; ISO 6892-1 asks for {FEW_POINTS}")

@@ -1,8 +1,8 @@
-"""Checks that a window is the elastic part of a record, for records with few points there.
+"""Checks that a window is the elastic part of a record, also if this part has few points.
 
-The checks of ASTM E3076 compare the slopes of the first and the last quarter of a window, and need five
-points in each quarter. A record of settled steps has fewer. Its window of ten points may then contain
-yielding, or lie in the hardening. The checks allow for the scatter of the points.
+ASTM E3076 compares the slopes of the first and the last quarter of a window, which needs five points in each
+quarter. A record of settled load steps has fewer points. A window of ten points may then contain yielding, or
+lie in the hardening. The checks of this module find such windows. They allow for the scatter of the points.
 """
 
 import numpy as np
@@ -11,15 +11,20 @@ from dic.properties.windows import Line, fit_line, steepest_run
 from dic.typing import Float
 
 ENOUGH_POINTS = 20
-"""Windows with so many points have five points in each quarter."""
+"""A window with at least this number of points has five points in each quarter."""
 STEEPER, STEEPER_OF_FEW, RUN_SHARE, RUN_STDS = 2.0, 1.25, 0.5, 4.0
-"""Points that cover this share of the window's range of stress must not be steeper than the window by the
-first factor, or by the second one in a window without enough points, beyond so many standard deviations."""
+"""Any run of points that covers `RUN_SHARE` of the window's range of stress must be less than `STEEPER` times
+as steep as the window, or `STEEPER_OF_FEW` times in a window with few points. An error of the strain of
+`RUN_STDS` standard deviations is allowed for.
+"""
 BEND_LIMIT, BEND_STDS = 0.05, 2.0
-"""Largest difference of the slope at the middle of an end quarter, as a share of the slope."""
+"""Largest relative difference between the slope at the middle of an end quarter and the slope of the whole
+window; `BEND_STDS` standard deviations are allowed for.
+"""
 LAST_POINTS, LAST_LIMIT, LAST_STDS = 2, 0.01, 3.0
-"""Without its last one or two points, a window must not be steeper by this share, beyond so many standard
-deviations of their strain: else they have begun to yield."""
+"""The last one or two points show yielding if the slope without them is larger by more than `LAST_LIMIT`, and
+their strain is too large by more than `LAST_STDS` standard deviations.
+"""
 
 
 def not_elastic(x: Float, y: Float, line: Line) -> str | None:
@@ -53,7 +58,7 @@ def not_elastic(x: Float, y: Float, line: Line) -> str | None:
 
 
 def _end_yields(x: Float, y: Float, line: Line) -> bool:
-    """Return True if the strain of the last points of a window is too large for the line of the others."""
+    """Return True if the last points of a window have too much strain for the line of its other points."""
     for count in range(1, LAST_POINTS + 1):
         stop = line.stop - count
         u, v = x[line.first : stop], y[line.first : stop]
@@ -70,9 +75,10 @@ def _end_yields(x: Float, y: Float, line: Line) -> bool:
 
 
 def _bend(x: Float, y: Float) -> float:
-    """Return by how much the slope at an end of a window differs from the whole slope, beyond its scatter.
+    """Return the relative difference of the slope at an end of a window, less what scatter explains.
 
-    A parabola is fitted to strain against stress. The slope is taken at the middle of the end quarter.
+    A parabola is fitted to strain against stress. Its slope at the middle of the end quarter is compared with
+    its slope at the middle of the window.
     """
     v = (y - y.mean()) / (0.5 * np.ptp(y))
     design = np.column_stack([np.ones(len(v)), v, v**2])

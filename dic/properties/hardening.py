@@ -25,7 +25,7 @@ MOST_FITTED, MOST_TRIALS = 400, 200
 
 @dataclass(frozen=True)
 class TrueCurve:
-    """True stress and strain up to the end of uniform elongation or of the valid strain.
+    """True stress and true strain, up to the end of uniform elongation or of the valid strain.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class TrueCurve:
 
 
 def true_curve(record: Record, elastic: Elastic, strength_at: int) -> TrueCurve:
-    """Return the true curve: stress σ(1 + e) and strain ln(1 + e), valid while the strain is uniform."""
+    """Return true stress σ(1 + e) and true strain ln(1 + e), which are valid while the strain is uniform."""
     stop = min(strength_at + 1, record.end)
     strain = record.strain[:stop] - elastic.foot
     total, stress = np.log1p(strain), record.stress[:stop] * (1.0 + strain)
@@ -49,7 +49,7 @@ def true_curve(record: Record, elastic: Elastic, strength_at: int) -> TrueCurve:
 def hardening_range(
     record: Record, elastic: Elastic, settings: PropertySettings, strength_at: int
 ) -> tuple[slice, dict[str, Any]] | str:
-    """Return the part of the record for n and r, and its window; or the reason why there is none."""
+    """Return the part of the record from which n and r are computed, and its window; or why there is none."""
     low, high = settings.hardening_percent
     strain = 100 * (record.strain - elastic.foot)
     until = min(strength_at, record.end - 1)
@@ -65,7 +65,7 @@ def hardening_range(
 
 
 def hardening_exponent(curve: TrueCurve, part: slice, window: dict[str, Any]) -> PropertyValue:
-    """Return n; a common relative error of all stresses does not change it."""
+    """Return the hardening exponent n, which a common relative error of all stresses does not change."""
     plastic, stress = curve.plastic[part], curve.stress[part]
     if (plastic <= 0.0).any() or len(plastic) < LEAST_POINTS:
         return missing("1", N_RULE, "the plastic strain is not positive throughout the range")
@@ -156,7 +156,7 @@ def _fit(
             max_nfev=MOST_TRIALS,
         )
     except RuntimeError as error:
-        # scipy raises it if the fit does not converge.
+        # scipy raises a RuntimeError if the fit does not converge.
         return {"formula": formula, "flags": [f"missing: the fit did not converge ({error})"]}
     stds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     rest = stress - law(plastic, *found)

@@ -16,17 +16,19 @@ from dic.typing import Float
 RULE = "objective window, rule of ASTM E3076-18"
 TOO_FEW = "few points: no window of ten points in the rising part of the record"
 FIRST_SHARE, CUT_SHARE, RAISED_SHARE = 0.05, 0.15, 0.05
-"""Shares of the largest stress. The tangent begins at the first, is raised by the second, and at each further
-attempt by the third."""
+"""Shares of the largest stress. The tangent line starts at the point of the first share. Its start is raised
+by the second share, and at each further attempt by the third share.
+"""
 LEAST_SHARE, LEAST_POINTS = 0.2, 10
-"""Smallest window: share of the points up to the cut, and number of points."""
+"""A window has at least this share of the points up to the cut, and at least this number of points."""
 NOISE_LIMIT, RESOLUTION, RESOLUTION_BINS, BIN_SHARE = 0.005, 2.0**-12, 3, 0.25
 QUARTER_LIMIT, QUARTER_POINTS, RANGE_LIMIT = 0.05, 5, 0.4
 STEEP_SHARE = 0.5
-"""Slopes below this share of the steepest slope of all attempts are not elastic."""
+"""A slope below this share of the steepest slope of all attempts is not an elastic slope."""
 NEARLY_AS_GOOD = 2.0
-"""The scatter of the slopes of all windows with up to this multiple of the least residual is the standard
-deviation by the choice of the window."""
+"""A window is nearly as good as the best one if its residual is at most this multiple of the least residual.
+The scatter of the slopes of such windows is the standard deviation due to the choice of the window.
+"""
 MOST_POINTS = 1500
 """Longer records are averaged over blocks of consecutive points before the windows are compared."""
 
@@ -40,11 +42,11 @@ class ObjectiveSlope:
     line : Line
         Fit to all points of the window, in the record's units.
     cut : int
-        Number of the point at which the record was cut.
+        Index of the point at which the record was cut.
     raised : int
-        How often the cut was raised.
+        How often the start of the tangent line was raised to find the cut.
     range_share : float
-        Range of y in the window, divided by the range up to the cut.
+        Range of y in the window, divided by the range of y up to the cut.
     spread : float
         Standard deviation of the slope due to the choice of the window.
     objections : tuple of str
@@ -70,9 +72,9 @@ def objective_slope(x: Float, y: Float) -> ObjectiveSlope | str:
     Returns
     -------
     ObjectiveSlope or str
-        The first accepted slope. If no slope is accepted, the first slope with the fewest objections; an
+        The first accepted slope. If no slope is accepted, the first slope with the fewest objections. An
         objection to the range counts least, because a short window may still be straight. A window that is
-        not the elastic part is never taken. If there is no slope, the reason.
+        not the elastic part is never used. If no window gives a slope, the reason is returned.
     """
     shifted_x, shifted_y = x - x[0], y - y[0]
     largest = float(shifted_y.max())
@@ -108,7 +110,7 @@ def _steep(attempts: Iterable[ObjectiveSlope | str]) -> list[ObjectiveSlope]:
 
 
 def _tangency(x: Float, y: Float, start: int, raised: int) -> int | None:
-    """Return the point to which the line from the raised start is steepest; None if no point is higher."""
+    """Return the point to which the line from the raised start is steepest; None if no point is above it."""
     largest = float(y.max())
     base = y[start] + (CUT_SHARE + RAISED_SHARE * raised) * largest
     later = start + 1 + np.flatnonzero((y[start + 1 :] > base) & (x[start + 1 :] > x[start]))
@@ -118,7 +120,7 @@ def _tangency(x: Float, y: Float, start: int, raised: int) -> int | None:
 
 
 def _at_cut(x: Float, y: Float, cut: int, raised: int) -> ObjectiveSlope | str:
-    """Fit every window of the record up to the cut, and check the straightest one."""
+    """Fit a line in every window of the record up to the cut, and check the straightest window."""
     if x[cut] <= x[0] or y[cut] <= y[0]:
         return TOO_FEW
     u, v, width = _normalised(x, y, cut)
@@ -141,7 +143,7 @@ def _at_cut(x: Float, y: Float, cut: int, raised: int) -> ObjectiveSlope | str:
 
 
 def _with_spread(x: Float, y: Float, found: ObjectiveSlope) -> ObjectiveSlope:
-    """Add the standard deviation due to the choice of the window."""
+    """Return the slope with the standard deviation due to the choice of the window."""
     u, v, width = _normalised(x, y, found.cut)
     least = max(int(LEAST_SHARE * len(u)), LEAST_POINTS)
     line = fit_line(u, v, found.line.first // width, found.line.stop // width)
@@ -150,7 +152,7 @@ def _with_spread(x: Float, y: Float, found: ObjectiveSlope) -> ObjectiveSlope:
 
 
 def _normalised(x: Float, y: Float, cut: int) -> tuple[Float, Float, int]:
-    """Return the record up to the cut on axes from 0 to 1, and how many points were averaged into one."""
+    """Return the record up to the cut, scaled to 0 to 1, and the number of points averaged into one."""
     width = -(-(cut + 1) // MOST_POINTS)
     mean_x, mean_y = (_block_means(part[: cut + 1], width) for part in (x, y))
     return (mean_x - x[0]) / (x[cut] - x[0]), (mean_y - y[0]) / (y[cut] - y[0]), width
@@ -162,7 +164,7 @@ def _block_means(values: Float, width: int) -> Float:
 
 
 def _data_objections(u: Float, v: Float) -> list[str]:
-    """Check noise and digital resolution of the normalised record."""
+    """Return the objections to the noise and the digital resolution of the normalised record."""
     objections = []
     for name, values in (("strain", u), ("stress", v)):
         step = np.diff(values)
@@ -178,7 +180,7 @@ def _data_objections(u: Float, v: Float) -> list[str]:
 
 
 def _fit_objections(u: Float, v: Float, line: Line, range_share: float) -> list[str]:
-    """Check the curvature at both ends of the fit, and its range."""
+    """Return the objections to a fit: curvature at one of its ends, or too small a range of stress."""
     objections = []
     x, rest = u[line.first : line.stop], v[line.first : line.stop]
     rest = rest - line.slope * x - line.intercept

@@ -1,4 +1,4 @@
-"""A picture of the stress-strain curve with the elastic line, the offset lines and the marks."""
+"""A picture of the stress-strain curve with elastic line, offset lines and marks at the properties."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ _MARKS = {
     "ReL_mpa": ("ReL", "v", "#009e73"),
     "Rm_mpa": ("Rm", "s", "#000000"),
 }
-"""Label, sign and colour (after Okabe and Ito, for all kinds of colour vision) of each mark."""
+"""Label, symbol and colour of each mark; the colours of Okabe and Ito suit colour-blind people."""
 _LINE, _OFFSET = "#0072b2", "#cc79a7"
 
 
@@ -56,7 +56,7 @@ def draw_properties(properties: Properties) -> Any:
 
 
 def plot_properties(properties: Properties, path: PathLike) -> None:
-    """Write the figure of a curve and its properties as a PNG file.
+    """Write the figure of a stress-strain curve and its properties as a PNG file.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def plot_properties(properties: Properties, path: PathLike) -> None:
 
 
 def _reach(properties: Properties, strain: Any) -> float:
-    """Return up to which strain the beginning of the curve is drawn, %."""
+    """Return the strain in % up to which the beginning of the curve is drawn."""
     ends = [2.0 * max(properties.settings.offsets_percent)]
     for offset in properties.settings.offsets_percent:
         at = properties.values[offset_key(offset)].window.get("strain_percent")

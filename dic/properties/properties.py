@@ -67,8 +67,8 @@ class Properties:
         Laws of hardening fitted to the true curve.
     true : TrueCurve or None
     strain_parts : mapping of str to float, or None
-        The parts of the standard deviations that an error of strain common to all points causes, by the names
-        of the values; None if no such error was given.
+        The part of each standard deviation that an error of strain common to all points causes, keyed by the
+        name of the value; None if no such error was given.
     """
 
     record: Record
@@ -83,7 +83,7 @@ class Properties:
 
     @cached_property
     def flags(self) -> list[str]:
-        """What concerns the whole record."""
+        """Warnings about the whole record, not about a single property."""
         return [self.record.end_reason] if self.record.end_reason else []
 
     @property
@@ -108,7 +108,7 @@ class Properties:
 def material_properties(
     curve: Curve, settings: PropertySettings, points: tuple[int, int] | None = None
 ) -> Properties:
-    """Compute the properties that a laboratory reports of a tensile test.
+    """Compute the material properties that a laboratory reports for a tensile test.
 
     Parameters
     ----------
@@ -123,8 +123,8 @@ def material_properties(
     Returns
     -------
     Properties
-        Each value has its standard deviation, rule, window and flags. A value that cannot be had is None, and
-        its flags have the reason.
+        Each value has its standard deviation, rule, window and flags. If a value cannot be determined, it is
+        None, and its flags give the reason.
     """
     require_kind("curve", curve, Curve, "read it with dic.read_curve")
     require_kind("settings", settings, PropertySettings, "give dic.PropertySettings(area_mm2=120.0)")
@@ -178,7 +178,7 @@ def _no_plateau(reason: str) -> dict[str, PropertyValue]:
 
 
 def _without_line(record: Record, settings: PropertySettings, e_gpa: PropertyValue) -> Properties:
-    """Return what needs no elastic line: Rm; everything else is missing."""
+    """Return the properties of a test without an elastic line: only Rm, all others are missing."""
     reason = "no elastic line was found"
     values = {"E_gpa": e_gpa, "nu": missing("1", NU_RULE, reason)}
     for offset in settings.offsets_percent:

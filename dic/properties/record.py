@@ -1,4 +1,4 @@
-"""Stress and strain of a test, and its events: extensometer taken off, break, steps, loops."""
+"""Stress and strain of a test, and events in them: extensometer taken off, break, load steps, loops."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,31 +10,33 @@ from dic.properties.curve import Curve
 from dic.typing import Float
 
 STILL_STRAIN, STILL_LOAD_SHARE, STILL_POINTS = 2e-5, 0.02, 20
-"""Strain stands still if it changes by less than the first over so many points, while the load changes by
-more than the second."""
+"""The extensometer is off if the strain changes by at most `STILL_STRAIN` over at least `STILL_POINTS`
+points, while the load changes by more than `STILL_LOAD_SHARE` of its largest value.
+"""
 JUMP_STRAIN, JUMP_TIMES, JUMP_LOAD_SHARE = 2e-3, 50.0, 0.05
-"""A step of strain above the first, and above so many usual steps, with a smaller step of load than the
-third, is the removal of the extensometer."""
+"""A step of strain is the removal of the extensometer if it exceeds `JUMP_STRAIN` and `JUMP_TIMES` usual
+steps, and the load changes by less than `JUMP_LOAD_SHARE` of its largest value.
+"""
 JUMP_NEAR = 5
-"""The usual step before or after a step is the median of so many steps."""
+"""The usual step is the median over this number of steps before or after the step that is checked."""
 BROKEN_SHARE, LOOP_SHARE = 0.1, 0.02
 LADDER_TIMES, LADDER_SHARE, LADDER_STEPS = 5.0, 0.7, 4
 
 
 @dataclass(frozen=True)
 class Record:
-    """A tensile test in stress and strain.
+    """Stress and strain of a tensile test.
 
     Attributes
     ----------
     curve : Curve
     area_mm2 : float
     stress : ndarray, shape (n,)
-        Load over the original area, MPa, of all points.
+        Load divided by the original area, MPa, at all points.
     end : int
         Number of points with a valid strain.
     end_reason : str
-        Why the strain ends before the load; empty if it does not.
+        Reason why the strain ends before the load; empty if it does not end earlier.
     """
 
     curve: Curve
@@ -54,9 +56,10 @@ class Record:
         return self.stress[: self.end]
 
     def passed(self, first: int, stop: int) -> tuple[float, float]:
-        """Return the smallest and the largest stress without strain between two points, MPa.
+        """Return the smallest and the largest stress, MPa, of the images without strain between two points.
 
-        Images without a reading have a load and no strain. Without any, the result is (inf, -inf).
+        An image whose gauge has no reading has a load but no strain. If there is no such image, the result is
+        (inf, -inf).
         """
         passed = self.curve.passed_n
         if passed is None:
@@ -66,12 +69,12 @@ class Record:
 
     @cached_property
     def top(self) -> int:
-        """Point of the largest load."""
+        """Index of the point with the largest load."""
         return int(np.argmax(self.stress))
 
     @cached_property
     def break_point(self) -> int | None:
-        """Last point before the specimen broke; None if the record does not show the break."""
+        """Index of the last point before the specimen broke; None if the record does not show the break."""
         after = self.stress[self.top :]
         low = np.flatnonzero(after < BROKEN_SHARE * self.stress[self.top])
         stop = int(low[0]) if low.size else len(after) - 1
@@ -85,14 +88,14 @@ class Record:
         return self.top + k if k < stop else None
 
     def noise(self, values: Float) -> float:
-        """Return the standard deviation of white noise, robustly, from third differences."""
+        """Return a robust standard deviation of the white noise of values, from third differences."""
         if len(values) < 8:
             return 0.0
         # The third difference of white noise has 1 + 9 + 9 + 1 = 20 times its variance.
         return float(1.4826 * np.median(np.abs(np.diff(values, n=3))) / np.sqrt(20.0))
 
     def loops(self, stop: int) -> list[tuple[float, float]]:
-        """Return the highest and the lowest stress of each loop of unloading and loading before a point."""
+        """Return the highest and lowest stress of each unloading-reloading loop before the point `stop`."""
         stress, strain = self.stress[:stop], self.strain[:stop]
         least = LOOP_SHARE * float(self.stress[self.top])
         found: list[tuple[float, float]] = []
@@ -108,7 +111,7 @@ class Record:
         return found
 
     def is_ladder(self, stop: int) -> bool:
-        """Return True if the load rose in few large steps with rests between them, up to a point."""
+        """Return True if the load up to the point `stop` rose in few large steps with rests between them."""
         steps = np.diff(self.stress[: stop + 1])
         if len(steps) < 3 * LADDER_STEPS:
             return False
@@ -119,13 +122,13 @@ class Record:
 
 
 def record_of(curve: Curve, area_mm2: float) -> Record:
-    """Return stress and valid strain of a test."""
+    """Compute the stress of a test, and find up to which point its strain is valid."""
     end, reason = _valid_strain(curve)
     return Record(curve, area_mm2, curve.load_n / area_mm2, end, reason)
 
 
 def _valid_strain(curve: Curve) -> tuple[int, str]:
-    """Return how many points have a valid strain, and why not all have."""
+    """Return the number of points with a valid strain, and the reason if not all points have one."""
     end, reason = curve.measured, ""
     if end < len(curve.strain):
         reason = "extensometer: the strain ends before the load"
@@ -146,10 +149,10 @@ def _valid_strain(curve: Curve) -> tuple[int, str]:
 
 
 def _jumps(strain: Float, load: Float, most: float) -> np.ndarray:
-    """Return the points before which nothing but the removal of the extensometer explains a step of strain.
+    """Return the points after which the strain jumps because the extensometer was removed.
 
-    Such a step is far above the usual step before it and after it. Images taken at equal times or loads have
-    much larger steps in the plastic part than in the elastic part, but there every step is large.
+    Such a step is far larger than the usual steps before and after it. Images at equal times or loads also
+    have large steps of strain in the plastic part, but there the neighbouring steps are large too.
     """
     steps = np.diff(strain)
     around = np.pad(np.abs(steps), JUMP_NEAR, constant_values=np.nan)
@@ -160,12 +163,12 @@ def _jumps(strain: Float, load: Float, most: float) -> np.ndarray:
         usual[known] = np.maximum(usual[known], np.nanmedian(side[known], axis=1))
     quiet = np.abs(np.diff(load)) < JUMP_LOAD_SHARE * most
     found = np.flatnonzero((np.abs(steps) > np.maximum(JUMP_STRAIN, JUMP_TIMES * usual)) & quiet)
-    # An extensometer is taken off once. Several large steps forwards are the steps of the test itself.
+    # An extensometer is taken off once, so several large steps forwards belong to the test itself.
     return found[:0] if len(found) > 2 and (steps[found] > 0.0).all() else found
 
 
 def _standing_from(strain: Float) -> int:
-    """Return the first point from which on the strain stays within `STILL_STRAIN`."""
+    """Return the first point after which the strain varies by at most `STILL_STRAIN` until the end."""
     back = strain[::-1]
     spread = np.maximum.accumulate(back) - np.minimum.accumulate(back)
     moving = np.flatnonzero(spread > STILL_STRAIN)

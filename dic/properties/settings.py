@@ -1,4 +1,4 @@
-"""What the user states about a tensile test besides its record."""
+"""The user's data on a tensile test that its record does not contain: area, uncertainties, choices."""
 
 from dataclasses import dataclass
 
@@ -7,21 +7,21 @@ import numpy as np
 from dic.errors import Check, CurveError, is_number, require_all
 
 STRAIN = "strain calibration"
-"""Name of the uncertainty of strain that all points share."""
+"""Name of the uncertainty that describes a relative error of strain common to all points."""
 
 
 @dataclass(frozen=True)
 class PropertySettings:
-    """The specimen's area, the declared uncertainties and the choices of the rules.
+    """The specimen's area, the declared uncertainties, and the user's choices for the evaluation rules.
 
     Attributes
     ----------
     area_mm2 : float
         Original area of the cross-section, mm².
     area_std_mm2, load_std_percent, strain_std_percent : float or None
-        Standard deviations of the area, and of load and strain as a share of the reading. These errors are
-        common to all points. None if unknown: then the standard deviations of the results do not contain this
-        error.
+        Standard deviations of the area, and of load and strain in % of the reading. These errors are common
+        to all points. None if an error is unknown; the standard deviations of the results then do not contain
+        it.
     offsets_percent : tuple of float
         Plastic strains of the offset yield strengths Rp, %.
     window_mpa : tuple of float, or None
@@ -77,13 +77,13 @@ class PropertySettings:
 
     @property
     def stress_share(self) -> float:
-        """Standard deviation of the relative error that all stresses share."""
+        """Standard deviation of the relative error that is common to all stresses."""
         load = (self.load_std_percent or 0.0) / 100.0
         return float(np.hypot(load, (self.area_std_mm2 or 0.0) / self.area_mm2))
 
     @property
     def strain_share(self) -> float:
-        """Standard deviation of the relative error that all strains share."""
+        """Standard deviation of the relative error that is common to all strains."""
         return (self.strain_std_percent or 0.0) / 100.0
 
     @property

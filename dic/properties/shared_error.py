@@ -1,9 +1,9 @@
-"""The effect of an error of strain that all points share: of the calibration, and of motion out of the plane.
+"""The effect of strain errors common to all points: errors of the calibration and of out-of-plane motion.
 
 Such an error does not average out over the points of a curve. In the reference image the strain is exactly
 zero and has no error, so the error grows during the test. This module assumes that the error grows in
 proportion to the load up to the end of the elastic window, where it reaches its stated standard deviation. No
-other growth changes the elastic slope more.
+other assumption about the growth gives a larger change of the elastic slope.
 """
 
 from dataclasses import replace
@@ -20,10 +20,10 @@ NECKING = "necking"
 def with_shared_error(
     found: Properties, shared_std: Float, shared_transverse: Float | None = None
 ) -> Properties:
-    """Return properties whose standard deviations contain an error of strain that all points share.
+    """Return properties whose standard deviations contain an error of strain common to all points.
 
-    Each property is computed again with strain that has this error, once added and once taken away. Half of
-    the difference is the error of the property.
+    Each property is computed two more times: with the error added to the strain, and with the error
+    subtracted. Half of the difference of the two values is the error of the property.
 
     Parameters
     ----------
@@ -31,10 +31,11 @@ def with_shared_error(
     shared_std : ndarray, shape (n,)
         Standard deviation of the error at each point of the curve.
     shared_transverse : ndarray, shape (n, 2), optional
-        Error of the transverse strain: the part that comes with one standard deviation of the error of the
-        strain, with its sign, and the standard deviation of the rest. Without it, the transverse strain is
-        taken to have no such error. A shift towards the camera adds the same to both strains, so it changes
-        Poisson's ratio by (1 + ν) times its share of the strain.
+        Error of the transverse strain. The first column is the change of the transverse strain, with its
+        sign, when the error of the axial strain is one standard deviation. The second column is the standard
+        deviation of the independent part. Without this argument, the transverse strain has no such error.
+        Example: a shift towards the camera adds the same error to both strains. It changes Poisson's ratio by
+        (1 + ν) times the relative error of the axial strain.
     """
     elastic = found.elastic
     curve = found.record.curve
@@ -46,7 +47,7 @@ def with_shared_error(
     if shared_transverse is None or not np.isfinite(shared_transverse[known]).all():
         modes = [(shared_std, np.zeros(len(shared_std)))]
     else:
-        # Points without a transverse strain have the error of their neighbours.
+        # Points without a transverse strain get an interpolated error from the points around them.
         points = np.arange(len(known))
         beside: list[Float] = [np.zeros(len(points))] * 2
         if known.any():
@@ -65,7 +66,7 @@ def with_shared_error(
 
 
 def _changes(found: Properties, elastic: Elastic, along: Float, across: Float) -> dict[str, float]:
-    """Return by how much an error of both strains changes each property that has a standard deviation."""
+    """Return by how much the given errors of axial and transverse strain change each property."""
     record = found.record
     curve, end = record.curve, elastic.line.stop
     errors = []
@@ -73,7 +74,7 @@ def _changes(found: Properties, elastic: Elastic, along: Float, across: Float) -
         error = np.array(part, np.float64)
         error[:end] = error[end - 1] * curve.load_n[:end] / curve.load_n[end - 1]
         errors.append(error)
-    # Both curves have the same window, so that the choice of a window is no part of the difference.
+    # Use the same window for both curves, so that the difference does not contain the choice of a window.
     window = elastic.line.first, elastic.line.stop
     sides = []
     for sign in (1.0, -1.0):

@@ -11,8 +11,10 @@ from dic.properties.value import PropertyValue, excess_of_extreme, missing, root
 from dic.properties.yielding import Plateau
 
 FLAT_TIMES, HUMP_TIMES, HUMP_SHARE = 4.0, 8.0, 0.005
-"""Stresses below the largest one, in standard deviations of the noise: down to the first, a point may lie at
-the level of the top; below the second, and by the share of the stress, a valley divides two maxima."""
+"""Limits of the difference from the largest stress. A point may be at the top level if it is at most
+`FLAT_TIMES` standard deviations of the noise below. A valley separates two maxima if it is more than
+`HUMP_TIMES` standard deviations and more than `HUMP_SHARE` of the stress below.
+"""
 RM_RULE = "largest stress after yielding"
 AGT_RULE = "strain at Rm, the middle of a flat maximum, after correction of the curve's foot"
 AG_RULE = "Agt minus Rm over the elastic slope"
@@ -20,20 +22,20 @@ A_RULE = "strain at the break minus stress over the elastic slope, after correct
 
 
 def strength_point(record: Record, plateau: Plateau | None) -> int:
-    """Return the point of the largest stress; if there is a plateau, of the largest stress after it."""
+    """Return the index of the largest stress; if there is a yield plateau, of the largest stress after it."""
     begin = begin_of(plateau)
     return begin + int(np.argmax(record.stress[begin:]))
 
 
 def begin_of(plateau: Plateau | None) -> int:
-    """Return the first point after yielding."""
+    """Return the index of the last point of the yield plateau; 0 if there is no plateau."""
     return plateau.last if plateau is not None else 0
 
 
 def tensile_strength(
     record: Record, settings: PropertySettings, at: int, plateau: Plateau | None = None
 ) -> PropertyValue:
-    """Return Rm; it needs no strain."""
+    """Return the tensile strength Rm, which is computed without any strain."""
     stress = float(record.stress[at])
     noise = record.noise(record.stress)
     _, without_strain = record.passed(begin_of(plateau), len(record.stress))
@@ -44,7 +46,7 @@ def tensile_strength(
         flags.append("gap: the image of the largest load has no strain")
     elif at >= len(record.stress) - 2:
         flags.append("end: the largest stress is the last one, so the record may end before Rm")
-    # The largest of many noisy values on a flat top is too large.
+    # On a flat top, the largest of many noisy values is larger than the true stress.
     std = root_sum(stress * settings.stress_share, noise, excess_of_extreme(noise, int(count)))
     return PropertyValue(stress, std, "MPa", RM_RULE, {"point": at}, tuple(flags))
 
@@ -52,7 +54,7 @@ def tensile_strength(
 def uniform_elongations(
     record: Record, elastic: Elastic, settings: PropertySettings, at: int, plateau: Plateau | None = None
 ) -> tuple[PropertyValue, PropertyValue]:
-    """Return Agt and Ag."""
+    """Return the total and the plastic extension at the largest force, Agt and Ag."""
     if record.passed(begin_of(plateau), len(record.stress))[1] > record.stress[at]:
         reason = "the image of the largest load has no strain"
         return missing("%", AGT_RULE, reason), missing("%", AG_RULE, reason)
@@ -67,7 +69,7 @@ def uniform_elongations(
     noise = record.noise(stress)
     begin = begin_of(plateau)
     flat = begin + np.flatnonzero(stress[begin:] >= stress[at] - 2.0 * noise)
-    # Between two points of one flat maximum the stress does not fall far.
+    # If the stress falls far between two points, they belong to two different maxima.
     valley = stress < stress[at] - max(HUMP_TIMES * noise, HUMP_SHARE * stress[at])
     hump = np.cumsum(valley)[flat]
     if (hump != hump[flat == at]).any():

@@ -19,7 +19,8 @@ NO_TRANSVERSE = "no transverse strain was given"
 def poisson_ratio(record: Record, elastic: Elastic) -> PropertyValue:
     """Return Poisson's ratio in the window of the elastic slope.
 
-    A common error of all loads cancels out, and so does the area. A common error of both strains cancels too.
+    The area and a relative error of all loads do not change the ratio. A relative error that is equal in both
+    strains does not change it either.
     """
     if record.curve.transverse is None:
         return missing("1", NU_RULE, NO_TRANSVERSE)
@@ -45,7 +46,7 @@ def poisson_ratio(record: Record, elastic: Elastic) -> PropertyValue:
 def strain_ratio(
     record: Record, elastic: Elastic, settings: PropertySettings, part: slice, window: dict[str, object]
 ) -> PropertyValue:
-    """Return r over a part of the record with uniform plastic strain."""
+    """Return the plastic strain ratio r from a part of the record with uniform plastic strain."""
     if record.curve.transverse is None:
         return missing("1", R_RULE, NO_TRANSVERSE)
     stress, along, across = _known(
@@ -80,7 +81,7 @@ def strain_ratio(
 
 
 def _known(stress: Float, axial: Float, across: Float) -> tuple[Float, Float, Float]:
-    """Return the points with a transverse strain."""
+    """Return stress, axial and transverse strain of the points that have a transverse strain."""
     known = np.isfinite(across)
     return stress[known], axial[known], across[known]
 

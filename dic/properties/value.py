@@ -26,7 +26,7 @@ class PropertyValue:
     window : dict
         The part of the record from which the value was found.
     flags : tuple of str
-        What speaks against the value; each begins with a word for programs, such as "toe:".
+        Objections to the value. Each begins with a word that programs can read, such as "toe:".
     """
 
     value: float | None
@@ -61,12 +61,12 @@ class PropertyValue:
 
 
 def missing(unit: str, rule: str, reason: str) -> PropertyValue:
-    """Return a property that the record does not give."""
+    """Return a property without a value, with the reason why the record does not give one."""
     return PropertyValue(None, None, unit, rule, flags=(f"missing: {reason}",))
 
 
 def excess_of_extreme(std: float, count: int) -> float:
-    """Return by how much noise makes the largest of `count` equal values too large, in the mean.
+    """Return the mean excess of the largest of `count` equal values that have noise.
 
     The formula is that of G. Blom (Statistical Estimates and Transformed Beta-Variables, 1958) for the
     expected largest of independent normal values.

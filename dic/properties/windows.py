@@ -1,4 +1,4 @@
-"""Straight lines through every window of consecutive points, by running sums."""
+"""Least squares lines in every window of consecutive points, computed from running sums."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,10 +8,10 @@ import numpy as np
 from dic.typing import Float
 
 _TIE = 1e-10
-"""Running sums lose digits: windows whose normalised residuals are closer than this are fitted again."""
+"""Windows whose normalised residuals differ by less are fitted again, because running sums lose digits."""
 _MOST_REFITTED = 500
 _MOST_IN_RUNS = 100
-"""Longer records are averaged over blocks before their runs are compared."""
+"""Records with more points are averaged over blocks before `steepest_run` compares their runs."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Line:
     ----------
     first, stop : int
     slope, intercept : float
-        Of y against x.
+        Slope and intercept of y against x.
     residual : float
         Sum of squared residuals divided by the sum of squared deviations of y from its mean.
     """
@@ -59,15 +59,15 @@ def straightest(x: Float, y: Float, least: int) -> Line | None:
     Returns
     -------
     Line or None
-        Of equal windows, the one that begins first; of these, the longest. None if x or y does not change in
-        any window.
+        If several windows are equally good, the one that begins first, and of these the longest. None if x or
+        y does not change in any window.
     """
     candidates: list[tuple[float, int, int]] = []
     bound = np.inf
     for first, residual, _ in _all_windows(x, y, least):
         bound = min(bound, float(residual.min()))
         near = np.flatnonzero(residual <= bound + _TIE)
-        # Of windows that running sums cannot tell apart, those with the least residual and the longest stay.
+        # If running sums cannot tell windows apart, keep those with the least residual and the longest one.
         best = near[np.argsort(residual[near], kind="stable")[:4]]
         keep = {*(int(k) for k in best), *((int(near[-1]),) if near.size else ())}
         candidates += [(float(residual[k]), first, first + least + k) for k in sorted(keep)]
@@ -101,7 +101,7 @@ def spread_of_slopes(x: Float, y: Float, line: Line, least: int, factor: float) 
 
 
 def steepest_run(x: Float, y: Float, least_range: float, margin_x: float) -> Line | None:
-    """Return the run of points with the least slope of x against y, where an error of x is allowed for.
+    """Return the run of points with the least slope of x against y; an error of x is allowed for.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def steepest_run(x: Float, y: Float, least_range: float, margin_x: float) -> Lin
     least_range : float
         A run must cover at least this range of y from its first to its last point.
     margin_x : float
-        Error of x that is allowed for: the slope is taken larger by its effect.
+        Error of x that is allowed for. The slope of x against y is increased by the effect of this error.
 
     Returns
     -------
@@ -136,7 +136,7 @@ def steepest_run(x: Float, y: Float, least_range: float, margin_x: float) -> Lin
 
 
 def _all_windows(x: Float, y: Float, least: int) -> Iterator[tuple[int, Float, Float]]:
-    """Yield for each first point the residuals and slopes of the windows with at least `least` points."""
+    """For each first point, yield residuals and slopes of all windows with enough points that begin there."""
     dx, dy = x - x.mean(), y - y.mean()
     sums = [np.concatenate([[0.0], np.cumsum(part)]) for part in (dx, dy, dx * dx, dx * dy, dy * dy)]
     for first in range(len(x) - least + 1):

@@ -16,14 +16,14 @@ from dic.properties.windows import fit_line
 from dic.typing import Float
 
 DROP_SHARE, QUIET_STRAIN = 0.005, 5e-4
-"""After an upper yield strength the stress falls by this share, and is lower for at least this strain."""
+"""After the upper yield strength the stress must fall by this share, and stay lower over this strain."""
 YIELD_STRAIN = 0.02
-"""An upper yield strength lies below this plastic strain; later drops are serrations or necking."""
+"""The upper yield strength must occur below this plastic strain; later drops are serrations or necking."""
 REBOUND_SHARE = 0.001
 FLAT_TIMES = 4.0
-"""A point may lie at the level of an extreme if it is within so many standard deviations of noise."""
+"""Points within this number of standard deviations of noise from an extreme may be at its level."""
 HARDENING_STRAIN = 0.002
-"""Width of the windows in which the highest slope of hardening is searched."""
+"""Width, in strain, of the windows in which the steepest slope of hardening is searched."""
 OFFSET_RULE = "intersection with the elastic line shifted by {:g} %, after correction of the curve's foot"
 REH_RULE = "first maximum that is followed by a drop of 0.5 %"
 REL_RULE = "lowest stress during yielding, without the first transient"
@@ -32,16 +32,16 @@ AE_RULE = "from ReH to the intersection of the last minimum's level with the ste
 
 @dataclass(frozen=True)
 class Plateau:
-    """Discontinuous yielding.
+    """The points of a record that show discontinuous yielding.
 
     Attributes
     ----------
     upper : int
-        Point of the upper yield strength.
+        Index of the point of the upper yield strength.
     lower : int
-        Point of the lower yield strength.
+        Index of the point of the lower yield strength.
     last : int
-        Last minimum before uniform hardening.
+        Index of the last minimum of the stress before uniform hardening.
     """
 
     upper: int
@@ -56,7 +56,7 @@ def offset_strength(
     offset_percent: float,
     plateau: Plateau | None,
 ) -> PropertyValue:
-    """Return the stress at which the plastic strain reaches an offset."""
+    """Return the offset yield strength: the stress at which the plastic strain reaches the offset."""
     rule, offset = OFFSET_RULE.format(offset_percent), offset_percent / 100.0
     stress, strain = record.strained_stress, record.strain
     at = _crossing(strain, stress, elastic, offset, 0.0)
@@ -89,7 +89,7 @@ def _crossing(
 
 
 def find_plateau(record: Record, elastic: Elastic) -> Plateau | str:
-    """Find discontinuous yielding, or return the reason why there is none."""
+    """Find the plateau of discontinuous yielding, or return the reason why there is none."""
     stress, strain = record.strained_stress, record.strain - elastic.foot
     plastic = strain - stress / elastic.line.slope
     begin = elastic.line.stop
@@ -112,19 +112,19 @@ def find_plateau(record: Record, elastic: Elastic) -> Plateau | str:
 
 
 def _minima(record: Record, upper: int, again: int) -> Plateau:
-    """Find the lowest stress of a plateau without the first transient, and the last minimum."""
+    """Find the lowest stress of a plateau after the initial transient, and the last minimum."""
     stress = record.strained_stress[: again + 1]
     rebound = max(REBOUND_SHARE * float(stress[upper]), 6.0 * _local_noise(record))
     falling = np.minimum.accumulate(stress[upper:])
     risen = np.flatnonzero(stress[upper:] > falling + rebound)
     end_of_transient = upper + _fallen_again(stress[upper:], int(risen[0]), rebound) if risen.size else upper
-    # Seen from the end, the stress falls to the last minimum and then rises.
+    # Go backwards from the end: the stress falls to the last minimum and then rises.
     back = stress[upper:][::-1]
     rises = back > np.minimum.accumulate(back) + rebound
     tail = len(stress) - int(np.argmax(rises)) if rises.any() else upper
     last = tail + int(np.argmin(stress[tail:]))
     whole = upper + int(np.argmin(stress[upper:]))
-    # A single minimum between ReH and hardening is ReL itself, and no transient.
+    # A single minimum between ReH and hardening is ReL itself, not a transient.
     lower = (
         whole if end_of_transient == upper else end_of_transient + int(np.argmin(stress[end_of_transient:]))
     )
@@ -132,7 +132,7 @@ def _minima(record: Record, upper: int, again: int) -> Plateau:
 
 
 def _fallen_again(stress: Float, rising: int, rebound: float) -> int:
-    """Return the point at which a rise after the first minimum has ended; 0 if it goes on into hardening."""
+    """Return where the stress falls after its rise from the first minimum; 0 if it does not fall again."""
     highest = np.maximum.accumulate(stress[rising:])
     fallen = np.flatnonzero(stress[rising:] < highest - rebound)
     return rising + int(fallen[0]) if fallen.size else 0
@@ -141,7 +141,7 @@ def _fallen_again(stress: Float, rising: int, rebound: float) -> int:
 def upper_yield(
     record: Record, elastic: Elastic, settings: PropertySettings, plateau: Plateau
 ) -> PropertyValue:
-    """Return ReH."""
+    """Return the upper yield strength ReH."""
     stress = record.strained_stress
     if record.passed(0, plateau.last + 1)[1] > stress[plateau.upper]:
         return missing(
@@ -155,7 +155,7 @@ def upper_yield(
 def lower_yield(
     record: Record, elastic: Elastic, settings: PropertySettings, plateau: Plateau
 ) -> PropertyValue:
-    """Return ReL."""
+    """Return the lower yield strength ReL."""
     stress = record.strained_stress
     if record.passed(plateau.upper, plateau.last + 1)[0] < stress[plateau.lower]:
         return missing("MPa", REL_RULE, "the image of the lowest stress during yielding has no strain")
@@ -167,7 +167,7 @@ def lower_yield(
 def yield_extension(
     record: Record, elastic: Elastic, settings: PropertySettings, plateau: Plateau
 ) -> PropertyValue:
-    """Return Ae, the strain from the upper yield strength to the beginning of uniform hardening."""
+    """Return the yield point extension Ae: the strain from ReH to the beginning of uniform hardening."""
     stress, strain = record.strained_stress, record.strain
     best = None
     for first in range(plateau.last, len(stress) - 1):
@@ -197,7 +197,7 @@ def _yield_value(
     record: Record, elastic: Elastic, settings: PropertySettings, at: int, rule: str, near: int
 ) -> PropertyValue:
     stress, noise = float(record.stress[at]), _local_noise(record)
-    # The extreme of `near` noisy values at one level lies off this level.
+    # The extreme of `near` noisy values at one level differs from this level.
     std = root_sum(stress * settings.stress_share, noise, excess_of_extreme(noise, near))
     window = {"strain_percent": 100 * float(record.strain[at] - elastic.foot), "point": at}
     return PropertyValue(stress, std, "MPa", rule, window)
@@ -208,6 +208,6 @@ def _local_noise(record: Record) -> float:
 
 
 def _doubt(elastic: Elastic) -> list[str]:
-    """Return one flag that names the flags of the elastic line."""
+    """Return one flag that names the objections to the elastic line; none without objections."""
     words = sorted({flag.partition(":")[0] for flag in elastic.flags})
     return [f"elastic line: {', '.join(words)}"] if words else []

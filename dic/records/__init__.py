@@ -1,1 +1,1 @@
-"""Records of testing machines: their tables, units, and how they are joined to images."""
+"""Reads the tables that testing machines record, and joins their readings to images."""

@@ -22,16 +22,16 @@ class JoinedRecord:
     ----------
     load_n : ndarray, shape (images,)
     displacement_mm, time_s : ndarray, shape (images,), or None
-        The time is that of the machine's clock.
+        Displacement, and time on the machine's clock; None if the record has none.
     join : str
-        "name", "row" or "time".
+        How the record was joined to the images: "name", "row" or "time".
     offset_s : float or None
-        Machine's time minus image's time; None unless joined by time.
+        Machine's time minus image's time; None if the record was not joined by time.
     offset_std_s : float or None
-        Standard deviation of the offset, if it was found; None if it was given.
+        Standard deviation of an offset that was found from the strain; None if the user gave the offset.
     image_times : str
-        Where the images' times come from: "table", "interval", "video", "exif" or "file"; "" unless joined by
-        time.
+        Where the images' times come from: "table", "interval", "video", "exif" or "file"; "" if the record
+        was not joined by time.
     """
 
     load_n: Float
@@ -43,18 +43,18 @@ class JoinedRecord:
     image_times: str = ""
 
     def as_dict(self) -> dict[str, object]:
-        """Return how the record was joined, for JSON."""
+        """Return how the record was joined to the images, as a dict for JSON."""
         offset = {"offset_s": self.offset_s, "offset_std_s": self.offset_std_s}
         return {"join": self.join, **offset, "image_times": self.image_times or None}
 
     def reading(self, k: int) -> dict[str, float]:
-        """Return the readings at the image with the index `k`, by their names in tables."""
+        """Return the readings at the image with the index `k`, keyed by their names in tables."""
         known = {"load_n": self.load_n, "displacement_mm": self.displacement_mm, "time_s": self.time_s}
         return {name: float(values[k]) for name, values in known.items() if values is not None}
 
 
 def join_by_name(record: MachineRecord, images: Sequence[str]) -> JoinedRecord:
-    """Give each image the line of the record that names it, with or without folder and ending.
+    """Give each image the line of the record that names the image, with or without folder and suffix.
 
     Raises
     ------
@@ -73,12 +73,12 @@ def join_by_name(record: MachineRecord, images: Sequence[str]) -> JoinedRecord:
 
 
 def join_by_row(record: MachineRecord, images: Sequence[str]) -> JoinedRecord:
-    """Give each image one line of the record, in order; one line more at the top is the reference's.
+    """Give the images the lines of the record in order; one extra line at the top belongs to the reference.
 
     Raises
     ------
     CurveError
-        If the record has any other number of lines.
+        If the number of lines is neither the number of images nor one more.
     """
     more = len(record) - len(images)
     if more not in (0, 1):
@@ -103,11 +103,11 @@ def join_by_time(
     images : sequence of str
         Names of the images, for messages.
     image_times_s : ndarray, shape (images,)
-        On the camera's clock.
+        Times of the images on the camera's clock.
     offset_s : float or None
         Machine's time minus image's time. None to find it from the strain.
     strain : ndarray, shape (images,), optional
-        The strain in each image, needed to find the offset; NaN where there is none.
+        The strain in each image, needed to find the offset; NaN for an image without strain.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def join_by_time(
 
 
 def times_of(images: Sequence[str], times_s: Mapping[str, float], source: str) -> Float:
-    """Return the time of each image from times by names, with or without folder and ending.
+    """Return the time of each image, found by its name with or without folder and suffix.
 
     Raises
     ------
@@ -177,10 +177,11 @@ def times_of(images: Sequence[str], times_s: Mapping[str, float], source: str) -
 
 
 def lines_of(images: Sequence[str], names: Sequence[str]) -> tuple[list[int], str]:
-    """Return the line that names each image, and what is wrong: "" if each image has a line of its own.
+    """Return the line that names each image, and a description of what is wrong; "" if nothing is wrong.
 
-    Names with the same ending are better than names without it. Of these, the line is chosen that has the
-    most folders in common with the image, counted from the file name upwards.
+    A name with the same suffix as the image is better than a name without suffix. Among equally good names,
+    the function chooses the one with the most folders in common with the image, counted from the file name
+    upwards.
     """
     places: dict[str, list[int]] = {}
     for k, name in enumerate(names):
@@ -200,7 +201,7 @@ def lines_of(images: Sequence[str], names: Sequence[str]) -> tuple[list[int], st
 
 
 def _likeness(image: str, name: str) -> tuple[bool, int]:
-    """Return whether two file names have the same ending, and how many of their folders agree."""
+    """Return whether two file names have the same suffix, and how many of their folders are equal."""
     ways = [PurePath(each.replace("\\", "/")).parts[::-1] for each in (image, name)]
     agreeing = 0
     for one, other in zip(ways[0][1:], ways[1][1:], strict=False):

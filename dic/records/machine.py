@@ -1,4 +1,4 @@
-"""The record of a testing machine beside the images: load, and perhaps displacement, time and image names."""
+"""The record of a testing machine during a test: load, and perhaps displacement, time and image names."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from dic.typing import Float, PathLike
 
 @dataclass(frozen=True)
 class MachineRecord:
-    """What a testing machine recorded, in the order of the test.
+    """The readings that a testing machine recorded, in the order of the test.
 
     Attributes
     ----------
@@ -21,7 +21,7 @@ class MachineRecord:
     load_n : ndarray, shape (n,)
     displacement_mm : ndarray, shape (n,), or None
     time_s : ndarray, shape (n,), or None
-        On the machine's clock; it does not run backwards.
+        Times on the machine's clock; they never decrease.
     images : tuple of str, or None
         The name of the image that belongs to each line.
     """
@@ -87,7 +87,7 @@ def read_machine_record(
     time : str, optional
         Column of the time and its unit: s, ms, min or h.
     image : str, optional
-        Column of the images' names, without a unit.
+        Column with the names of the images; it has no unit.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def read_machine_record(
 
 
 def read_image_times(path: PathLike, *, image: str, time: str) -> dict[str, float]:
-    """Read the times at which images were taken, in s, by the images' names.
+    """Read the times at which images were taken, in s, as a dict keyed by the images' names.
 
     Parameters
     ----------

@@ -1,10 +1,11 @@
 """Find the offset between the clocks of a camera and a testing machine from strain and load.
 
-At the beginning of a tensile test, strain is proportional to load. At the right offset, the strain of the
-images up to a quarter of the largest load is therefore a linear function of the load, with the least
-residual. The standard deviation of the offset follows from this residual, and from how strongly a wrong
-offset bends this line. If the load grows evenly from the first image to the last, no offset bends the line,
-so the offset cannot be found. Images of the specimen at rest before the test make the offset visible.
+At the beginning of a tensile test, strain is proportional to load. So at the right offset, the strain of the
+images up to a quarter of the largest load is a linear function of the load. A wrong offset bends this line
+and makes its residual larger. The offset with the least residual is chosen. Its standard deviation follows
+from the residual, and from how strongly a wrong offset bends the line. If the load grows evenly from the
+first image to the last, no offset bends the line, and the offset cannot be found. Images of the specimen at
+rest before the test make it possible to find the offset.
 """
 
 import numpy as np
@@ -13,24 +14,26 @@ from dic.records.machine import MachineRecord
 from dic.typing import Float, Mask
 
 _TOP_SHARE, _RISEN_SHARE = 0.25, 0.02
-"""Shares of the largest load: strain is linear up to the first, and the load has risen above the second."""
+"""Shares of the largest load. Images up to the first share are used; some of them must be above the
+second.
+"""
 _LEAST_RISEN, _LEAST_IMAGES = 5, 8
 _TRIALS_PER_IMAGE = 4
 _MOST_TRIALS = 20_000
 _ROUNDS = 3
 _MOST_SHARE = 0.5
-"""Largest accepted standard deviation of the offset, as a share of the time between two images."""
+"""Largest accepted standard deviation of the offset, divided by the time between two images."""
 
 
 def find_offset(record: MachineRecord, image_times_s: Float, strain: Float) -> tuple[float, float]:
-    """Return the machine's time minus the images' time, and its standard deviation, s.
+    """Return the machine's time minus the images' time, and the standard deviation of this offset, s.
 
     Parameters
     ----------
     record : MachineRecord
-        With times.
+        A record that has times.
     image_times_s, strain : ndarray, shape (images,)
-        NaN where there is no strain.
+        Time and strain of each image; NaN for an image without strain.
 
     Raises
     ------
@@ -64,7 +67,7 @@ def find_offset(record: MachineRecord, image_times_s: Float, strain: Float) -> t
 
 
 class _Start:
-    """The beginning of a test: strain as a linear function of the load at an offset."""
+    """Fits strain as a linear function of the load at the beginning of a test, for a given offset."""
 
     def __init__(self, record: MachineRecord, time_s: Float, image_times_s: Float, strain: Float) -> None:
         self._time_s, self._load = time_s, record.load_n - record.load_n[0]
@@ -74,10 +77,10 @@ class _Start:
         self._end_s = float(time_s[reached[0]]) if reached.size else float(time_s[-1])
 
     def variance(self, offset_s: float) -> float:
-        """Return the residual variance of the strain divided by the slope squared; infinity if unknown.
+        """Return the residual variance of the strain, divided by the squared slope; infinity if unknown.
 
-        Strain of a specimen at rest has a small residual at any offset, but a slope that is smaller still.
-        Without the division, an offset at which the specimen is at rest would have the least residual.
+        While the specimen is at rest, the residual is small at any offset, but the slope is even smaller.
+        Without the division, the search would choose an offset at which the specimen is at rest.
         """
         use = self._images(offset_s)
         if use is None:
@@ -119,7 +122,7 @@ class _Start:
         return float(np.sqrt(variance / information + sampling_s**2))
 
     def _images(self, offset_s: float) -> Mask | None:
-        """Return the images up to a quarter of the largest load; None if they do not show its rise."""
+        """Return the images up to a quarter of the largest load; None if too few show a rise of the load."""
         at = self._times + offset_s
         use = at <= self._end_s
         load = np.interp(at[use], self._time_s, self._load)
@@ -127,7 +130,7 @@ class _Start:
         return use if len(load) >= _LEAST_IMAGES and risen >= _LEAST_RISEN else None
 
     def _fit(self, offset_s: float, use: Mask) -> tuple[Float, Float, float, Float]:
-        """Return residual, design, slope and machine times of the images."""
+        """Return the residual, the design matrix, the slope and the machine times of a fit to the images."""
         at = self._times[use] + offset_s
         load = np.interp(at, self._time_s, self._load)
         design = np.column_stack([np.ones_like(load), load / self._most])

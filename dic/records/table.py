@@ -1,4 +1,4 @@
-"""Read the table of a testing machine: any separator, decimal point or comma, lines of text at the top."""
+"""Read the table of a testing machine, with any separator and decimal mark, and with lines of text on top."""
 
 import csv
 import re
@@ -14,7 +14,7 @@ from dic.records.units import ColumnUnit
 from dic.typing import Float, PathLike
 
 MOST_BYTES = 256 * 2**20
-"""Largest size of a record, enough for an hour at 1 kHz."""
+"""Largest size of a record file; an hour of readings at 1 kHz is smaller."""
 _SEPARATORS = (";", "\t", "|", ",", " ")
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _BRACKETS = re.compile(r"\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]$")
@@ -25,7 +25,7 @@ _SAMPLE = 60
 
 @dataclass(frozen=True)
 class Table:
-    """The cells of a record.
+    """The cells of a testing machine's table, as text.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Table:
     rows : list of list of str
         The cells of each line of numbers.
     lines : list of int
-        The number of each of these lines in the file, from 1.
+        For each element of `rows`, the number of its line in the file, from 1.
     """
 
     path: str
@@ -44,7 +44,7 @@ class Table:
     lines: list[int]
 
     def values(self, column: ColumnUnit) -> Float:
-        """Return the numbers of a column, in the unit of its factor; NaN where the cell is empty.
+        """Return the numbers of a column in base units (see `ColumnUnit.factor`); NaN for an empty cell.
 
         Raises
         ------
@@ -73,10 +73,10 @@ class Table:
         return column.factor * np.array([float(text.replace(",", ".")) if text else np.nan for text in texts])
 
     def _require_no_thousands(self, column: ColumnUnit, texts: Sequence[str]) -> None:
-        """Raise an error if points or commas may separate thousands: 999 is followed by 1,001.
+        """Raise an error if points or commas may separate thousands, as in 999 followed by 1,001.
 
-        Machines write a fixed number of decimals, or drop zeros at the end. In the first case no number is
-        whole, in the second case the number of decimals varies.
+        With a decimal mark, this combination does not occur. Machines write a fixed number of decimals, so no
+        number is whole; or they drop zeros at the end, so the number of decimals varies.
         """
         filled = [text for text in texts if text]
         marked = [text for text in filled if "," in text or "." in text]
@@ -107,9 +107,9 @@ class Table:
         return found
 
     def time_like(self) -> ColumnUnit | None:
-        """Return a column of numbers whose heading says that it is the time; None if there is none.
+        """Return a column of numbers whose heading names the time; None if there is none.
 
-        Such a column shows the order of the points, whatever its unit is.
+        Such a column shows the order of the points, even if its unit is unknown.
         """
         for line in self.headings:
             for at, cell in enumerate(line):
@@ -119,7 +119,7 @@ class Table:
         return None
 
     def _places(self, name: str) -> list[int]:
-        """Return the columns whose heading is `name`, with or without a unit in brackets."""
+        """Return the indices of the columns whose heading is `name`, with or without a unit in brackets."""
         for wanted in (lambda cell: cell == name, lambda cell: _BRACKETS.sub("", cell) == name):
             for line in self.headings:
                 if places := [k for k, cell in enumerate(line) if cell and wanted(cell)]:
@@ -145,13 +145,13 @@ class Table:
         at = next(k for k, line in enumerate(self.headings) if any(name in cell for cell in line))
         for line in self.headings[at + 1 :]:
             texts = [cell for cell in line if cell and not _NUMBER.fullmatch(cell)]
-            # A bare 1 is the unit of strain.
+            # A cell with only "1" is not a number here, but the unit of strain.
             if any(cell != "1" and _NUMBER.fullmatch(cell) for cell in line):
                 remedy = "correct or delete this line"
                 raise self._wrong("first lines", "numbers below the headings", repr(texts[0][:40]), remedy)
 
     def _require_unit(self, column: ColumnUnit, at: int) -> None:
-        """Raise an error if the heading of a column names another unit than the user."""
+        """Raise an error if the heading of a column names another unit than the user gave."""
         cells = [line[at] for line in self.headings if at < len(line)]
         for cell in cells:
             bracket = _BRACKETS.search(cell)
@@ -166,7 +166,7 @@ class Table:
 
 
 def read_table(path: PathLike, *, with_names: bool = False) -> Table:
-    """Read the cells of a record.
+    """Read the cells of a testing machine's table.
 
     The separator is the character that splits the lines in the middle of the file into equally many numbers.
     Lines before the first line of numbers are headings.
@@ -175,7 +175,7 @@ def read_table(path: PathLike, *, with_names: bool = False) -> Table:
     ----------
     path : path
     with_names : bool
-        True if one column may hold names instead of numbers.
+        True if one column may contain names instead of numbers.
 
 
     Raises
@@ -228,7 +228,7 @@ def _decoded(path: PathLike) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        # Many testing machines write the encoding of western Windows.
+        # Many testing machines write text in the encoding of western Windows (code page 1252).
         return content.decode("cp1252", errors="replace")
 
 
@@ -241,7 +241,7 @@ def _separator(sample: Sequence[str], least: float) -> str | None:
         if width < 2 or count < 0.5 * len(rows):
             continue
         shares = [_numeric_share(row) for row in rows if len(row) == width]
-        # In a short table, headings are many of the lines.
+        # In a short table, a large share of the lines are headings, so skip them before counting.
         numeric = next((k for k, share in enumerate(shares) if share > least), 0)
         share = float(np.mean(shares[numeric if 2 * numeric <= len(shares) else 0 :]))
         if share > best_share:
@@ -252,7 +252,7 @@ def _separator(sample: Sequence[str], least: float) -> str | None:
 def _split(text: str, separator: str) -> list[str]:
     if separator == " ":
         return text.split()
-    # In a record, a quoted cell never continues on the next line, so each line is split alone.
+    # In such tables a quoted cell never continues on the next line, so each line is split on its own.
     return [cell.strip() for cell in next(csv.reader([text], delimiter=separator))]
 
 

@@ -6,18 +6,18 @@ from dataclasses import dataclass
 from dic.errors import CurveError
 
 FORCE = {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": 4.4482216152605, "kip": 4448.2216152605, "kgf": 9.80665}
-"""Units of load, in N."""
+"""Units of load and their sizes in N."""
 STRAIN = {
     **dict.fromkeys(("1", "mm/mm", "m/m", "in/in"), 1.0),
     "%": 1e-2,
     **dict.fromkeys(("‰", "mm/m"), 1e-3),
     **dict.fromkeys(("µε", "ue", "µm/m", "um/m"), 1e-6),
 }
-"""Units of strain."""
+"""Units of strain and their sizes as a number without unit."""
 LENGTH = {"mm": 1.0, "µm": 1e-3, "um": 1e-3, "in": 25.4}
-"""Units of extension, in mm; extension over the gauge length is strain."""
+"""Units of extension and their sizes in mm; extension divided by the gauge length is strain."""
 TIME = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
-"""Units of time, in s."""
+"""Units of time and their sizes in s."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class ColumnUnit:
         Text of the column's heading, or the number of the column, from 1.
     unit : str
     factor : float
-        Size of the unit in N, s, or as a strain.
+        Size of the unit in N, mm or s, or as a strain; numbers of the column are multiplied by it.
     sizes : mapping of str to float
         All units that the column may have; used to compare `unit` with the unit in the file's heading.
     """

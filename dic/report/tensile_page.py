@@ -18,9 +18,7 @@ _DASHES = ("--", "-", ":", "-.")
 
 @dataclass(frozen=True)
 class PropertyRow:
-    """A row of the table of properties: a property with one value per column, its known value and its
-    rule.
-    """
+    """A row of the table of properties: a property, one value per column, the known value and the rule."""
 
     symbol: str
     name: str

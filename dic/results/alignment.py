@@ -1,4 +1,4 @@
-"""The alignment of a rotation stage in a result file."""
+"""Writes and reads the alignment of a specimen on a rotation stage in a result file."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The groups of an open result file. Each dataset is opened once, and all its single values are read once."""
+"""Access to the groups of an open result file, which opens each dataset and reads single values only once."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import h5py
 
 
 class Columns:
-    """The datasets of a group, by name.
+    """The datasets of a group of a result file, keyed by name.
 
     A dataset with one value per image is returned as an array, and read when it is needed for the first time.
     Other datasets stay in the file; each of their rows is read when it is used.

@@ -36,11 +36,11 @@ class Table:
         self._writer = csv.writer(file, delimiter=";" if decimal_comma else ",")
 
     def write(self, cells: Iterable[object]) -> None:
-        """Write a line; the cells come from `number`, or are text or whole numbers."""
+        """Write a line of cells: results of `number`, texts or whole numbers."""
         self._writer.writerow(cells)
 
     def number(self, value: float | None, digits: int) -> str:
-        """Return a number as text with a number of decimals; empty if there is no value."""
+        """Return a number as text with the given number of decimals; empty if there is no value."""
         if value is None or value != value:
             return ""
         text = f"{value:z.{digits}f}"
@@ -89,14 +89,15 @@ def write_csv(
 
     The first columns are x_px, y_px, u_px, v_px (image axes: x right, y down), zncc and status. If there is a
     calibration, the columns X_mm, Y_mm, U_mm, V_mm (grid axes: X right, Y up) and calibration follow. The
-    column calibration holds "inside", or "outside" if the calibrated values are extrapolated. The next
-    columns hold the local strains (without a unit), the direction of the first principal strain in degrees,
-    and the standard deviations of the strains and of the direction. For calibrated strain, exx_std_images …
-    are the parts of the standard deviations that the images cause. The column local_strain is empty if the
-    point has a local strain, and holds the reason otherwise. If the strain was corrected, columns with the
-    corrected local strains follow. The last columns are the standard deviations of u_px and v_px and, if the
-    strain was corrected, places and displacements in the specimen's own plane. If the correlation of a point
-    failed, the status of the point gives the reason, and the results of the point are empty.
+    column calibration contains "inside", or "outside" if the calibrated values are extrapolated. The next
+    columns contain the local strains (without a unit), the direction of the first principal strain in
+    degrees, and the standard deviations of the strains and of the direction. For calibrated strain,
+    exx_std_images … are the parts of the standard deviations that the images cause. The column local_strain
+    is empty if the point has a local strain; otherwise it gives the reason why not. If the strain was
+    corrected, columns with the corrected local strains follow. The last columns are the standard deviations
+    of u_px and v_px and, if the strain was corrected, places and displacements in the specimen's own plane.
+    If the correlation of a point failed, the status of the point gives the reason, and the results of the
+    point are empty.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The displacement fields of a series in a result file, with all that strain needs from a correlation."""
+"""Writes and reads the displacement fields of a series in a result file, with all data that strain needs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -18,7 +18,7 @@ from dic.results.unfinished import FinishedImage
 from dic.typing import Float, Mask
 
 NOT_SMOOTHED: dict[str, Any] = {"smoothing_px": 0.0}
-"""Settings that files of earlier versions lack."""
+"""Values of settings that files of earlier versions lack."""
 
 
 def read_settings(group: Any, settings: type[Any], prefix: str = "") -> dict[str, Any]:
@@ -111,7 +111,7 @@ class StoredFields:
         Parameters
         ----------
         outcomes : sequence of Outcome
-            What became of all images of the series, as `read_outcomes` returns it.
+            The outcomes of all images of the series, from `read_outcomes`.
         """
         rows = np.cumsum([each.failure is None for each in outcomes]) - 1
 

@@ -1,4 +1,4 @@
-"""All that determines a result, as texts. Equal texts and equal images give bit-identical results."""
+"""The texts that determine a result: equal texts and equal images give bit-identical results."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,14 +14,14 @@ from dic.image.times import ImageTime
 
 @dataclass(frozen=True)
 class Job:
-    """All that determines a result beside the images, as JSON texts with sorted keys.
+    """Everything except the images that determines a result, as JSON texts with sorted keys.
 
     Attributes
     ----------
     fields : str
-        What determines the displacement fields: reference, region, settings of the correlation, versions.
+        The inputs of the displacement fields: reference, region, settings of the correlation, versions.
     strains : str
-        What determines strains and corrections, once the fields are known.
+        The inputs from which strains and corrections are computed, in addition to the fields.
     """
 
     fields: str
@@ -29,7 +29,7 @@ class Job:
 
     @classmethod
     def of(cls, fields: Mapping[str, Any], strains: Mapping[str, Any]) -> "Job":
-        """Return the job that values for JSON describe."""
+        """Return the job with the given inputs of fields and strains, which must be values for JSON."""
         return cls(as_text(fields), as_text(strains))
 
 
@@ -51,8 +51,7 @@ class Outcome:
     failure : str or None
         The reason why the image could not be correlated; None if it was correlated.
     time : ImageTime
-        When the image was taken. The time is not known here for a step of a run, because the run file holds
-        it.
+        When the image was taken. Not set for a step of a run, because the run file contains the time.
     """
 
     label: str
@@ -69,7 +68,7 @@ def content_of(digest: str, guess: Iterable[float] = ()) -> str:
 
 
 def write_outcomes(group: Any, outcomes: Sequence[Outcome]) -> None:
-    """Write what became of all images of a series, in their order, into a new group `images`."""
+    """Write the outcomes of all images of a series, in order, into a new group `images`."""
     images, text = group.create_group("images"), h5py.string_dtype()
     for name in ("label", "content"):
         images.create_dataset(name, data=[getattr(each, name) for each in outcomes], dtype=text)
@@ -83,7 +82,7 @@ def write_outcomes(group: Any, outcomes: Sequence[Outcome]) -> None:
 
 
 def read_outcomes(group: Any) -> list[Outcome]:
-    """Return what became of the images of a series; an empty list for files of earlier versions."""
+    """Return the outcomes of all images of a series; an empty list for files of earlier versions."""
     if "images" not in group:
         return []
     images = group["images"]

@@ -1,4 +1,4 @@
-"""Read a result file that stays open, and refuse a damaged file in one sentence."""
+"""Open and read result files, and refuse a damaged file in one sentence."""
 
 import re
 from collections.abc import Callable
@@ -16,7 +16,7 @@ _WRITER = re.compile(r"\boffaxis [\w.+!]+")
 
 
 def use_result(path: Path, use: Callable[[Any], Result], refusal: Callable[[Path, str], Exception]) -> Result:
-    """Call `use` with the open file, close the file, and return the result; refuse a damaged file."""
+    """Call `use` with the open file, close the file, and return the result of `use`."""
 
     def closing(file: Any) -> Result:
         with file:
@@ -28,7 +28,7 @@ def use_result(path: Path, use: Callable[[Any], Result], refusal: Callable[[Path
 def load_result(
     path: Path, read: Callable[[Any], Result], refusal: Callable[[Path, str], Exception]
 ) -> Result:
-    """Call `read` with the open file, and return the result; the file stays open.
+    """Call `read` with the open file, and return the result of `read`; the file stays open.
 
     For a damaged file, the error that `refusal` returns is raised. The function `read` must access every
     value once. Then a file that lacks a value is refused now, and not in the middle of a report.

@@ -1,4 +1,4 @@
-"""All that is known at the points of an image: the columns of tables, and the fields of exports."""
+"""All values at the points of an image, which become the columns of tables and the fields of exports."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ CORRECTED = "corrected_"
 
 @dataclass(frozen=True)
 class PointValues:
-    """All that is known at the points of an image, under the names that are used in files.
+    """All values at the points of an image, under the names that are used in files.
 
     Attributes
     ----------
@@ -31,13 +31,13 @@ class PointValues:
     active : ndarray of bool, shape (rows, columns)
         True for the points of the region.
     values : mapping of str to ndarray, shape (rows, columns)
-        Numbers at the points, NaN where there is none. The ending of a name tells the unit: `_px`, `_mm`,
-        `_deg`; other values have none. `status` has the numbers of `Status`. `valid` is 1 where a calibrated
-        displacement is not extrapolated. `docs/results.md` explains the names.
+        Numbers at the points; NaN at a point without a value. The end of a name gives the unit: `_px`, `_mm`
+        or `_deg`; other values have no unit. `status` contains the numbers of `Status`. `valid` is 1 if the
+        calibrated displacement of the point is not extrapolated. `docs/results.md` explains the names.
     strain_kind : str
         Kind of the strains `exx` …: "raw" or "calibrated".
     measurement : Measurement
-        The measurement itself, for the values that only some kinds of files need.
+        The measurement. Some kinds of files take further values from it.
     """
 
     label: str
@@ -50,7 +50,7 @@ class PointValues:
 
     @classmethod
     def of(cls, measurement: Measurement, correction: Correction | None = None) -> "PointValues":
-        """Return the values at the points of a measurement; those of a correction only if it was applied."""
+        """Return the values at a measurement's points, with corrected values if a correction was applied."""
         field = measurement.field
         values = dict(_values(measurement))
         if correction is not None and correction.declined is None:
@@ -73,12 +73,12 @@ class PointValues:
 
     @cached_property
     def strain_reasons(self) -> NDArray[np.str_]:
-        """The reason why a point has no local strain, shape (rows, columns); empty where it has one."""
+        """The reason why each point has no local strain, shape (rows, columns); "" if it has one."""
         return self.measurement.strain_reasons
 
 
 def strain_values(strain: StrainField) -> dict[str, NDArray[Any]]:
-    """Return the known local strains and their standard deviations by their names."""
+    """Return the local strains and their standard deviations, keyed by name; unknown ones are left out."""
     names = [*STRAIN_KEYS, *(name for name in IMAGES_KEYS if getattr(strain, name) is not None)]
     return {name: getattr(strain, name) for name in names}
 

@@ -26,11 +26,11 @@ class Provenance:
     command : str
         The command line of the program that wrote the results.
     versions : str
-        The versions of this program and of the libraries that compute.
+        The versions of this program and of the libraries that it computes with.
     inputs : mapping of str to str
-        The input files beside the images of a series, each with its SHA-256.
+        The SHA-256 of each input file except the images of a series, keyed by the file's name.
     job : Job or None
-        All that determines the results beside the images; None for files of earlier versions.
+        Everything except the images that determines the results; None for files of earlier versions.
     """
 
     command: str
@@ -47,7 +47,7 @@ class Provenance:
 
 
 def versions() -> str:
-    """Return the versions of this program and of the libraries that compute, as one line of text."""
+    """Return the versions of this program and of the libraries that it computes with, as one line of text."""
     return ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
 
 

@@ -1,4 +1,4 @@
-"""The reader of result files, which returns stored values unchanged.
+"""Reads result files and returns the stored values unchanged.
 
 Files of earlier versions lack some values, for example the number of points of a mean strain. The reader
 computes the missing values.
@@ -60,7 +60,7 @@ def read_measurements(
     Raises
     ------
     KeyError, TypeError
-        If the group does not hold the measurements of a series of images.
+        If the group does not contain the measurements of a series of images.
     """
     stored, strain = StoredFields(series), read_strain_settings(series)
 
@@ -77,7 +77,7 @@ def read_measurements(
 
 
 def _gauges(series: Any) -> tuple[int, float | None]:
-    """Return the gauge of the local strains in px, and in mm for calibrated images."""
+    """Return the size of the virtual strain gauge in px, and in mm for calibrated images."""
     gauge_mm = float(series.attrs["strain_gauge_mm"]) if "calibrated_mean" in series else None
     return int(series.attrs["strain_gauge_px"]), gauge_mm
 
@@ -222,12 +222,12 @@ def _read_correction(group: Columns, k: int, measurement: Measurement, anew: Cor
 
 
 def _read_shared(table: Columns, k: int) -> Float | None:
-    """Return the covariance of the errors that all points share; None for files of earlier versions."""
+    """Return the covariance of errors that are equal at all points; None for files of earlier versions."""
     return np.asarray(table[SHARED_KEY][k], np.float64) if SHARED_KEY in table else None
 
 
 def _read_uncertainty(table: Columns, k: int) -> dict[str, float] | None:
-    """Return the parts of the standard deviations of a step; None if the file has none."""
+    """Return the parts of a corrected strain's standard deviations; None if the file does not store them."""
     values = {name: float(table[name][k]) for name in UNCERTAINTY_KEYS if name in table}
     return {name: value for name, value in values.items() if np.isfinite(value)} or None
 

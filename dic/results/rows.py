@@ -12,7 +12,7 @@ from dic.results.schema import units_of
 Array = NDArray[Any]
 
 PENDING_MAX = 64
-"""Number of rows of single values that are kept in memory before they are written together."""
+"""Single values of this number of rows are collected in memory, and then written together."""
 
 
 class Rows:
@@ -50,7 +50,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class _Group:
-    """Datasets of one group of the file, and single values that are not yet written, by name and row."""
+    """The datasets of one group of the file, and the values not written yet, keyed by name and row."""
 
     group: Any
     datasets: dict[str, Any] = field(default_factory=dict)
@@ -94,7 +94,7 @@ class _Group:
 
 
 def _column(values: Mapping[int, Any], first: int) -> Array:
-    """Return the values of the rows from `first` on; values of missing rows are NaN, 0 or ""."""
+    """Return the values of all rows from `first` on as an array; a missing row becomes NaN, 0 or ""."""
     some = np.asarray(next(iter(values.values())))
     kind = object if some.dtype.kind == "U" else some.dtype
     column = np.full(max(values) + 1 - first, _fill(some.dtype), kind)

@@ -12,9 +12,9 @@ PLANE_KEYS = (
 )  # fmt: skip
 """Names, in `Correction.as_dict`, of the slopes and the shift of the specimen's plane."""
 SHARED_KEY = "shared_covariance"
-"""Covariance of the errors of exx, eyy, exy that all points share."""
+"""Name of the covariance of errors of exx, eyy, exy that are equal at all points."""
 
 
 def units_of(name: str) -> str:
-    """Return the unit of a number in a result file, which its name tells: "px", "mm", "deg" or "1"."""
+    """Return the unit of a value in a result file from the value's name: "px", "mm", "deg" or "1"."""
     return next((unit for unit in ("px", "mm", "deg") if f"_{unit}" in name), "1")

@@ -71,7 +71,7 @@ _COLUMNS = (
 
 
 def _values(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the known values of an image by the names of their columns."""
+    """Return the known values of an image, keyed by the names of their columns."""
     values = {"image": row["file"], "problem": row.get("error")}
     values |= {
         name: row.get(name) for name in ("camera", "step", *_READINGS, "time_source", "points", "converged")

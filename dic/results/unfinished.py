@@ -1,10 +1,10 @@
-"""The finished images of a measurement that has not ended: a folder beside the result file.
+"""Keeps the finished images of an unfinished measurement in a folder beside the result file.
 
 Correlation takes most of the time of a measurement. So the fields of each image are written to a file of
 their own as soon as the image is correlated. The file appears under its name only when it is complete and on
-the disk. A program that is killed loses no finished image, and goes on after the last one when it is started
-again. The result file is made from the same fields, and the folder is removed when the result file is
-complete.
+the disk. If the program is killed, no finished image is lost. When it is started again, it continues after
+the last finished image. The result file is made from the same fields, and the folder is removed when the
+result file is complete.
 """
 
 import hashlib
@@ -38,7 +38,7 @@ _JOB, _OUTPUTS, _LOCK = "job.json", "outputs.json", "lock"
 _UNREADABLE = (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile)
 _PLAIN = ("label", "digest", "failure")
 _NOT_STORED = {"settings", "region", "grid"}
-"""Attributes of a field that all fields of a series share."""
+"""Attributes of a field that are equal in all fields of a series, and so are not stored for each image."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +232,7 @@ def unfinished(
     result : Path
         The result file of the measurement. The folder is beside it.
     job : mapping
-        All that determines the results beside the images, as values for JSON.
+        Everything except the images that determines the results, as values for JSON.
     outputs : iterable of Path
         The other files that the measurement writes.
     anew : bool

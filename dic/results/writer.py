@@ -1,4 +1,4 @@
-"""The writer of result files: displacements and strains of series of images, in HDF5.
+"""Writes result files in HDF5: displacements and strains of series of images.
 
 `docs/results.md` describes the layout of the file.
 """
@@ -72,7 +72,7 @@ class ResultWriter:
 
     @contextmanager
     def _room(self) -> Iterator[None]:
-        """Raise an error in one sentence if the disk is full."""
+        """Within a `with` block: report an error of writing, such as a full disk, in one sentence."""
         try:
             yield
             self._new.require_written()
@@ -97,7 +97,7 @@ class ResultWriter:
         Parameters
         ----------
         place : str
-            Name of the group of the file that holds the series.
+            Name of the group of the file that contains the series.
         measurement : Measurement
         correction : Correction, optional
             The correction of the measurement. Give a correction for every image of a series, or for none.
@@ -163,7 +163,7 @@ def _write_provenance(group: Any, origin: Provenance) -> None:
 
 
 def _create_series(group: Any, measurement: Measurement) -> Any:
-    """Write the values that all images of a series share."""
+    """Create the group of a series, and write the values that are the same for all its images."""
     group.attrs.update(vars(measurement.settings))
     strain = measurement.strain_settings
     group.attrs.update({f"strain_{name}": value for name, value in vars(strain).items()})
