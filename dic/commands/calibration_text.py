@@ -12,7 +12,7 @@ _MOST_DIGITS = 4
 
 
 def summarise(calibration: "Calibration") -> dict[str, Any]:
-    """Return a calibration's values as a dictionary; residuals and scale are those of the model in use."""
+    """Return a calibration's values as a dictionary; residuals and scale belong to the model in use."""
     grid, pinhole = calibration.grid, calibration.pinhole
     outline = calibration.outline_px
     x, y = outline[:, 0], outline[:, 1]

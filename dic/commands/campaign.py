@@ -24,7 +24,7 @@ _FILE_NAME = "campaign.toml"
 
 @dataclass(frozen=True)
 class EqualTables:
-    """Options that describe tables with equal columns."""
+    """Options that describe the columns of all tables in a folder, if there is no campaign.toml."""
 
     files: str | None
     load: str | None
@@ -36,7 +36,7 @@ class EqualTables:
 
 @dataclass(frozen=True)
 class CampaignOutputs:
-    """The files that are written."""
+    """Options that name the output files of `dic campaign`."""
 
     report: Path | None
     csv_file: Path | None
@@ -47,7 +47,7 @@ class CampaignOutputs:
 
     @property
     def files(self) -> list[Path]:
-        """The places of all outputs."""
+        """The paths of all output files."""
         given = (self.report, self.csv_file, self.plot_file, self.json_file)
         return [path for path in given if path is not None]
 

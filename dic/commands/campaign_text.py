@@ -14,7 +14,7 @@ _STATISTICS = ("mean", "std between", "standard error", "mean stated std")
 
 
 def campaign_lines(campaign: "Campaign") -> Iterator[str]:
-    """Yield the lines of the tables: some columns at a time, specimens above mean and scatter."""
+    """Yield the lines of one or more tables: specimens above mean and scatter, some properties per table."""
     keys = campaign.quantities
     for first in range(0, len(keys), _COLUMNS):
         yield from _block(campaign, keys[first : first + _COLUMNS])
@@ -63,7 +63,7 @@ def _line(title: str, cells: Sequence[str]) -> str:
 
 
 def _outliers(campaign: "Campaign") -> Iterator[str]:
-    """Yield a line for each outlier, or that there is none or no test."""
+    """Yield a line for each outlier, or a line that says that there is none or that no test was possible."""
     told = [
         f"outlier: {symbol_of(key)} of {outlier_text(scatter)}, among {group.label}"
         for group in campaign.groups

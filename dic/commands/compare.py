@@ -1,4 +1,4 @@
-"""The command `dic compare`, which compares results with those of another program."""
+"""The command `dic compare`, which compares results of offaxis with results of another program."""
 
 import json
 from pathlib import Path
@@ -41,12 +41,13 @@ def compare(
     json_file: Path | None,
     force: bool,
 ) -> None:
-    """Compare RESULTS with the result file PEER of another program, at the points in common.
+    """Compare RESULTS with the result file PEER of another program, at the points that both have.
 
     RESULTS is a result file of `dic correlate` or `dic process`. PEER is a result file of DICe (text), Ncorr
-    (.mat) or OpenCorr (table of points). Raw displacements and strains are compared: offaxis minus PEER.
+    (.mat) or OpenCorr (table of points). The command compares raw displacements and strains: values of
+    offaxis minus values of PEER.
 
-    Exit status: 0 if there are points in common, 2 if not.
+    Exit status: 0 if there are common points, 2 if not.
     """
     from dic import compare_results, read_peer
 

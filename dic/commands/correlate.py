@@ -124,7 +124,7 @@ def correlate(
         if outputs.json_file is not None:
             work.write_json(outputs.json_file, str(sources.reference), series.specimen)
         motion.save(work.alignment)
-        # Write the pictures last, because they can be made again from the files that are written by now.
+        # Write the pictures last: if this fails, they can be drawn again from the files written before.
         work.draw()
         if not whole:
             correlated.stay()
@@ -142,6 +142,6 @@ def _require_places(
 
     standing = [] if outputs.output is None else [outputs.output]
     earlier = [path for output in standing for path in outputs_of(output)]
-    # Only after the reference is read, it is known whether an existing result file can be used.
+    # Allow an existing result file here: whether it can be used is known only after reading the reference.
     replaceable = [*earlier, *standing]
     require_places(inputs, written, force=outputs.force, replaceable=replaceable, new_folders=new_folders)

@@ -53,7 +53,7 @@ fields_from_option = click.option(
     " are used, and nothing is correlated. Default: the file of -o, if it is such a file.",
 )
 COMMA_NEEDS = {"--decimal-comma": ["--csv"]}
-"""`comma_option` has an effect only with one of these options; for `option_group`."""
+"""Argument `needs` of `option_group`: `comma_option` has an effect only with one of these options."""
 poisson_option = click.option(
     "--poisson-ratio", default=0.33, show_default=True, help="Poisson's ratio of the specimen, for bending."
 )

@@ -32,7 +32,7 @@ def export(
 ) -> None:
     """Write the fields of all images in RESULTS for other programs: ParaView, MATLAB, a spreadsheet, Python.
 
-    RESULTS is a result file of `dic correlate` or `dic process`. Memory holds one image at a time. Each
+    RESULTS is a result file of `dic correlate` or `dic process`. Only one image at a time is in memory. Each
     FORMAT is one of: csv (tables), tiff (one picture of floating point per value and image), vtk (ParaView),
     mat (MATLAB), npz (NumPy), netcdf (xarray), dice (text in the columns of DICe).
 

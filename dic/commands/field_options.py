@@ -32,7 +32,7 @@ class FieldOptions:
 
     @property
     def given(self) -> dict[str, object]:
-        """The values of the options by their names."""
+        """The values of the options, keyed by the options' names."""
         return {
             "--gauges": self.gauges_file,
             "--declare": self.texts,

@@ -54,7 +54,7 @@ def gauges_dict(series: "GaugeSeries") -> dict[str, Any]:
 
 
 def _about(images: "Sequence[GaugeImage]", name: str, kind: str) -> str:
-    """Return kind, gauge length and number of points of a gauge, as found in the first image that has it."""
+    """Return a gauge's kind of strain, length and number of points, from the first image with a reading."""
     measured = [image.best(name) for image in images if image.failure is None]
     read = [one for one in measured if not one[1].reason]
     if not read:

@@ -57,7 +57,7 @@ class MapOptions:
         )
 
     def contact_sheets(self) -> dict[str, Path]:
-        """Return the file of each contact sheet by its quantity."""
+        """Return the file of each contact sheet, keyed by the quantity that the sheet shows."""
         found = {}
         for text in self.sheets:
             quantity, _, file = text.partition("=")
@@ -98,7 +98,7 @@ class MapOptions:
             )
 
 
-# A contact sheet always shows the reference image and has one scale.
+# These options have no effect on contact sheets, which show the reference image and have one scale.
 _OF_MAPS = "format", "quantities", "on", "scale"
 _OF_ALL_PICTURES = "axes", "limits", "colours", "width-mm", "dpi"
 

@@ -58,7 +58,7 @@ def _require_effect(needs: Mapping[str, Sequence[str]]) -> None:
     }
     idle = [option for option, partners in needs.items() if option in given and not given & set(partners)]
     if idle:
-        # If some options would give an effect to all idle options, name only these.
+        # If there are options that would make all idle options effective, name only these options.
         shared = [name for name in needs[idle[0]] if all(name in needs[option] for option in idle)]
         partners = " or ".join(shared or dict.fromkeys(name for option in idle for name in needs[option]))
         options = ", ".join(idle)
@@ -68,7 +68,7 @@ def _require_effect(needs: Mapping[str, Sequence[str]]) -> None:
 
 
 def as_in_results(command: click.Command, names: Sequence[str]) -> None:
-    """Give options no default, so that the settings in RESULTS hold for options that are not given."""
+    """Remove the defaults of options, so that an option that is not given has the value from RESULTS."""
     for parameter in command.params:
         if isinstance(parameter, click.Option) and parameter.name in names:
             parameter.default, parameter.show_default = None, "as in RESULTS"

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 _PATH = click.Path(path_type=Path)
 _SHOWN = {"GPa": 1, "MPa": 1, "%": 3, "1": 4}
-"""Decimals of the printed values by unit; small standard deviations get more."""
+"""Decimals of a printed value, keyed by unit; a small standard deviation needs more decimals."""
 _MOST_DIGITS = 4
 
 
 @dataclass(frozen=True)
 class ColumnOptions:
-    """Options that name the columns of the record."""
+    """Options that name the columns of a testing machine's table."""
 
     load: str | None
     strain: str | None
@@ -51,7 +51,7 @@ class ColumnOptions:
                 raise CurveError(str(path), option, "the table of a testing machine", "a result file", remedy)
 
     def read(self, path: Path) -> "Curve":
-        """Read the record."""
+        """Read the curve of a tensile test from the testing machine's table `path`."""
         from dic import CurveError, read_curve
 
         if self.load is None or self.strain is None:
@@ -147,7 +147,7 @@ def properties(
 def _require_no_gauges(
     path: Path, given: Mapping[str, object], choice: StrainChoice, record: RecordOptions
 ) -> None:
-    """Raise an error if an option is given that has no effect on a table."""
+    """Raise an error if CURVE is a table and an option is given that has an effect on result files only."""
     from dic import CurveError
 
     given = {**given, "--kind": choice.strain_kind, "--camera": choice.camera}

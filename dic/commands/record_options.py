@@ -17,7 +17,7 @@ _FOUND = "auto"
 
 @dataclass(frozen=True)
 class RecordOptions:
-    """The machine's record, and how it is joined to the images."""
+    """Options for the testing machine's record, and for how the record is joined to the images."""
 
     record_file: Path | None
     displacement: str | None
@@ -31,7 +31,7 @@ class RecordOptions:
 
     @property
     def files(self) -> list[Path | None]:
-        """The files that are read."""
+        """The files that these options name: the record, and the table of image times."""
         return [self.record_file, self.image_times]
 
     def joined(

@@ -37,7 +37,7 @@ class PropertyOptions:
         return any(each is not None for each in (self.load, self.time, self.known_file))
 
     def known(self) -> dict[str, float]:
-        """Return the known values, by the keys of the properties."""
+        """Return the known values of `--known`, keyed by property."""
         from dic import CurveError
 
         if self.known_file is None:
@@ -116,7 +116,7 @@ def report(
 
 
 def _write(results: Sequence[Path], tests: "Sequence[TensileTest]", output: Path) -> None:
-    """Write the page."""
+    """Write the report's HTML page on the result files of runs, or of series."""
     from dic import RunFileError, load_run_result, write_report
     from dic.pipeline.series_result_file import is_series_result, load_series_result
     from dic.report.series_page import write_series_report

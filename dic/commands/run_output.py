@@ -1,4 +1,4 @@
-"""The output files of a run in addition to the result file, and the end of the command."""
+"""Writes the output files of a run in addition to the result file, and ends the command with its status."""
 
 import json
 from collections.abc import Sequence
@@ -151,7 +151,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def save_alignments(folder: Path, result: "RunResult") -> None:
-    """Write the alignment of each camera that a rotation has solved."""
+    """Write the alignment of each camera, if it was solved from the images of a rotation."""
     from dic import save_alignment
     from dic.shell.console import say
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from dic import CameraResult, JointCorrections, Measurement, RunResult, RunStep
 
 _READINGS = (("load_n", "load N", 0), ("displacement_mm", "displ. mm", 3), ("angle_deg", "angle °", 1))
-"""Attribute of a step, heading and number of decimals of each reading."""
+"""The device readings in the table: attribute of a step, heading, and number of decimals."""
 
 
 def table(result: "RunResult") -> str:
@@ -87,7 +87,7 @@ def _joint_lines(result: "RunResult", joint: "JointCorrections") -> list[str]:
 
 
 def _notes(measurement: "Measurement") -> list[str]:
-    """Return notes about smoothing, and about new reference images up to a step.
+    """Return notes about the smoothing of images, and about new reference images taken up to a step.
 
     Each new reference increases the standard deviations of the displacements u and v. The text gives these
     standard deviations in mpx.
@@ -109,7 +109,7 @@ def _declined_text(steps: Sequence[str], reason: str) -> str:
 
 
 def _readings(steps: Iterable["RunStep"]) -> list[tuple[str, str, int]]:
-    """Return the readings that at least one of the steps has."""
+    """Return the entries of `_READINGS` for which at least one step has a reading."""
     kept = list(steps)
     return [reading for reading in _READINGS if any(_known(getattr(step, reading[0])) for step in kept)]
 

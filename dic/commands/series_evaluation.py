@@ -29,7 +29,7 @@ _UNCORRECTED = (
 
 @dataclass(frozen=True)
 class SeriesPlaces:
-    """The places of a series' output files.
+    """The paths and the formats of a series' output files.
 
     Attributes
     ----------
@@ -203,13 +203,14 @@ class SeriesEvaluation:
             self.record.correct(number, image)
 
     def _gauge(self) -> str:
-        """Return the width of the virtual strain gauge and the period of strain that it resolves, as text."""
+        """Return lines about the virtual strain gauge: its width, and the strain wave that it resolves."""
         from dic import gauge_text, strain_resolution_px
 
         settings, strain, calibration = self._settings, self._set_up.strain, self._set_up.calibration
         gauge_px, resolved_px = strain.gauge_px(settings), strain_resolution_px(settings, strain)
         gauge = gauge_text(gauge_px, None if calibration is None else gauge_px * calibration.mm_per_px)
-        return f"{gauge}, which keeps 90 % of waves of strain of {resolved_px:.0f} px"
+        wave = f"a strain wave with a period of {resolved_px:.0f} px"
+        return f"{gauge}\n  keeps 90 % of the amplitude of {wave}"
 
     def _calibrated(self) -> dict[str, Any]:
         """Return assumed motion, the stage's alignment and the camera's sensitivity, for JSON."""

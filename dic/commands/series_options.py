@@ -59,7 +59,7 @@ class RegionOptions:
 
 
 def _is_file(text: str) -> bool:
-    """Return True if a text names a file; a typed polygon may be longer than any name."""
+    """Return True if a text names an existing file; a typed polygon may be too long for a file name."""
     try:
         return Path(text).is_file()
     except OSError:

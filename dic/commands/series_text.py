@@ -97,8 +97,7 @@ def _settings_texts(summary: dict[str, Any], first: bool) -> Iterator[str]:
 
 
 def corrected_texts(corrected: dict[str, Any]) -> list[str]:
-    """Return the results of the correction in addition to the strain, or the reason why there is no
-    correction.
+    """Return the results of a correction except the strain, or the reason why there is no correction.
 
     Each text fits a line of 100 characters. Only a reason may be longer.
 
@@ -118,7 +117,7 @@ def corrected_texts(corrected: dict[str, Any]) -> list[str]:
 
 
 def _shift_text(corrected: dict[str, Any]) -> str:
-    """Return a text about the part of the uncertainty that the shift causes, or "" without such a part."""
+    """Return a text on the part of the uncertainty due to the shift; "" if there is no such part."""
     if "exx_std_shift" not in corrected:
         return ""
     shift = 1e6 * corrected["exx_std_shift"]

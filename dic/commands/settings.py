@@ -60,7 +60,7 @@ def settings_text(values: Mapping[str, Any]) -> str:
 
 
 def settings_of(job: "Job") -> dict[str, Any]:
-    """Return the settings with which a result was computed, by table and key."""
+    """Return the settings with which a result was computed, keyed by "table.key" of a settings file."""
     fields, strains = json.loads(job.fields), json.loads(job.strains)
     tables = {"correlation": fields, "strain": strains["strain"]}
     tables["correction"] = strains.get("correcting") or strains["motion"]

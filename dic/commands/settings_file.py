@@ -24,12 +24,12 @@ def _hinge(value: Any) -> str:
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting of the file, and the option that has the same meaning.
+    """A setting of the settings file, and the command-line option that has the same meaning.
 
     Attributes
     ----------
     table, key : str
-        Place in the file.
+        The table and the key of the setting in the file.
     parameter : str
         Name of the option's value in a command.
     kinds : tuple of type
@@ -37,7 +37,7 @@ class Setting:
     example : str
         A value as text in TOML, for a setting without a default.
     to_option : callable
-        Function that returns the option's value for the value in the file.
+        Function that converts the value in the file to the value of the option.
     """
 
     table: str
@@ -80,7 +80,7 @@ SETTINGS = (
     Setting("correction", "tilt_axis_mm", "hinge_text", (list,), "[0.0, -30.0]", _hinge),
     Setting("correction", "plate_mm", "plate_mm", _NUMBER, "1.0"),
 )
-"""All settings, in the order of the file."""
+"""All settings, in the order in which `dic settings` writes them."""
 
 
 def read_settings(path: Path) -> dict[str, Any]:
@@ -137,7 +137,7 @@ def _refused(path: Path, got: str, remedy: str) -> MeasurementError:
 
 
 _FILE = "dic.settings_file"
-"""Name of the settings file among the notes of a command's context."""
+"""Key under which the context of a click command stores the path of the settings file."""
 
 
 def _use(context: click.Context, _: click.Parameter, path: Path | None) -> Path | None:

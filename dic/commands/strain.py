@@ -73,7 +73,8 @@ class AnewOptions:
         if not series:
             idle = {"--calibration": "calibration_file", "--motion": "motion"}
         for option, name in idle.items():
-            # A settings file may hold values for a series and for a run, so only the command line is checked.
+            # A settings file may have values for both series and runs, so check only options of the command
+            # line.
             if click.get_current_context().get_parameter_source(name) is ParameterSource.COMMANDLINE:
                 other, kind = ("a run", "a series of images") if series else ("a series of images", "a run")
                 expected, remedy = f"the results of {other}", f"leave out {option}"

@@ -12,8 +12,7 @@ _VALUE_WIDTH, _STD_WIDTH = 7, 5
 
 @dataclass(frozen=True)
 class Column:
-    """A column in front of the strains: its heading, its width, and whether it is aligned right, as numbers
-    are.
+    """A column in front of the strains, with heading and width; numbers are aligned right.
 
     A text that is longer than the width is cut at its beginning, because the names in a series differ at
     their ends.

@@ -46,7 +46,7 @@ class AssumedOptions:
 
 @dataclass(frozen=True)
 class SweepOptions:
-    """Options that list the values to combine."""
+    """Options that list the values of settings; the study tries all combinations of these values."""
 
     subsets: str
     steps: str
@@ -69,7 +69,7 @@ class SweepOptions:
 
 @dataclass(frozen=True)
 class SharedOptions:
-    """Options that all combinations share."""
+    """Options for the settings that are the same in all combinations."""
 
     spline: int
     min_zncc: float
@@ -93,7 +93,7 @@ class SharedOptions:
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """Options that name the output files."""
+    """Options that name the output files of `dic study`."""
 
     json_file: Path | None
     picture: Path | None
@@ -237,7 +237,7 @@ def _write(found: "Study", reference: Path, outputs: OutputOptions) -> None:
 
 
 def _values(best: "StudiedSettings") -> dict[str, object]:
-    """Return the recommended settings by table and key of a settings file."""
+    """Return the recommended settings, keyed by "table.key" of a settings file."""
     correlation, strain = best.correlation, best.strain
     return {
         "correlation.subset_px": correlation.subset_px,

@@ -75,7 +75,7 @@ def _row(each: "StudiedSettings", mark: str) -> str:
 
 
 def _spread(front: "tuple[StudiedSettings, ...]") -> "list[StudiedSettings]":
-    """Return some of the front's settings, from the finest to the coarsest resolution."""
+    """Return some settings of the Pareto front, from the finest to the coarsest spatial resolution."""
     if len(front) <= _FRONT:
         return list(front)
     last = len(front) - 1

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TestOptions:
-    """Options that describe the test and choose between rules."""
+    """Options for the specimen's area, the uncertainties, and the rules of the evaluation."""
 
     area_mm2: float | None
     area_std_mm2: float | None

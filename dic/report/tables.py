@@ -143,7 +143,8 @@ def _gauge(measurement: Measurement) -> str:
         "shape": "gradient of the shape function",
     }[measurement.strain_settings.source]
     gauge = gauge_text(measurement.gauge_px, measurement.gauge_mm)
-    return f"{source}: {gauge}, keeps 90 % of waves of strain of {measurement.resolution_px:.0f} px"
+    wave = f"a strain wave with a period of {measurement.resolution_px:.0f} px"
+    return f"{source}: {gauge}, keeps 90 % of the amplitude of {wave}"
 
 
 def problems(run: Run) -> list[str]:
