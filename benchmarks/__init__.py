@@ -1,1 +1,1 @@
-"""Measures of speed and accuracy; run them from the repository as `python -m benchmarks.speed`."""
+"""Benchmarks of speed and accuracy, started from the repository, as in `python -m benchmarks.speed`."""

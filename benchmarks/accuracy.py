@@ -1,10 +1,12 @@
-"""Accuracy of the correlation beside what theory allows.
+"""Compare the accuracy of the correlation with the limits of theory.
 
     python -m benchmarks.accuracy [--star FOLDER] [--json FILE]
 
-Three experiments: interpolation bias on noiseless sub-pixel shifts; noise against the Cramér-Rao bound and
-against the standard deviation that every point predicts of itself; spatial resolution on the star images of
-the DIC Challenge 2.0 (P. Reu et al., Experimental Mechanics 62 (2022) 639-654), if they are at hand.
+The program makes three experiments. The first measures the interpolation bias on noiseless images with
+sub-pixel shifts. The second compares the noise of displacements with the Cramér-Rao bound, and with the
+standard deviation that the correlation states for each point. The third measures the spatial resolution on
+the star images of the DIC Challenge 2.0 (P. Reu et al., Experimental Mechanics 62 (2022) 639-654), if the
+folder of these images exists.
 """
 
 import argparse
@@ -29,19 +31,19 @@ SHIFTS_PX = np.linspace(0.0, 1.0, 11)
 _STAR_MIDDLE_PX, _STAR_WIDTH_PX, _STAR_AMPLITUDE_PX = 250.0, 4000.0, 0.5
 _STAR_PERIODS_PX = (10.0, 290.0)
 _STAR_CALM_PX = 240.0
-"""Where periods are longer, strain hardly adds to the noise."""
+"""Period in the star images above which the true strain hardly adds to the measured noise."""
 
 
 @dataclass(frozen=True)
 class Bias:
-    """Errors of noiseless shifts: the worst mean over all points, and the worst scatter of single points."""
+    """Errors of noiseless shifts: the largest mean error of all points, and their largest scatter."""
 
     bias_px: float
     scatter_px: float
 
 
 def interpolation_bias(speckle: Speckle, settings: CorrelationSettings) -> Bias:
-    """Shift a noiseless pattern by 0 to 1 px along x and by as much less along y; compare with the truth."""
+    """Shift a noiseless pattern by u = 0 … 1 px along x and 1 px - u along y; return the largest errors."""
     correlator = Correlator(speckle.draw().astype(np.float32), settings=settings)
     biases, scatters = [], []
     for u in SHIFTS_PX:
@@ -55,7 +57,7 @@ def interpolation_bias(speckle: Speckle, settings: CorrelationSettings) -> Bias:
 
 @dataclass(frozen=True)
 class Noise:
-    """Scatter of displacements: the bound, what was observed, what points predicted; and the mean error."""
+    """Standard deviation of displacements (Cramér-Rao bound, observed, stated), and the mean error."""
 
     bound_px: float
     observed_px: float
@@ -66,9 +68,10 @@ class Noise:
 def noise(
     speckle: Speckle, settings: CorrelationSettings, grey_levels: float, pairs: int = 4, u_px: float = 0.2
 ) -> Noise:
-    """Shift a pattern by (`u_px`, -`u_px`), put noise on both images, and look at the scatter of all points.
+    """Shift a pattern by (`u_px`, -`u_px`), add noise to both images, and measure the scatter of all points.
 
-    Scatter is that of a point over the pairs' noise, without the errors that all pairs share.
+    The scatter of a point is its standard deviation over several pairs of images with different noise. It
+    does not contain the errors that all pairs share.
     """
     pictures = speckle.draw(), speckle.draw(shift(u_px, -u_px))
     truth = np.array([u_px, -u_px])
@@ -94,13 +97,13 @@ def noise(
 
 
 def _whole(reference: Grey, settings: CorrelationSettings) -> Correlator:
-    """Return a correlator with points everywhere, so that all pairs have the same."""
+    """Return a correlator with points in the whole image, so that all pairs have the same points."""
     return Correlator(reference, np.ones(reference.shape, np.bool_), settings)
 
 
 @dataclass(frozen=True)
 class Resolution:
-    """Star images: the period that keeps 90 % of its amplitude, and the scatter of u at long periods."""
+    """Results of the star images: the period that keeps 90 % of its amplitude, and the noise of u."""
 
     theory_px: float
     measured_px: float
@@ -108,15 +111,16 @@ class Resolution:
 
     @property
     def product_px2(self) -> float:
-        """Resolution times noise, which the choice of a subset does not change."""
+        """Resolution times noise. This product hardly depends on the width of the subset."""
         return self.measured_px * self.noise_px
 
 
 def star_resolution(images: tuple[Grey, Grey], settings: CorrelationSettings) -> Resolution:
-    """Measure the star: v = cos(2π (y - 250) / p) / 2 with a period p that grows along x, and u = 0.
+    """Measure the star images: v = cos(2π (y - 250) / p) / 2 with a period p that grows along x, and u = 0.
 
-    The amplitude kept at a column is the measured v projected on the true one over two periods. Around
-    the expected resolution it is smoothed by a parabola in the period, which is solved for 90 %.
+    The share of the amplitude that a column keeps is the projection of the measured v on the true v over two
+    periods. Around the expected resolution, a parabola of the period is fitted to this share. The resolution
+    is the period at which the parabola has the value 90 %.
     """
     expected = resolution_px(settings.subset_px, settings.shape)
     low, high = 0.8 * expected, 1.25 * expected
@@ -141,7 +145,7 @@ def _column(period_px: float) -> float:
 
 
 def _kept_amplitude(field: Field, period: Float) -> Float:
-    """Return the share of the true amplitude that is left in every column of points, (columns,)."""
+    """Return the share of the true amplitude of v that each column of points has measured, (columns,)."""
     waves = (field.y_px[:, None] - _STAR_MIDDLE_PX) / period
     # Farther from the middle the waves run obliquely, with a shorter period than p.
     use = field.converged & (np.abs(waves) <= 1.0)
@@ -152,13 +156,13 @@ def _kept_amplitude(field: Field, period: Float) -> Float:
 
 
 def read_star(folder: Path) -> tuple[Grey, Grey]:
-    """Read the star pair of the DIC Challenge 2.0 with noise."""
+    """Read the reference and the deformed star image of the DIC Challenge 2.0, the version with noise."""
     reference, deformed = (folder / f"DIC_Challenge_Star_Noise_{which}.tiff" for which in ("Ref", "Def"))
     return read_image(reference), read_image(deformed)
 
 
 def bias_rows() -> list[dict[str, Any]]:
-    """Measure interpolation bias for blobs of three sizes."""
+    """Measure the interpolation bias of both splines for speckle blobs of three sizes."""
     rows = []
     for sigma, order in product(((1.3, 2.2), (0.8, 1.1), (0.6, 0.8)), (3, 5)):
         speckle = Speckle(3, (256, 256), sigma, 0.035 * (1.75 / float(np.mean(sigma))) ** 2)
@@ -168,7 +172,7 @@ def bias_rows() -> list[dict[str, Any]]:
 
 
 def noise_rows() -> list[dict[str, Any]]:
-    """Measure noise for both shape functions, both splines, two subsets, and three levels of noise."""
+    """Measure noise for both shape functions, both splines, two subset widths and three noise levels."""
     speckle = Speckle(4, (384, 384))
     rows = []
     for shape, order, subset in product(("affine", "quadratic"), (3, 5), (21, 31)):
@@ -192,7 +196,7 @@ def noise_rows() -> list[dict[str, Any]]:
 
 
 def star_rows(folder: Path) -> list[dict[str, Any]]:
-    """Measure the resolution of both shape functions with three subsets."""
+    """Measure the resolution of both shape functions with three subset widths; return the table rows."""
     images = read_star(folder)
     rows = []
     for shape, subset in product(("affine", "quadratic"), (17, 21, 31)):
@@ -218,7 +222,7 @@ def _print(title: str, rows: list[dict[str, Any]]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Accuracy of the correlation beside what theory allows.")
+    parser = argparse.ArgumentParser(description="Compare the accuracy of the correlation with the limits of theory.")
     parser.add_argument("--star", type=Path, default=STAR, help="folder with the star images")
     parser.add_argument("--json", type=Path, help="also write what was measured to this file")
     options = parser.parse_args()

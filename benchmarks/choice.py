@@ -1,13 +1,14 @@
-"""What each combination of settings costs and gives: the table "Choice of settings" of docs/correlation.md.
+"""Cost and accuracy of combinations of settings, for the table "Choice of settings" of docs/correlation.md.
 
     OMP_NUM_THREADS=1 python -m benchmarks.choice [--star FOLDER] [--json FILE]
 
-With more threads, idle threads of linear algebra would count as processor time.
+The variable OMP_NUM_THREADS is set because idle threads of linear algebra would count as processor time.
 
-The noise of local strain falls, and its resolution grows, with wider subsets and windows. Their product σ R²
-tells how good a combination is: σ is the scatter of local strain, and R is the period of a wave of strain of
-whose amplitude 90 % is kept. Noise and resolution are measured on the star images of the DIC Challenge 2.0
-(P. Reu et al., Experimental Mechanics 62 (2022) 639-654). Times and mean strain are measured on drawn images.
+With wider subsets and windows, local strain has less noise but a coarser spatial resolution. The product σ R²
+measures the quality of a combination of settings; a smaller product is better. Here σ is the standard
+deviation of local strain, and R is the period of a strain wave that keeps 90 % of its amplitude. Noise and
+resolution are measured on the star images of the DIC Challenge 2.0 (P. Reu et al., Experimental Mechanics 62
+(2022) 639-654). Times and mean strain are measured on drawn images.
 """
 
 import argparse
@@ -29,10 +30,10 @@ from dic.strain.strain import StrainSettings
 from dic.typing import Float, Grey
 
 STAR_NOISE_PX = 0.0051
-"""Noise of u that affine subsets of 31 px have on the star images (docs/correlation.md, "Resolution")."""
+"""Noise of u on the star images, for affine subsets of 31 px (docs/correlation.md, "Resolution")."""
 
 _CALM_PX = 200.0
-"""In the star's part of longer periods, the strain hardly adds to the noise."""
+"""Period in the star images above which the true strain hardly adds to the measured noise."""
 _LOSS_PX = 100.0
 _PAIRS = 40
 
@@ -59,7 +60,7 @@ class Choice:
         return CorrelationSettings(self.subset_px, self.step_px, self.shape)
 
     def measure(self, images: Images) -> Measurement:
-        """Measure the strain of the second image; points lie everywhere."""
+        """Measure the strain of the second image, with points in the whole image."""
         reference, deformed = images
         field = Correlator(reference, np.ones(reference.shape, np.bool_), self.correlation).correlate(
             deformed
@@ -101,12 +102,12 @@ class Wave:
         return self.period_px + self.growth * measured.field.x_px.astype(np.float64)
 
     def motion(self, x: Float, y: Float) -> tuple[Float, Float]:
-        """Return the displacement, for drawing."""
+        """Return the displacement u, v at (x, y), with which an image can be drawn."""
         phase = 2 * np.pi * (y - self.middle_px) / (self.period_px + self.growth * x)
         return np.zeros_like(x), 0.5 * np.cos(phase)
 
     def kept(self, measured: Measurement) -> Float:
-        """Return the share of the amplitude of eyy that is left in each column of points, (columns,)."""
+        """Return the share of the true amplitude of eyy that each column of points measures, (columns,)."""
         periods = self.periods(measured)
         waves = (measured.field.y_px[:, None] - self.middle_px) / periods
         found = measured.strain.eyy
@@ -117,7 +118,10 @@ class Wave:
         return kept
 
     def resolution_px(self, measured: Measurement) -> float:
-        """Return the period of which 90 % is kept: the root of a parabola through the columns around it."""
+        """Return the period, px, of the strain wave that keeps 90 % of its amplitude.
+
+        A parabola of the period is fitted to the columns with shares from 80 to 97 %.
+        """
         periods, kept = self.periods(measured), self.kept(measured)
         near = (kept > 0.8) & (kept < 0.97)
         parabola = np.polynomial.Polynomial.fit(periods[near], kept[near], 2)
@@ -131,7 +135,10 @@ STAR_WAVE = Wave(10.0, 290.0 / 4000.0, 250.0)
 
 
 def star_row(choice: Choice, images: Images) -> dict[str, float]:
-    """Measure noise, resolution and loss on the star images. Their x component has no strain, only noise."""
+    """Measure noise, resolution and loss of amplitude on the star images.
+
+    The noise is the scatter of exx, because the true exx of these images is 0.
+    """
     measured = choice.measure(images)
     periods, kept = STAR_WAVE.periods(measured), STAR_WAVE.kept(measured)
     noise = float(np.nanstd(measured.strain.exx[:, periods > _CALM_PX]))
@@ -146,7 +153,7 @@ def star_row(choice: Choice, images: Images) -> dict[str, float]:
 
 
 def star_noise() -> float:
-    """Return the noise, grey levels, that makes drawn patterns as noisy as the star images, by theory."""
+    """Return the noise, grey levels, with which drawn patterns have in theory the noise `STAR_NOISE_PX`."""
     speckle = Speckle(4, (320, 320))
     points = np.stack(np.meshgrid(np.arange(30, 290, 10), np.arange(30, 290, 10)), axis=-1).reshape(-1, 2)
     bound_px = cramer_rao_px(speckle.draw(), slopes(speckle), points, 31, "affine")
@@ -154,13 +161,13 @@ def star_noise() -> float:
 
 
 def stretch(strain: float) -> Motion:
-    """Return a uniform strain along x and, with Poisson's ratio 0.3, along y."""
+    """Return the motion of a uniform strain along x, with lateral contraction by Poisson's ratio 0.3."""
     return lambda x, y: (0.2 + strain * (x - 250), -0.1 - 0.3 * strain * (y - 250))
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """What one choice makes of a drawn pair: points, processor times, mean strain with its deviations."""
+    """Results of one combination of settings for a drawn pair of images; times are processor times."""
 
     points: int
     correlation_s: float
@@ -172,7 +179,10 @@ class Drawn:
 
     @classmethod
     def of(cls, choice: Choice, images: Images) -> "Drawn":
-        """Measure the second image twice and time the second, which is a further image of a series."""
+        """Correlate the second image twice, and time the second run.
+
+        The second run takes as long as a further image of a series.
+        """
         reference, deformed = images
         everywhere = np.ones(reference.shape, np.bool_)
         correlator = Correlator(reference, everywhere, choice.correlation, threads=1)
@@ -188,14 +198,14 @@ class Drawn:
 
 
 def drawn_rows(choices: tuple[Choice, ...], pairs: int) -> list[dict[str, float]]:
-    """Measure processor time and the scatter of the mean strain on noisy pairs; the choices take turns."""
+    """Measure processor time and scatter of the mean strain on noisy pairs, each pair with all choices."""
     speckle = Speckle(5, (512, 512))
     pictures, grey_levels = (speckle.draw(), speckle.draw(stretch(1e-3))), star_noise()
     found: list[list[Drawn]] = []
     for k in range(pairs + 1):
         reference, deformed = (noisy(a, grey_levels, 2 * k + j) for j, a in enumerate(pictures))
         found.append([Drawn.of(choice, (reference, deformed)) for choice in choices])
-    # The first pair also loads the compiled kernel.
+    # Leave out the first pair, because its time includes the loading of the compiled kernel.
     return [_summary(list(of_choice)) for of_choice in zip(*found[1:], strict=True)]
 
 
@@ -211,7 +221,7 @@ def _summary(found: list[Drawn]) -> dict[str, float]:
 
 
 def rows(choices: tuple[Choice, ...], images: Images | None, pairs: int = _PAIRS) -> list[dict[str, Any]]:
-    """Measure all choices; speed, time and mean strain are also given relative to the first choice."""
+    """Measure all choices; each row also gives speed, time and mean strain relative to the first choice."""
     drawn = drawn_rows(choices, pairs)
     result = []
     for choice, row in zip(choices, drawn, strict=True):

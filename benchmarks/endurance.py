@@ -1,11 +1,11 @@
-"""Two cameras of 2048 x 2048 px at 5 images/s for 30 real minutes: is any image lost, does memory grow?
+"""Record two cameras of 2048 x 2048 px at 5 images/s for 30 minutes; check images and memory.
 
     python -m benchmarks.endurance --minutes 30 --folder /data
 
-Each camera has a thread that gives a frame every 200 ms, with its number in the first pixels. Another process
-follows the run file while it is written, as a viewer would, and compares every image with its digest and its
-number. With `--recycle` it gives the disk space of an image back once the image is checked: 30 minutes are
-75 GB. At the end the closed file is verified. The status is 1 if an image was lost or memory grew.
+Each camera has a thread that gives the recorder a frame every 200 ms; the first pixels contain the number of
+the frame. Another process reads the run file while it is written, and compares every image with its digest
+and its number. With `--recycle`, this process frees the disk space of each image after the check, because the
+images of 30 minutes have 75 GB. The exit status is 1 if an image was lost or memory grew.
 """
 
 import argparse
@@ -39,7 +39,7 @@ _PUNCH_HOLE_KEEP_SIZE = 3
 
 @dataclass
 class Source(threading.Thread):
-    """A camera: hands a numbered image to the recorder at every tick."""
+    """The thread of a camera: it gives the recorder a numbered image every `PERIOD_S` seconds."""
 
     camera: str
     recorder: Recorder
@@ -76,14 +76,14 @@ class Source(threading.Thread):
 
 @dataclass
 class Followed:
-    """What the process that follows the file found: rows by camera, and sentences about damage."""
+    """Result of the process that reads the file: checked rows by camera, and sentences about damage."""
 
     rows: dict[str, int] = field(default_factory=lambda: dict.fromkeys(CAMERAS, 0))
     damage: list[str] = field(default_factory=list)
 
 
 def follow(path: str, recycle: bool, ended: Any, answer: Any) -> None:
-    """Check every image soon after it was acknowledged, until `ended` and nothing is left."""
+    """Check every image soon after it is marked valid, until `ended` is set and all images are checked."""
     found, clock = Followed(), SystemClock()
     descriptor = os.open(path, os.O_RDWR)
     with h5py.File(path, "r", swmr=True) as file:
@@ -109,7 +109,7 @@ def follow(path: str, recycle: bool, ended: Any, answer: Any) -> None:
 
 
 def check_row(group: h5py.Group, row: int, found: Followed) -> None:
-    """Compare an image with its digest, and its number with its row."""
+    """Compare an image with its digest, and its number with its row; add each difference to `found`."""
     image = group["data"][row]
     number = int(image.reshape(-1)[:8].view(np.int64)[0])
     if group["digest"][row].decode() != frame_digest(image):
@@ -119,23 +119,23 @@ def check_row(group: h5py.Group, row: int, found: Followed) -> None:
 
 
 def punch(descriptor: int, data: h5py.Dataset, row: int) -> None:
-    """Give the disk space of an image back."""
+    """Free the disk space of an image, but keep the size of the file."""
     chunk = data.id.get_chunk_info_by_coord((row, 0, 0))
     size = ctypes.c_int64
     libc = ctypes.CDLL(None, use_errno=True)
-    # Not the block that begins in the data before, nor the block that ends in the data behind.
+    # Do not free the first and the last disk block if they also contain other data.
     first, end = -(-chunk.byte_offset // 4096) * 4096, (chunk.byte_offset + chunk.size) // 4096 * 4096
     libc.fallocate(descriptor, _PUNCH_HOLE_KEEP_SIZE, size(first), size(end - first))
 
 
 def resident_mb() -> float:
-    """Return the memory of this process."""
+    """Return the resident memory of this process, MB."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def endure(path: Path, minutes: float, recycle: bool) -> dict[str, Any]:
-    """Record for so many minutes, and return the figures."""
+    """Record for the given number of minutes, and return the measured values."""
     clock, images = SystemClock(), noise(8)
     recorder = Recorder(path, header(), CAMERAS, load_frame=DeviceInfo("benchmark", "frame", "1"))
     processes = multiprocessing.get_context("spawn")
@@ -174,7 +174,8 @@ def endure(path: Path, minutes: float, recycle: bool) -> dict[str, Any]:
     follower.join(10.0)
     asked_s = clock.now_s()
     recorder.close("completed", "", START)
-    # The first minute fills queues and caches; a busy disk fills the queues for a while.
+    # Leave out the first minute, in which queues and caches fill. Compare medians, because a busy disk fills
+    # the queues for a short time.
     settled = memory_mb[6:] or memory_mb or [resident_mb()]
     part = max(1, len(settled) // 4)
     early_mb, late_mb = statistics.median(settled[:part]), statistics.median(settled[-part:])
@@ -197,7 +198,7 @@ def endure(path: Path, minutes: float, recycle: bool) -> dict[str, Any]:
 
 
 def is_good(figures: dict[str, Any]) -> bool:
-    """Tell whether every image was recorded and read back, and memory stayed constant."""
+    """Return True if every image was recorded and read back, and memory stayed constant."""
     expected = dict.fromkeys(CAMERAS, int(figures["minutes"] * 60 / PERIOD_S))
     return (
         figures["images_taken"] == figures["images_checked"] == expected

@@ -1,4 +1,4 @@
-"""Our engine in the three ways in which its speed is measured."""
+"""The correlation of `dic`, timed in three ways: a pair of images, an image of a series, the kernel alone."""
 
 import itertools
 from concurrent.futures import ThreadPoolExecutor
@@ -18,7 +18,7 @@ from dic.typing import Float, Grey, Indices
 
 @dataclass(frozen=True)
 class Timing:
-    """Points per second of processor time and of time on the wall."""
+    """Speed: points per second of processor time, and points per second of elapsed time."""
 
     per_cpu_s: float
     per_wall_s: float
@@ -31,14 +31,14 @@ def _timing(points: int, watch: Stopwatch) -> Timing:
 def time_pair(
     reference: Grey, deformed: Grey, settings: CorrelationSettings, threads: int
 ) -> tuple[Timing, Field]:
-    """Time all that a pair takes: preparing both images, search, propagation, checks."""
+    """Time all steps for a pair of images: preparation of both images, search, propagation and checks."""
     with Stopwatch() as watch:
         field = Correlator(reference, settings=settings, threads=threads).correlate(deformed)
     return _timing(int(field.active.sum()), watch), field
 
 
 class Series:
-    """A series with one reference: what every further image takes.
+    """A series with one reference, to time one further image of the series.
 
     Parameters
     ----------
@@ -53,14 +53,14 @@ class Series:
         self._previous = self._correlator.correlate(before)
 
     def time(self, deformed: Grey) -> Timing:
-        """Time the next image, which starts from the field before."""
+        """Time the correlation of the next image, which starts from the field of the image `before`."""
         with Stopwatch() as watch:
             field = self._correlator.correlate(deformed, previous=self._previous)
         return _timing(int(field.active.sum()), watch)
 
 
 class KernelAlone:
-    """IC-GN on a grid, every point from the truth rounded to whole pixels, the images already prepared.
+    """IC-GN alone, on prepared images: every point starts from its true displacement in whole pixels.
 
     Parameters
     ----------
@@ -89,12 +89,12 @@ class KernelAlone:
         self._x, self._y, self._start = x_px, y_px, start
 
     def time(self, threads: int) -> tuple[Timing, float]:
-        """Return the speed, and how many iterations a point took on average.
+        """Return the speed, and the mean number of iterations of a point.
 
         Raises
         ------
         RuntimeError
-            If a point did not converge: its time would say nothing.
+            If a point did not converge, because its time would be meaningless.
         """
         shape = self._start.shape[:2]
         solution = kernel.Solution.empty(shape, self._settings.parameters)

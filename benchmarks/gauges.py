@@ -1,4 +1,4 @@
-"""Processor time of gauges on a saved result, beside that of the measurement that wrote it.
+"""Compare the processor time of gauges on a saved result with the time of the measurement that wrote it.
 
     python -m benchmarks.gauges [--images N] [--side-px N]
 
@@ -25,7 +25,7 @@ NOISE = 2.0
 
 
 def gauges_of(side_px: int) -> tuple[Gauge, ...]:
-    """Return one gauge of each kind on an image of this side."""
+    """Return one gauge of each kind, for square images with sides of `side_px`."""
     near, middle, far = 0.15 * side_px, 0.5 * side_px, 0.85 * side_px
     return (
         Extensometer(name="axial", start=(middle, near), end=(middle, far), patch=60.0),
@@ -39,7 +39,7 @@ def gauges_of(side_px: int) -> tuple[Gauge, ...]:
 
 
 def measure_times(folder: Path, images: int, side_px: int) -> tuple[float, float]:
-    """Return the processor times of the measurement and of the gauges, s."""
+    """Return the processor times, s, of the measurement of all images and of the gauges on its result."""
     speckle = Speckle(shape=(side_px, side_px))
     for k, picture in enumerate([speckle.draw(), *[speckle.draw(gentle_strain())] * images]):
         cv2.imwrite(str(folder / f"img{k:03d}.png"), eight_bit(picture, NOISE, k))

@@ -1,4 +1,4 @@
-"""What a benchmark ran on, and how its times are taken."""
+"""Description of the computer that runs a benchmark, and a stopwatch for processor and elapsed time."""
 
 import os
 import platform
@@ -9,7 +9,7 @@ from types import TracebackType
 
 
 def describe() -> dict[str, str | int | float]:
-    """Return processor, cores, widest vector instructions, load and versions."""
+    """Return the computer's processor, cores, widest vector instructions and load, and library versions."""
     import llvmlite.binding as llvm
     import numba
     import numpy as np
@@ -40,7 +40,7 @@ def _processor() -> str:
 
 @dataclass
 class Stopwatch:
-    """Measures a `with` block: processor time of all threads, and time on the wall, in seconds."""
+    """Measures the processor time of all threads and the elapsed time of a `with` block, in seconds."""
 
     cpu_s: float = 0.0
     wall_s: float = 0.0

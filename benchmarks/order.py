@@ -1,12 +1,14 @@
-"""A rotated specimen seen off-axis: correlate first and map the points, or rectify the images first?
+"""Compare two orders for a rotated specimen seen off-axis: correlate and map the points, or rectify first.
 
     python -m benchmarks.order [--seeds N] [--json FILE]
 
-Either the images are correlated as they are and the points mapped to the grid's plane, by the bicubic map or
-by the pinhole; or both images are first resampled to the grid's plane, by a quintic spline, and correlated
-there. Affine and quadratic shape functions, three subsets, four directions of view. The specimen lies in the
-grid's plane and turns about its normal, so all strain is error. Images are rendered, 800 × 800 at 70 px/mm,
-with one grey level of noise; the camera is calibrated from such an image of the grid.
+With the first order, the images are correlated as they are, and the points are mapped to the grid's plane by
+the bicubic map or by the pinhole model. With the second order, both images are first resampled to the grid's
+plane by a quintic spline, and then correlated. Both orders are measured with affine and quadratic shape
+functions, three subset widths and four directions of view. The specimen lies in the grid's plane and turns
+about the plane's normal without deformation, so every measured strain is an error. The images are rendered
+with 800 × 800 px, 70 px/mm and one grey level of noise. The camera is calibrated from an image of the grid
+that is rendered in the same way.
 """
 
 import argparse
@@ -46,20 +48,20 @@ _SENSOR = Sensor(bits=8, full_well_e=32_500.0, read_noise_e=20.0, saturation_exp
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors over all turns and specimens; strain in µε, displacement in px of 1/70 mm.
+    """Errors over all rotation angles and specimens: strain in µε, displacement in px of 1/70 mm.
 
     Attributes
     ----------
     mean : float
-        Largest error of a component of the mean strain.
+        Largest absolute error of a component of the mean strain.
     mean_bias : float
-        The largest after the average over specimens, whose noise and pattern differ.
+        The same largest error after averaging over the specimens, which have different noise and patterns.
     local : float
-        Standard deviation of a component of local strain, windows of 5 × 5 points.
+        Mean standard deviation of the components of local strain, for windows of 5 × 5 points.
     displacement_px : float
-        Standard deviation of a coordinate of displacements.
+        Mean standard deviation of the displacement errors along one axis.
     displacement_bias_px : float
-        Largest average of a coordinate of displacements over a specimen.
+        Largest absolute mean, over all points of an image, of the displacement errors along one axis.
     """
 
     mean: float
@@ -70,7 +72,7 @@ class Errors:
 
 
 class Specimen:
-    """Pictures of one turned specimen by one camera, and their calibration.
+    """Images of one specimen at several rotation angles from one camera, and the calibration of this camera.
 
     Parameters
     ----------
@@ -97,26 +99,26 @@ class Specimen:
         return _SENSOR.expose(light, 10_000.0, 1.0, self._rng).astype(np.float32)
 
     def rectified(self, model: Model) -> list[Grey]:
-        """Return the reference and all turns, resampled to the grid's plane as a model sees it."""
+        """Return the reference and all rotated images, resampled to the grid's plane by a model."""
         if model not in self._rectified:
             calibration = self.calibration.using(model)
             self._rectified[model] = [rectified(p, calibration) for p in (self.reference, *self.turned)]
         return self._rectified[model]
 
     def homography(self) -> Float:
-        """Return the 3 × 3 map from image px to grid mm, near enough to start from."""
+        """Return the approximate homography (3, 3) from image px to grid mm, for hints of the correlation."""
         grid = self.calibration.grid
         return np.asarray(cv2.findHomography(grid.uv_px, grid.xy_mm)[0], np.float64)
 
 
 def rectified_homography() -> Float:
-    """Return the map from the px of a rectified image to mm."""
+    """Return the homography (3, 3) from px of a rectified image to mm on the grid's plane."""
     middle, scale = (_RECTIFIED_PX - 1) / 2, 1.0 / _PX_PER_MM
     return np.array([[scale, 0.0, -middle * scale], [0.0, -scale, middle * scale], [0.0, 0.0, 1.0]])
 
 
 def rectified(picture: Grey, calibration: Calibration) -> Grey:
-    """Resample an image to the grid's plane, 70 px/mm, X right and Y up, by a quintic spline."""
+    """Resample an image to the grid's plane by a quintic spline: 70 px/mm, X to the right and Y up."""
     px = np.stack(np.meshgrid(*[np.arange(_RECTIFIED_PX)] * 2), axis=-1).reshape(-1, 2)
     to_mm = rectified_homography()
     points_mm = px @ to_mm[:2, :2].T + to_mm[:2, 2]
@@ -133,7 +135,7 @@ def rectified(picture: Grey, calibration: Calibration) -> Grey:
 def correlated(
     reference: Grey, turned: list[Grey], to_mm: Float, settings: CorrelationSettings
 ) -> list[Field]:
-    """Correlate all turns, each hinted as a stage would, within the circle that stays in view."""
+    """Correlate all rotated images, with the known rotation as hint, in the circle that stays in view."""
     height, width = reference.shape
     y, x = np.mgrid[:height, :width]
     flat = np.column_stack([x.ravel(), y.ravel(), np.ones(x.size)]) @ to_mm.T
@@ -149,7 +151,7 @@ def correlated(
 
 
 def displacements(specimen: Specimen, settings: CorrelationSettings) -> dict[str, list[Displacement]]:
-    """Return the displacements of all turns in mm, by each of `WAYS`."""
+    """Return the displacements of all rotated images in mm, for each of `WAYS`."""
     models: tuple[Model, ...] = ("bicubic", "pinhole")
     fields = correlated(specimen.reference, specimen.turned, specimen.homography(), settings)
     found = {}
@@ -168,7 +170,7 @@ def _in_mm(raw: Displacement) -> Displacement:
 
 
 def errors(found: list[list[Displacement]]) -> Errors:
-    """Return the errors of displacements (specimens, turns)."""
+    """Return the errors of displacements; `found` has a list of rotated images for each specimen."""
     means = 1e6 * np.array([[_mean(d) for d in turns] for turns in found])
     locals_, moves = [], []
     for turns in found:

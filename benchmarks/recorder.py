@@ -1,10 +1,11 @@
-"""The recorder beside plain writing: the same images, synchronised with the disk equally often, in turns.
+"""Compare the speed of the recorder with plain writing of the same images to a file.
 
     python -m benchmarks.recorder --folder /data
 
-Plain writing is `os.pwrite` of every image, and `os.fsync` after as many images as the recorder is set to.
-The recorder also computes a SHA-256 of every image, and writes its tables. A ratio of 1 is as fast as plain
-writing; the status is 1 below 0.8.
+Plain writing calls `os.pwrite` for every image, and `os.fsync` after the same number of images as the
+recorder. The recorder also computes a SHA-256 of every image, and writes its tables. Both take turns. A ratio
+of 1 means that the recorder is as fast as plain writing. The exit status is 1 if the median ratio is below
+0.8.
 """
 
 import argparse
@@ -35,13 +36,13 @@ CAMERAS = {
 
 
 def header() -> RunHeader:
-    """Describe a run without protocol and rig file."""
+    """Return the header of a run that has no protocol and no rig file."""
     sample = Sample(name="noise", thickness_mm=1.0, width_mm=10.0, gauge_length_mm=50.0)
     return RunHeader("benchmark", "", "", "", START, "", sample, Grid(), simulated=True)
 
 
 def noise(count: int) -> list[np.ndarray]:
-    """Return images that no compression makes smaller, and that nobody changes."""
+    """Return read-only images of random noise, which no file system can compress."""
     random = np.random.default_rng(1)
     images = [random.integers(0, 256, (SIDE_PX, SIDE_PX), np.uint8) for _ in range(count)]
     for image in images:
@@ -50,14 +51,14 @@ def noise(count: int) -> list[np.ndarray]:
 
 
 def frames(images: list[np.ndarray], count: int) -> Iterator[tuple[str, Frame]]:
-    """Yield so many frames, from both cameras in turn."""
+    """Yield `count` frames with the names of their cameras; the two cameras alternate."""
     for number in range(count):
         image = images[number % len(images)]
         yield list(CAMERAS)[number % 2], Frame(image, 0.0, 0.0, START, number // 2, 0, 900.0, 1.0)
 
 
 def plainly(path: Path, images: list[np.ndarray], count: int, settings: RecordingSettings) -> float:
-    """Return the seconds that plain writing takes."""
+    """Write all images plainly, and return the time in seconds until they are on the disk."""
     clock = SystemClock()
     descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY)
     began_s = clock.now_s()
@@ -73,7 +74,7 @@ def plainly(path: Path, images: list[np.ndarray], count: int, settings: Recordin
 
 
 def recorded(path: Path, images: list[np.ndarray], count: int, settings: RecordingSettings) -> float:
-    """Return the seconds that the recorder takes until all images are on the disk."""
+    """Record all images, and return the time in seconds until they are on the disk."""
     clock = SystemClock()
     recorder = Recorder(path, header(), CAMERAS, settings=settings)
     began_s = clock.now_s()
@@ -89,13 +90,14 @@ def recorded(path: Path, images: list[np.ndarray], count: int, settings: Recordi
 
 
 def compare(folder: Path, rounds: int, count: int) -> float:
-    """Print the speed of both in every round, and return the median of the ratios."""
+    """Print the speeds of recorder and plain writing in every round, and return the median speed ratio."""
     images, settings = noise(8), RecordingSettings()
     size_mb = count * images[0].nbytes / 1e6
     ratios = []
     for number in range(rounds):
         measured = {}
-        # Whoever comes second may find the disk busy: take turns in coming first.
+        # The disk may still be busy for the second of the two. So each of them is the first in every other
+        # round.
         for run in (plainly, recorded) if number % 2 == 0 else (recorded, plainly):
             measured[run.__name__] = run(folder / f"{run.__name__}.h5", images, count, settings)
         ratios.append(measured["plainly"] / measured["recorded"])

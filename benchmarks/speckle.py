@@ -1,8 +1,8 @@
-"""Speckle pictures whose motion is known exactly: Gaussian blobs, drawn analytically at any position.
+"""Speckle images whose motion is known exactly: Gaussian blobs that a formula draws at any position.
 
-A motion is a function that gives the displacement (u, v) of the material now seen at (x, y) of the deformed
-image, so that drawing needs no inverse. The displacement of a point of the reference, the truth, follows from
-it by fixed-point iteration.
+A motion is a function that gives the displacement (u, v) of the material point that the deformed image shows
+at (x, y). So an image can be drawn without the inverse of the motion. Fixed-point iteration of the motion
+gives the true displacement of a point of the reference.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from dic.typing import Float, Grey
 Motion = Callable[[Float, Float], tuple[Float, Float]]
 
 _REACH = 5.5
-"""Blobs are cut off where they have fallen to 3e-7 of their height."""
+"""Blobs are cut off at this multiple of their standard deviation, where 3e-7 of their height is left."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Speckle:
     density: float = 0.035
 
     def draw(self, motion: Motion | None = None) -> Float:
-        """Return the noiseless picture after `motion`, grey levels 25 to 225."""
+        """Return the noiseless image after `motion`, with grey levels from 25 to 225."""
         x, y, sigma, weight = self._blobs()
         if motion is not None:
             u, v = truth(motion, x, y)
@@ -87,7 +87,7 @@ def truth(motion: Motion, x: Float, y: Float) -> tuple[Float, Float]:
 
 
 def shift(u_px: float, v_px: float = 0.0) -> Motion:
-    """Return the motion by a constant displacement."""
+    """Return a motion with the same displacement at all points."""
     return lambda x, y: (np.full_like(x, u_px), np.full_like(x, v_px))
 
 
@@ -104,7 +104,7 @@ def gentle_strain(scale: float = 1.0) -> Motion:
 
 
 def eight_bit(picture: Float, noise: float, seed: int) -> NDArray[np.uint8]:
-    """Return the picture as a camera with `noise` grey levels (standard deviation) gives it."""
+    """Return the picture with Gaussian noise of `noise` grey levels, rounded to 8 bits as by a camera."""
     noisy = picture + np.random.default_rng(seed).normal(0, noise, picture.shape)
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 

@@ -1,10 +1,11 @@
-"""Points of interest per second, ours and other engines', on one pair in one run.
+"""Speed of `dic` and of other correlation programs on the same pair of images, in points per second.
 
     python -m benchmarks.speed [--peers] [--repetitions N] [--json FILE]
 
-The pair is 1024 × 1024, 8 bit, with 2 grey levels of noise and about 1 % of strain. All cases take turns, and
-the median of the repetitions counts, so that other load on the computer affects all alike. Speeds are points
-per second of processor time, except the gain of two threads, which needs an idle machine.
+The images have 1024 × 1024 px, 8 bit, 2 grey levels of noise and about 1 % of strain. All cases take turns,
+and the result is the median over the repetitions. So another load on the computer affects all cases in the
+same way. Speeds are points per second of processor time. The gain of two threads is a ratio of elapsed times,
+and so it needs an idle computer.
 """
 
 import argparse
@@ -35,14 +36,14 @@ NOISE = 2.0
 PEER_SUBSET_PX = 21
 _RIM_PX = 75
 _LOST_PX = 0.5
-"""A point further than this from the truth is counted as lost and kept out of bias and spread."""
+"""A point with a larger error counts as lost, and is left out of bias and spread."""
 
 _MOTION = gentle_strain()
 
 
 @dataclass(frozen=True)
 class Pictures:
-    """A reference and two steps of a deformation, the second of which is measured."""
+    """A reference image and two images of a growing deformation; the second of the two is measured."""
 
     reference: NDArray[np.uint8]
     before: NDArray[np.uint8]
@@ -50,7 +51,7 @@ class Pictures:
 
     @classmethod
     def draw(cls) -> "Pictures":
-        """Draw them; noise differs between all three."""
+        """Draw the three images with the same pattern and different noise."""
         speckle = Speckle(shape=(SIDE_PX, SIDE_PX))
         motions: tuple[Motion | None, ...] = (None, gentle_strain(0.9), _MOTION)
         return cls(*(eight_bit(speckle.draw(m), NOISE, seed) for seed, m in enumerate(motions, 11)))
@@ -58,7 +59,11 @@ class Pictures:
 
 @dataclass(frozen=True)
 class Error:
-    """How far displacements are from the truth: mean and standard deviation over points and both axes."""
+    """Errors of displacements.
+
+    The bias is the larger mean error of both axes. The spread is the mean of the standard deviations along
+    both axes.
+    """
 
     points: int
     lost: int
@@ -67,9 +72,10 @@ class Error:
 
 
 def error_of(points: Float, moved: Float, rim_px: int) -> Error:
-    """Compare displacements (n, 2) at points (n, 2) of the reference with the exact ones.
+    """Compare displacements `moved` (n, 2) at `points` (n, 2) of the reference with the exact displacements.
 
-    Points at the rim are left out: in some engines they belong to half a subset or element.
+    Points within `rim_px` of the image's edge are left out, because in some programs their subset or element
+    is incomplete.
     """
     inner = ((points > rim_px) & (points < SIDE_PX - rim_px)).all(axis=1)
     points, moved = points[inner], moved[inner]
@@ -81,14 +87,14 @@ def error_of(points: Float, moved: Float, rim_px: int) -> Error:
 
 
 class Case:
-    """One row of our table: everything measured with one set of settings."""
+    """One row of the table of `dic`: all measurements with one set of settings."""
 
     def __init__(self, pictures: Pictures, settings: CorrelationSettings) -> None:
         self.settings = settings
         images = (pictures.reference, pictures.before, pictures.deformed)
         self._reference, before, self._deformed = (image.astype(np.float32) for image in images)
         self._times: dict[str, list[Timing]] = defaultdict(list)
-        # These first calls also compile and warm up.
+        # These first calls are not timed, because they also compile the kernel.
         self._series = {n: Series(self._reference, before, settings, n) for n in (1, 2)}
         _, field = time_pair(self._reference, self._deformed, settings, 1)
         tried = field.active & (field.status != Status.OUT_OF_VIEW)
@@ -96,7 +102,7 @@ class Case:
         x, y = np.meshgrid(field.x_px, field.y_px)
         points = np.stack([x, y], axis=-1)[tried]
         self.error = error_of(points.astype(float), moved, _RIM_PX)
-        # A subset at the rim may leave the image during its iterations, which ends them.
+        # Keep a distance from the rim, because the iterations of a subset end when it leaves the image.
         rim = settings.subset_px + 8
         at = np.arange(rim, self._reference.shape[0] - rim, STEP_PX)
         x, y = np.meshgrid(at, at)
@@ -105,7 +111,7 @@ class Case:
         _, self.iterations = self._kernel.time(1)
 
     def repeat(self) -> None:
-        """Measure everything once more."""
+        """Time all three ways once more, with one thread and with two threads."""
         for n in (1, 2):
             self._times[f"kernel {n}"].append(self._kernel.time(n)[0])
             self._times[f"pair {n}"].append(time_pair(self._reference, self._deformed, self.settings, n)[0])
@@ -131,7 +137,7 @@ def _cases() -> Iterator[CorrelationSettings]:
 
 
 class PeerCase:
-    """One row of the peers' table."""
+    """One row of the table of other programs ("peers")."""
 
     def __init__(self, peer: peers.Peer, pictures: Pictures) -> None:
         self._peer, self._pair = peer, (pictures.reference, pictures.deformed)
@@ -139,7 +145,7 @@ class PeerCase:
         self.version = peers.version(peer)
 
     def repeat(self) -> None:
-        """Let the peer correlate the pair once more, in a folder of its own."""
+        """Let the other program correlate the pair once more, in a new temporary folder."""
         with tempfile.TemporaryDirectory() as folder:
             found = peers.correlate(self._peer, Path(folder), self._pair, PEER_SUBSET_PX)
         self._error = error_of(found.points, found.moved, self._peer.margin_px - 32 + _RIM_PX)
@@ -163,7 +169,7 @@ def _peer_cases(pictures: Pictures) -> Iterator[PeerCase]:
 
 
 def measure(repetitions: int, with_peers: bool) -> dict[str, Any]:
-    """Return everything that was measured."""
+    """Measure all cases, and return the results as a dict that can be written as JSON."""
     before = machine.describe()
     pictures = Pictures.draw()
     cases: list[Case | PeerCase] = [Case(pictures, settings) for settings in _cases()]
@@ -200,7 +206,7 @@ _PEERS = {
 
 
 def _table(columns: dict[str, str], rows: list[dict[str, Any]]) -> None:
-    """Print rows under the names of their columns, which are as wide as their format makes a number."""
+    """Print rows below the names of their columns; the format of a column determines its width."""
     heads = (re.sub(r"\.\d+f", "", form).format(name) for name, form in columns.items())
     print("".join(heads))
     for row in rows:

@@ -1,7 +1,7 @@
 """The accuracy of the best possible correlation, computed from the pattern alone.
 
-Nothing here uses the engine under test: derivatives are differences of analytic pictures, bounds are least
-squares, and the transfer of a period is that of a polynomial fit.
+This module uses no code of the tested correlation. The derivatives are differences of images drawn by
+formulas. The bounds follow from least squares. The transfer function of a subset is that of a polynomial fit.
 """
 
 from functools import cache
@@ -19,7 +19,8 @@ _H = 0.02
 def slopes(speckle: Speckle) -> tuple[Float, Float]:
     """Return the derivatives of the noiseless picture along x and y, grey levels per pixel.
 
-    Central differences over ±0.02 px of the analytic picture: their error is below 1e-4 of the slope.
+    The function takes central differences of images that are shifted by ±0.02 px. The error is below 1e-4 of
+    the slope.
     """
     along_x = (speckle.draw(shift(-_H, 0)) - speckle.draw(shift(_H, 0))) / (2 * _H)
     along_y = (speckle.draw(shift(0, -_H)) - speckle.draw(shift(0, _H))) / (2 * _H)
@@ -31,18 +32,19 @@ def cramer_rao_px(
 ) -> Float:
     """Return the smallest possible standard deviations of u and v per grey level of noise, (n, 2).
 
-    Both images carry independent white noise, so that their difference has twice its variance σ². All
-    parameters of the shape function, and gain and offset of the grey levels, are unknown: the bound is the
-    diagonal of 2σ² (J'J)⁻¹ with a column of J for each.
+    This is the Cramér-Rao bound. Both images have independent white noise with the variance σ², so their
+    difference has the variance 2σ². The unknowns are all parameters of the shape function, and gain and
+    offset of the grey levels. The matrix J has a column of derivatives for each unknown. The squared bounds
+    are the diagonal elements of 2σ² (J'J)⁻¹ that belong to u and v.
 
     Parameters
     ----------
     picture : ndarray, shape (height, width)
         Noiseless reference.
     gradient : tuple of ndarray
-        Its derivatives along x and y.
+        Derivatives of `picture` along x and y.
     points : ndarray of int, shape (n, 2)
-        As (x, y).
+        Coordinates (x, y) of the points.
     subset_px : int
     shape : str
         "affine" or "quadratic".
@@ -63,7 +65,7 @@ def cramer_rao_px(
 
 
 def transfer(subset_px: int, shape: str, period_px: float) -> float:
-    """Return the share of a cosine's amplitude that a subset measures.
+    """Return the share of its amplitude that a cosine displacement keeps in the measurement by a subset.
 
     The displacement of a subset is the value at its middle of the polynomial that fits the true displacement
     best: the mean for affine shape functions, the parabola of Savitzky and Golay (Analytical Chemistry 36
@@ -76,5 +78,5 @@ def transfer(subset_px: int, shape: str, period_px: float) -> float:
 
 
 def resolution_px(subset_px: int, shape: str, share: float = 0.9) -> float:
-    """Return the period of which a subset measures `share` of the amplitude."""
+    """Return the period, px, of the cosine displacement that keeps `share` of its amplitude in a subset."""
     return float(brentq(lambda p: transfer(subset_px, shape, p) - share, subset_px, 20 * subset_px))

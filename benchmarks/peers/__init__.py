@@ -1,4 +1,4 @@
-"""Other engines from the package index, each in a virtual environment of its own."""
+"""Other correlation programs ("peers") from the package index, each in its own virtual environment."""
 
 import json
 import os
@@ -19,22 +19,23 @@ _ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in _LIBRARIES}
 
 @dataclass(frozen=True)
 class Peer:
-    """An engine, and how it is asked to correlate.
+    """A correlation program, and the settings with which it correlates.
 
     Attributes
     ----------
     label : str
     package : str
-        Its name and version at the package index.
+        Name of the program's package, with its version, at the package index.
     script : str
-        The file of this folder that its interpreter runs.
+        The file in this folder that the interpreter of the program's environment runs.
     step_px : int
-        Distance of its points; slow engines get fewer, for their speed per point hardly depends on it.
+        Distance of the points. Slow programs get fewer points, because the number of points hardly changes
+        the speed per point.
     shape, order : str, int
     smooth : bool
-        Whether it may smooth the images, as it does by default.
+        True if the program smooths the images, as it does by default.
     margin_px : int
-        Width of the frame without points.
+        Width of the margin at the edges of the image in which there are no points.
     """
 
     label: str
@@ -53,14 +54,15 @@ PEERS = (
     Peer("pyvale", "pyvale==2026.10.*", "run_pyvale.py", 10, shape="quadratic"),
     Peer("SUN-DIC", "SUN-DIC", "run_sundic.py", 20),
     Peer("SUN-DIC", "SUN-DIC", "run_sundic.py", 20, order=5),
-    # Its equations grow with the square of the nodes, so it gets the middle of the image only.
+    # The size of muDIC's equations grows with the square of the number of nodes, so muDIC correlates only the
+    # middle of the image.
     Peer("muDIC, elements", "muDIC", "run_mudic.py", 21, margin_px=300),
 )
 
 
 @dataclass(frozen=True)
 class PeerResult:
-    """What a peer found in one call: points and displacements (n, 2), and how long the call took."""
+    """Result of one call of a peer: points and displacements, shapes (n, 2), and the times of the call."""
 
     points: Float
     moved: Float
@@ -69,11 +71,11 @@ class PeerResult:
 
 
 class Unavailable(Exception):
-    """A peer could not be installed or run; the message says why."""
+    """A peer could not be installed or run; the message gives the reason."""
 
 
 def install(peer: Peer) -> Path:
-    """Return the interpreter of the peer's own virtual environment, made on first use.
+    """Return the Python interpreter of a peer's virtual environment, which is created at its first use.
 
     Raises
     ------
@@ -94,7 +96,7 @@ def install(peer: Peer) -> Path:
 
 
 def version(peer: Peer) -> str:
-    """Return the installed version of an installed peer."""
+    """Return the version of a peer's package, which is installed first if necessary."""
     name = peer.package.split("=")[0]
     command = [str(install(peer)), "-c", f"import importlib.metadata as m; print(m.version({name!r}))"]
     return _call(command, "ask").strip()
@@ -103,12 +105,12 @@ def version(peer: Peer) -> str:
 def correlate(
     peer: Peer, folder: Path, pair: tuple[NDArray[np.uint8], NDArray[np.uint8]], subset_px: int
 ) -> PeerResult:
-    """Let a peer correlate a pair on one thread; `folder` is for its files.
+    """Let a peer correlate a pair of images on one thread; the peer writes its files to `folder`.
 
     Raises
     ------
     Unavailable
-        If it fails.
+        If the peer cannot be installed, or fails.
     """
     names = "reference.tif", "deformed.tif"
     for name, image in zip(names, pair, strict=True):
@@ -133,7 +135,7 @@ def _cache() -> Path:
 def _call(
     command: list[str], what: str, folder: Path | None = None, environment: dict[str, str] | None = None
 ) -> str:
-    """Run a command, where peers may leave their logs, and return what it prints."""
+    """Run a command in a folder to which peers may write their logs, and return the printed text."""
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=1200, cwd=folder,

@@ -1,4 +1,4 @@
-"""Correlate a pair with muDIC (finite elements of a subset's width); started by its own interpreter."""
+"""Correlate a pair with muDIC (finite elements as wide as a subset); runs in muDIC's own environment."""
 
 import json
 import logging

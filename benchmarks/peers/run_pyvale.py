@@ -1,4 +1,4 @@
-"""Correlate a pair with pyvale; started by its own interpreter with a job file."""
+"""Correlate a pair with pyvale, as a job file says; runs in pyvale's own virtual environment."""
 
 import json
 import sys
@@ -14,7 +14,7 @@ def main() -> None:
     job = json.loads(Path(sys.argv[1]).read_text())
     folder = Path(job["folder"])
     reference, deformed = (np.asarray(Image.open(folder / name)) for name in job["images"])
-    # Points whose subset leaves the image are not compared anyway.
+    # Points whose subset leaves the image are not compared.
     inside = np.zeros(reference.shape, bool)
     inside[job["margin"] : -job["margin"], job["margin"] : -job["margin"]] = True
     Image.fromarray(reference).save(folder / "pyvale_0.tif")

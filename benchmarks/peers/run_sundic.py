@@ -1,4 +1,4 @@
-"""Correlate a pair with SUN-DIC; started by its own interpreter with a job file."""
+"""Correlate a pair with SUN-DIC, as a job file says; runs in SUN-DIC's own virtual environment."""
 
 import json
 import shutil
@@ -22,7 +22,7 @@ def correlate(job: dict[str, Any], folder: Path) -> Any:
     settings.InterpolationOrder = job["order"]
     settings.GaussianBlurSize = 5 if job["smooth"] else 0
     settings.ConvergenceThreshold = 1e-3
-    # Its default stops at a correlation of 0.999, before the iterations have converged.
+    # With its default, SUN-DIC stops at a correlation of 0.999, before the iterations have converged.
     settings.NZCCThreshold = 1.0
     margin, (height, width) = job["margin"], job["size"]
     settings.ROI = [margin, margin, width - 2 * margin, height - 2 * margin]
@@ -36,7 +36,7 @@ def main() -> None:
     for k, name in enumerate(job["images"]):
         shutil.copy(folder / name, folder / "sundic" / f"{k}.tif")
     step = job["step"]
-    # What numba compiles at the first call is no part of the measurement.
+    # The first call is not timed, because numba compiles the code during this call.
     job["step"] = 200
     correlate(job, folder)
     job["step"] = step
