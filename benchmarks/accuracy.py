@@ -222,7 +222,7 @@ def _print(title: str, rows: list[dict[str, Any]]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Compare the accuracy of the correlation with the limits of theory.")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--star", type=Path, default=STAR, help="folder with the star images")
     parser.add_argument("--json", type=Path, help="also write what was measured to this file")
     options = parser.parse_args()

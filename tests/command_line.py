@@ -1,4 +1,4 @@
-"""Our commands as a person runs them, in this process or as programs of their own."""
+"""Run the commands `dic` and `rig` in tests, either in the test's process or as separate programs."""
 
 import io
 import json
@@ -18,12 +18,12 @@ import rig.cli
 
 RIG = [sys.executable, "-c", "from rig.cli import main; main()"]
 DEADLINE_S = 100.0
-"""When a program is given up that does not end, below the limit of a test."""
+"""Time in s after which a test stops waiting for the end of a program; it is below the limit of a test."""
 
 
 @dataclass(frozen=True)
 class Ended:
-    """How a command ended: its status, and what it printed on both streams."""
+    """Result of a command: arguments, exit status, and the text of standard output and standard error."""
 
     arguments: list[str]
     status: int
@@ -32,12 +32,12 @@ class Ended:
 
     @property
     def report(self) -> Any:
-        """What it wrote to the file that `--json` names."""
+        """The content of the JSON file that the command wrote for the option `--json`."""
         return json.loads(Path(self.arguments[self.arguments.index("--json") + 1]).read_text())
 
 
 def run_dic(*arguments: object, out: TextIO | None = None) -> Ended:
-    """Run `dic` in this process; what it prints goes to `out` if one is given."""
+    """Run `dic` in this process. If `out` is given, it is the standard output of the command."""
     return _run("dic", arguments, out)
 
 
@@ -52,12 +52,12 @@ def refusal(*arguments: object) -> str:
 
 
 def run_rig(*arguments: object, out: TextIO | None = None) -> Ended:
-    """Run `rig` in the same way."""
+    """Run `rig` in this process. If `out` is given, it is the standard output of the command."""
     return _run("rig", arguments, out)
 
 
 def run_both(*arguments: object, out: TextIO | None, err: TextIO | None) -> int:
-    """Run `dic` or `rig`, named by the first argument, on two streams, and return its status.
+    """Run `dic` or `rig`, the first argument, with the given output streams, and return the exit status.
 
     A stream may be None, as in a program whose stream was closed before its start.
     """
@@ -79,7 +79,7 @@ def _run(program: str, arguments: Sequence[object], out: TextIO | None) -> Ended
 
 
 class Program:
-    """`rig` in a process of its own, which ends with the test."""
+    """A program, by default `rig`, that runs in a separate process until it ends or `close` kills it."""
 
     def __init__(self, *arguments: object, command: Sequence[str] = RIG, stdin: int = PIPE) -> None:
         self.process = Popen(
@@ -92,7 +92,7 @@ class Program:
         )
 
     def wait_for(self, beginning: str) -> list[str]:
-        """Read what it prints up to a line that begins so."""
+        """Read the program's output up to a line with the given beginning; return the lines."""
         assert self.process.stdout is not None
         assert self.process.stderr is not None
         lines = []
@@ -103,16 +103,16 @@ class Program:
         raise AssertionError(f"{lines}, {self.process.stderr.read()}")
 
     def type(self, lines: str) -> None:
-        """Type into it."""
+        """Write lines to the program's standard input."""
         assert self.process.stdin is not None
         self.process.stdin.write(f"{lines}\n")
 
     def end(self, typed: str = "") -> tuple[int, str]:
-        """Type the last lines, wait for its end; return its status and what it complained of."""
+        """Write the last input, wait for the program's end; return its exit status and its standard error."""
         _, complaints = self.process.communicate(typed, timeout=DEADLINE_S)
         return self.process.returncode, complaints
 
     def close(self) -> None:
-        """Kill it if it has not ended."""
+        """Kill the program if it has not ended."""
         with self.process:
             self.process.kill()

@@ -1,6 +1,6 @@
-"""Compile the kernels of correlation and strain before the tests, or each worker compiles them for itself.
+"""Compile the kernels of correlation and strain before the tests, so that not every worker compiles them.
 
-The test command runs this module beside the type checker: `python -m tests.compile_kernel`.
+`make test` runs this module at the same time as the type checker: `python -m tests.compile_kernel`.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""What tests of more than one package share: real images and speckle pictures with exact truth."""
+"""Fixtures for tests of several packages, such as real images, and drawn speckle images with known motion."""
 
 import os
 import signal
@@ -27,7 +27,7 @@ LONG_LIMIT_S = 3600
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give campaigns more time than the limit for the others, which pyproject.toml sets."""
+    """Give tests with the mark `long` a longer time limit than the limit in pyproject.toml."""
     for item in items:
         if item.get_closest_marker("long") and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(LONG_LIMIT_S))
@@ -35,9 +35,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _disk_without_delay() -> Iterator[None]:
-    """Let `os.fsync` only check its descriptor, because a disk needs milliseconds to synchronise a file.
+    """Replace `os.fsync` by a check of its argument, because a disk needs milliseconds to synchronise a file.
 
-    No test cuts the power. The tests of the recorder's calls of `os.fsync` replace this function again.
+    No test simulates a power cut. The tests that count the recorder's calls of `os.fsync` replace `os.fsync`
+    once more.
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", lambda descriptor: os.fstat(descriptor) and None)
@@ -49,7 +50,7 @@ Warp = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 @pytest.fixture(scope="session")
 def real_images() -> Path:
-    """The folder with other laboratories' images; the test is skipped where it is not at hand."""
+    """The folder with images of other laboratories; a test is skipped if the folder does not exist."""
     folder = SHARED_DATA
     if not folder.is_dir():
         pytest.skip("the real image series are not on this machine (expected in ../shared/data)")
@@ -58,13 +59,13 @@ def real_images() -> Path:
 
 @pytest.fixture
 def clock() -> VirtualClock:
-    """A clock that nobody waits for."""
+    """A clock with simulated time, so that no test waits in real time."""
     return VirtualClock()
 
 
 @pytest.fixture
 def serve() -> Iterator[Callable[[Any], Any]]:
-    """`serve(server)` returns the server and closes it with the test."""
+    """A function `serve(server)` that returns the server; the server is closed at the end of the test."""
     with ExitStack() as servers:
         yield lambda server: servers.enter_context(closing(server))
 
@@ -75,9 +76,10 @@ def unmoved(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class SpecklePattern:
-    """Gaussian dots with a smooth tone curve: a picture can be drawn exactly at any sub-pixel position.
+    """A pattern of Gaussian dots, of which an image after any motion can be drawn without interpolation.
 
-    `draw(back)` shows the pattern moved: `back(x, y)` tells which place of the reference is seen at (x, y).
+    `draw(back)` returns the image after a motion. The function `back(x, y)` returns the place in the
+    reference that is seen at (x, y).
     """
 
     seed: int = 1
@@ -115,12 +117,12 @@ class SpecklePattern:
 
 @pytest.fixture(scope="session")
 def speckle() -> type[SpecklePattern]:
-    """The class of patterns, to be called with `seed`, `shape`, `noise` …"""
+    """The class `SpecklePattern`, whose arguments are `seed`, `shape`, `noise` and others."""
     return SpecklePattern
 
 
 def turned(angle_deg: float, centre: tuple[float, float], scale: float = 1.0) -> Warp:
-    """Return the `back` of a picture turned by `angle_deg` (x towards y up) and enlarged about `centre`."""
+    """Return the function `back` of an image turned anticlockwise and enlarged about `centre`."""
     c, s = np.cos(np.radians(angle_deg)) / scale, np.sin(np.radians(angle_deg)) / scale
 
     def back(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -132,5 +134,5 @@ def turned(angle_deg: float, centre: tuple[float, float], scale: float = 1.0) ->
 
 @pytest.fixture(scope="session")
 def turn() -> Callable[..., Warp]:
-    """`turn(angle_deg, centre, scale=1.0)` gives the `back` of a turned picture."""
+    """The function `turned`, which returns the function `back` of a turned and enlarged image."""
     return turned

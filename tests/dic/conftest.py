@@ -1,4 +1,4 @@
-"""Pictures of calibration grids with exact truth, drawn without the code under test."""
+"""Images of calibration grids with known intersections, drawn without code of `dic`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,14 +19,14 @@ class GridPicture:
     uv_px: np.ndarray
 
     def errors_px(self, grid: GridPoints) -> np.ndarray:
-        """Return the distance of each point found from the true intersection of the same index."""
+        """Return the distance, px, of each found point from the true position of the same intersection."""
         truth = {tuple(np.round(xy, 6)): uv for xy, uv in zip(self.xy_mm, self.uv_px, strict=True)}
         return np.linalg.norm(grid.uv_px - [truth[tuple(np.round(xy, 6))] for xy in grid.xy_mm], axis=1)
 
 
 @dataclass(frozen=True)
 class GridView:
-    """A pinhole at `distance_mm`, swung about the grid's centre; roll turns the grid's X towards its Y."""
+    """A pinhole camera that looks at a grid from the direction of pan, tilt and roll, and the grid itself."""
 
     size_px: tuple[int, int] = (450, 450)
     pan_deg: float = 0.0
@@ -129,7 +129,7 @@ class GridView:
 
 @pytest.fixture(scope="session")
 def draw_grid() -> Callable[..., GridPicture]:
-    """Return ``draw(seed=0, **view)``: a picture of a grid as `GridView` describes it, with the truth."""
+    """A function ``draw(seed=0, **view)`` that returns an image of a grid and its true intersections."""
 
     def draw(seed: int = 0, **view: Any) -> GridPicture:
         return GridView(**view).render(np.random.default_rng(seed))
@@ -139,7 +139,7 @@ def draw_grid() -> Callable[..., GridPicture]:
 
 @pytest.fixture
 def correlated(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """A list that grows by one with each image that is correlated."""
+    """A list to which one element is added for each image that is correlated."""
     seen: list[int] = []
     correlate = Series.correlate_fields
 

@@ -1,4 +1,4 @@
-"""What result files hold, to compare files with each other."""
+"""Read the values of result files, in order to compare two files."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import numpy as np
 
 
 def bits(path: Path) -> dict[str, bytes]:
-    """Every dataset and attribute of a result file, by its bits."""
+    """Return the bits of every dataset and attribute of a result file, by name."""
     found: dict[str, bytes] = {}
 
     def add(name: str, item: h5py.HLObject) -> None:
@@ -24,6 +24,6 @@ def bits(path: Path) -> dict[str, bytes]:
 
 
 def results(path: Path) -> dict[str, bytes]:
-    """The bits of all results of a file, without the way in which they were made."""
+    """Return the bits of all results of a file, without the attributes that describe the command."""
     ways = ("provenance command", "provenance/file", "provenance/sha256")
     return {name: value for name, value in bits(path).items() if name not in ways}

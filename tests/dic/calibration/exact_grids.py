@@ -1,4 +1,4 @@
-"""Grids as cameras see them by exact geometry."""
+"""Grid points in images of simulated cameras, computed by exact geometry."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ def exact_grid(lines: tuple[int, int] = (21, 21), missing: tuple[tuple[int, int]
 
 
 def bent_grid(noise_px: float = 0.0) -> GridPoints:
-    """Return grid points of a camera whose lens bends more than bicubic surfaces can follow."""
+    """Return grid points of a camera whose lens distortion is too strong for the bicubic map."""
     camera = PinholeCamera(900, 900, pan_deg=25, tilt_deg=25, k1_per_px2=1e-7)
     xy = exact_grid().xy_mm
     uv = camera.project(np.column_stack([xy, np.zeros(len(xy))]))

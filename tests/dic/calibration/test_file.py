@@ -1,4 +1,4 @@
-"""The calibration file: every number comes back, and what is no such file is refused."""
+"""A calibration is read from its file with the same numbers, and other files are refused."""
 
 from pathlib import Path
 

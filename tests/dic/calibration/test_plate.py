@@ -1,4 +1,4 @@
-"""Calibrations of a surface that lies behind the grid's lines, in exact geometry."""
+"""Tests of calibrations of a surface behind the grid's lines, with points from exact geometry."""
 
 from dataclasses import replace
 

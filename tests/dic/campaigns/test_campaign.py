@@ -1,4 +1,4 @@
-"""Mean, scatter, outliers and planar anisotropy of several specimens, from given properties."""
+"""Tests of mean, scatter, outliers and planar anisotropy of several specimens with given properties."""
 
 import csv
 import math
@@ -14,14 +14,14 @@ NAMES = ("a", "b", "c", "d", "e")
 
 @pytest.fixture(scope="module")
 def one():
-    """The properties of one small straight curve; the tests put other values into them."""
+    """The properties from a short straight curve; the tests replace their values."""
     stress = np.concatenate([np.linspace(0, 400, 80), np.full(10, 400.0)])
     strain = np.concatenate([np.linspace(0, 0.002, 80), np.linspace(0.0021, 0.02, 10)])
     return dic.material_properties(dic.Curve("one", 20 * stress, strain), dic.PropertySettings(area_mm2=20.0))
 
 
 def with_values(one, **values):
-    """Return properties with other values; a number is a pair of value and standard deviation."""
+    """Return the properties `one` with replaced values; each is given as value and standard deviation."""
     changed = dict(one.values)
     for name, (value, std) in values.items():
         changed[name] = replace(

@@ -1,4 +1,4 @@
-"""Grubbs' test against a published example and published tables."""
+"""Grubbs' test, compared with a published example and published tables."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Series that cannot be measured whole: one sentence says why, and nothing that was measured is lost."""
+"""If some images of a series cannot be measured, one sentence gives the reason, and no result is lost."""
 
 import os
 import resource
@@ -34,7 +34,7 @@ def write_series(pattern, folder, numbers, ending="png"):
 
 
 def shifts_px(path):
-    """The mean displacement to the right of each image of a result, by its file's name."""
+    """Return the mean displacement to the right of each image in a result file, by the name of the image."""
     with h5py.File(path) as file:
         series = file["series"]
         names = [Path(label).name for label in series["label"].asstr()]
@@ -124,7 +124,7 @@ def test_full_disk_ends_in_one_sentence_and_loses_no_finished_image(
 
 
 def without_caches():
-    """The environment of a program that writes nothing but its results."""
+    """Return environment variables for a program that must write no files except its results."""
     return {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
 
 

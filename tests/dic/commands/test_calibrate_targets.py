@@ -13,7 +13,7 @@ SQUARES, SIDE_PX, MARGIN_PX = (10, 7), 48, 60
 
 
 def board(folder: Path) -> Path:
-    """A checkerboard seen straight on: corner (i, j) from the lower left lies at known pixels."""
+    """Write an image of a checkerboard seen from the front, whose corners have known pixel coordinates."""
     columns, rows = SQUARES
     dark = (np.add.outer(np.arange(rows), np.arange(columns)) + rows - 1) % 2 == 0
     squares = np.where(np.kron(dark, np.ones((SIDE_PX, SIDE_PX), bool)), 40, 220).astype(np.uint8)

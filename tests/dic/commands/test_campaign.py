@@ -1,4 +1,4 @@
-"""`dic campaign` as a person or a script uses it."""
+"""Tests of the command `dic campaign` and its output."""
 
 import csv
 

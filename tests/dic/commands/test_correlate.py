@@ -1,4 +1,4 @@
-"""`dic correlate` as a person or a script uses it."""
+"""Tests of the command `dic correlate` and its output."""
 
 import csv
 import io
@@ -20,7 +20,7 @@ P = (2.4, 0.010, 0.0, -1.3, 0.0, -0.004)
 
 @pytest.fixture(scope="module")
 def folder(speckle, tmp_path_factory):
-    """ref.png, and moved.png with 10 000 µε in x, -4000 µε in y (y down, displacement down)."""
+    """A folder with ref.png, and with moved.png after strains of 10 000 µε along x and -4000 µε along y."""
     folder = tmp_path_factory.mktemp("images")
     pattern = speckle(seed=21)
 

@@ -1,4 +1,4 @@
-"""A folder of images and a machine's table become gauges beside load, and material properties."""
+"""A folder of images and a machine's record give gauge readings with loads, and material properties."""
 
 import csv
 import json
@@ -38,7 +38,7 @@ def stress_mpa(strain):
 
 @pytest.fixture(scope="module")
 def folder(speckle, tmp_path_factory):
-    """Images of a tension test, measured, and the table of the machine with decimal commas."""
+    """A folder with the measured images of a tension test, and the machine's record with decimal commas."""
     folder = tmp_path_factory.mktemp("test")
     (folder / "images").mkdir()
     pattern, strains = speckle(seed=31, noise=1.0), np.linspace(0.0, 0.012, IMAGES + 1)
@@ -84,11 +84,11 @@ def test_load_stands_beside_the_strain_of_each_image(folder, tmp_path, join):
 
 RATE_N_PER_S, LATE_S = 40.0, 2.5
 TIMES_S = (0.0, 1.0, 1.75, 4.25, 4.5, 6.0, 9.0)
-"""Times of the images since the reference; the third one is damaged."""
+"""Times in s of the images since the reference; the third image is damaged."""
 
 
 def write_timed_series(speckle, folder, source):
-    """Write images of a rising strain and the machine's table; the machine's clock is `LATE_S` ahead."""
+    """Write images of a growing strain, and the machine's record, whose clock is ahead by `LATE_S`."""
     images, pattern = folder / "images", speckle(seed=31, noise=1.0)
     images.mkdir()
     for k, time_s in enumerate(TIMES_S):
@@ -132,7 +132,7 @@ def test_load_is_that_at_the_time_of_each_image_also_after_one_that_failed(speck
 
 @pytest.fixture(scope="module")
 def found(folder, tmp_path_factory):
-    """The properties from the result file."""
+    """The material properties in the result file."""
     path = tmp_path_factory.mktemp("found") / "p.json"
     done = run_dic(
         "properties", folder / "r.h5", "--declare", AXIAL, "--declare", WIDTH, "--transverse-gauge", "width",

@@ -1,4 +1,4 @@
-"""Maps and contact sheets of `dic correlate`, as a person asks for them."""
+"""Tests of the options of `dic correlate` for maps and contact sheets."""
 
 import re
 
@@ -14,7 +14,7 @@ from tests.image_files import write_image
 
 @pytest.fixture(scope="module")
 def folder(speckle, tmp_path_factory):
-    """ref.png, moved.png with 10 000 µε in x, and still.png."""
+    """A folder with ref.png, with moved.png after a strain of 10 000 µε along x, and with still.png."""
     folder = tmp_path_factory.mktemp("images")
     pattern = speckle(seed=21)
     moved = pattern.draw(lambda x, y: ((x - 2.4) / 1.01, y + 1.3))
@@ -70,7 +70,7 @@ def test_results_are_complete_although_no_picture_can_be_drawn(folder, tmp_path,
 
 @pytest.fixture(scope="module")
 def calibration(tmp_path_factory):
-    """A calibration of a camera that sees mm straight on, 10 px each."""
+    """A calibration file of an on-axis camera with 10 px/mm."""
     index = np.stack(np.meshgrid(np.arange(19), np.arange(17)), axis=-1).reshape(-1, 2)
     grid = dic.GridPoints.on_lattice(index, index * [10.0, -10.0] + [0.0, 160.0], (19, 17), 1.0)
     path = tmp_path_factory.mktemp("calibration") / "cal.h5"

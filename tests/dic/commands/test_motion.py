@@ -1,4 +1,4 @@
-"""`dic correlate --motion`: false strain of a specimen that left its plane, removed on rendered images."""
+"""`dic correlate --motion` removes false strain from out-of-plane motion; tested on rendered images."""
 
 import csv
 import json
@@ -26,7 +26,7 @@ SIDE_PX, FOCAL_PX = 420, 2000.0
 
 
 class Studio:
-    """Takes pictures into a folder."""
+    """A simulated camera that writes rendered images of a grid or a specimen to a folder."""
 
     def __init__(self, folder, **place):
         self.folder, self.rng = folder, np.random.default_rng(7)
@@ -151,7 +151,7 @@ def test_the_shift_that_one_camera_cannot_see_is_a_stated_part_of_the_uncertaint
 
 
 def stated(folder, name):
-    """Return the standard deviation of calibrated exx, and the images' part, as result file and CSV state."""
+    """Return the standard deviation of the calibrated exx and its part from the images, from the files."""
     with h5py.File(folder / "r.h5") as file:
         mean = file["series/calibrated_mean"]
         last = [mean["exx_std"][-1], mean["exx_std_images"][-1]]

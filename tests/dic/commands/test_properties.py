@@ -1,4 +1,4 @@
-"""`dic properties` as a person or a script uses it."""
+"""Tests of the command `dic properties` and its output."""
 
 import cv2
 import numpy as np
@@ -13,7 +13,7 @@ AREA = ["--area-mm2", 20]
 
 @pytest.fixture(scope="module")
 def curve(tmp_path_factory):
-    """A record as a machine writes it: two lines of headings, semicolons, decimal commas."""
+    """The record of a machine: two lines of headings, semicolons between the columns, decimal commas."""
     path = tmp_path_factory.mktemp("curve") / "steel.csv"
     strain, stress = with_yield_point()
     lines = ["Time;Load;Elongation", "(sec);(kN);(%)"]

@@ -1,4 +1,4 @@
-"""`dic quality` as a person or a script uses it."""
+"""Tests of the command `dic quality` and its output."""
 
 import io
 import signal

@@ -1,4 +1,4 @@
-"""Other laboratories' images: a hole in a plate, a necking specimen, a turn by 170 degrees."""
+"""Tests with images of other laboratories: a plate with a hole, a necking specimen, a rotation by 170°."""
 
 import numpy as np
 import pytest

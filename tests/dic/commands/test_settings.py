@@ -1,4 +1,4 @@
-"""The settings file: every default explained, strict, and the same results as by options."""
+"""The settings file explains every default, refuses unknown keys, and gives the same results as options."""
 
 import tomllib
 

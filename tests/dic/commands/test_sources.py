@@ -1,4 +1,4 @@
-"""What `dic correlate`, `dic quality` and `dic.measure_images` take for images of a series."""
+"""Files, folders and patterns that `dic correlate`, `dic quality` and `dic.measure_images` accept."""
 
 import csv
 import shutil
@@ -15,14 +15,14 @@ from tests.command_line import refusal, run_dic
 from tests.image_files import write_image
 
 STRETCHES = (0.0, 0.001, 0.002, 0.004)
-"""Strains along x of the images, small: exx is the stretch, to second order."""
+"""Small strains along x of the images; exx equals these numbers up to terms of second order."""
 NUMBERS = (0, 1, 3, 10)
 SETTINGS = dic.CorrelationSettings(subset_px=21, step_px=12)
 
 
 @pytest.fixture(scope="module")
 def made(speckle, tmp_path_factory):
-    """A folder of images, the same as JPEG files, and the same as the pages of stack.tif."""
+    """A folder with a series of images, stored as single files, as JPEG files, and as pages of stack.tif."""
     folder = tmp_path_factory.mktemp("sources")
     pattern = speckle(seed=21)
     drawn = [pattern.draw(lambda x, y, s=s: (x / (1 + s), y)) for s in STRETCHES]
@@ -46,7 +46,7 @@ def folder(made, monkeypatch):
 
 
 def measured(*arguments: object, folder: Path) -> tuple[dict[str, float], str, str]:
-    """Return the strain of each image in the order of the JSON, and both outputs."""
+    """Return the strain of each image in the order of the JSON file, and the text of both output streams."""
     command = ("correlate", *arguments, "--subset", 21, "--step", 12, "--json", folder / "r.json", "--force")
     done = run_dic(*command)
     assert done.status == 0, done

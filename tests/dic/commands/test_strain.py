@@ -1,4 +1,4 @@
-"""Strain as `dic correlate` is asked for it, and its deviations as the files state them."""
+"""Tests of the strain options of `dic correlate`, and of the standard deviations in its files."""
 
 import h5py
 import numpy as np
@@ -11,7 +11,7 @@ from tests.image_files import write_image
 
 @pytest.fixture(scope="module")
 def folder(speckle, tmp_path_factory):
-    """ref.png, and moved.png stretched by 1.02 along x."""
+    """A folder with ref.png, and with moved.png, which is stretched by the factor 1.02 along x."""
     folder = tmp_path_factory.mktemp("strain")
     pattern = speckle(seed=22, noise=1.0)
     for name, image in (
@@ -27,7 +27,7 @@ def command(folder, *options):
 
 
 def _share_kept(source: str, period_px: float) -> float:
-    """Return the share of its amplitude that a wave of strain keeps, from integrals over the subset of 21 px.
+    """Return the share of its amplitude that a strain wave keeps, from integrals over a subset of 21 px.
 
     The slope of a line fitted over the half length h keeps ``3 (sin x − x cos x)/x³`` of a wave's slope, x =
     2π h/period. The displacement in the middle of a subset, fitted by a parabola with the weight ``9/8 − 15/8

@@ -1,4 +1,4 @@
-"""The printed table of strains: each value is below its heading."""
+"""In the printed table of strains, each value is below its heading."""
 
 import math
 

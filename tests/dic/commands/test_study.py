@@ -1,4 +1,4 @@
-"""The command `dic study`: what it prints and writes, and what it refuses."""
+"""Tests of the output, the files and the refusals of the command `dic study`."""
 
 import tomllib
 

@@ -1,6 +1,7 @@
-"""Result files of other programs, written as their sources say, for one motion that is known everywhere.
+"""Result files in the formats of other programs, for one motion that is known at all points.
 
-The motion is affine, so that bilinear interpolation is exact; image axes, y downwards.
+The motion is affine, so bilinear interpolation of its displacements is exact. The axes are those of the
+image: x to the right and y down.
 """
 
 from pathlib import Path
@@ -10,29 +11,29 @@ import numpy as np
 from scipy.io import savemat
 
 GRADIENT = np.array([[0.004, 0.0015], [-0.0025, -0.002]])
-"""u_x, u_y, v_x, v_y, all with y downwards."""
+"""The displacement gradient [[u_x, u_y], [v_x, v_y]], in axes with y down."""
 SHIFT = np.array([1.25, -0.5])
 STRAIN = (GRADIENT + GRADIENT.T + GRADIENT.T @ GRADIENT) / 2
-"""Green-Lagrange."""
+"""The Green-Lagrange strain of the motion."""
 SMALL = (GRADIENT + GRADIENT.T) / 2
 OFFSET = np.array([0.03, -0.02])
-"""What the other program measures too much."""
+"""Error of all displacements in the other program's file, px."""
 
 
 def motion(x, y) -> tuple[np.ndarray, np.ndarray]:
-    """The other program's displacements at places in the image."""
+    """Return the displacements in the other program's file, including `OFFSET`, at places in the image."""
     moved = SHIFT[:, None] + GRADIENT @ np.stack([np.ravel(x), np.ravel(y)]) + OFFSET[:, None]
     return moved[0].reshape(np.shape(x)), moved[1].reshape(np.shape(x))
 
 
 def points() -> tuple[np.ndarray, np.ndarray]:
-    """Between the points of the measurement, and one beyond them."""
+    """Return points between the points of the measurement, and one point outside the measurement."""
     x, y = np.meshgrid([43.0, 47.5, 60.0], [41.0, 58.0, 71.25])
     return np.append(x.ravel(), 300.0), np.append(y.ravel(), 20.0)
 
 
 def write_dice(path: Path, separator: str = ",", heading: str = "") -> Path:
-    """With one point that failed, which has a SIGMA of -1."""
+    """Write a result file of DICe. One of its points failed and has a SIGMA of -1."""
     x, y = points()
     u, v = motion(x, y)
     ones = np.ones_like(x)
@@ -49,7 +50,7 @@ def write_dice(path: Path, separator: str = ",", heading: str = "") -> Path:
 
 
 def write_opencorr(path: Path) -> Path:
-    """With a separator at the end of each line, and one point that failed, which has a negative ZNCC."""
+    """Write a result file of OpenCorr, with a separator at the end of each line, and one failed point."""
     x, y = points()
     u, v = motion(x, y)
     lines = ["x,y,u0,v0,u,v,exx,eyy,exy,zncc,iteration,convergence,feature,"]
@@ -67,7 +68,7 @@ MM_PER_PX = 0.02
 
 
 def _ncorr() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, float]]:
-    """Displacements, strains and dispinfo: each fifth pixel; outside of the region zero."""
+    """Return Ncorr's tables of displacements, strains and dispinfo, with a point at every fifth pixel."""
     y, x = np.mgrid[0:20, 0:22] * (SPACING + 1.0)
     u, v = motion(x, y)
     inside = (x >= 40) & (x <= 75) & (y >= 40) & (y <= 75)
@@ -81,7 +82,7 @@ def _ncorr() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, fl
 
 
 def write_ncorr(path: Path, images: int = 2) -> Path:
-    """In version 5 of MATLAB's files; only the last image has the motion, the others have twice as much."""
+    """Write a MATLAB file of version 5 from Ncorr; the images before the last have twice the motion."""
     displacements, strains, info = _ncorr()
     twice = {name: 2 * values for name, values in displacements.items()}
     several = [twice] * (images - 1) + [displacements]
@@ -91,7 +92,7 @@ def write_ncorr(path: Path, images: int = 2) -> Path:
 
 
 def write_ncorr_73(path: Path) -> Path:
-    """In version 7.3: HDF5 behind 512 bytes."""
+    """Write a MATLAB file of version 7.3 from Ncorr, which is an HDF5 file behind 512 other bytes."""
     displacements, *_ = _ncorr()
     with h5py.File(path, "w", userblock_size=512) as file:
         for key, values in displacements.items():

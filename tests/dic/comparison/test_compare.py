@@ -1,4 +1,4 @@
-"""Results of other programs compared with a measurement of the same motion: axes, signs, statistics."""
+"""Results of other programs are compared with a measurement of the same motion."""
 
 import json
 from pathlib import Path
@@ -32,7 +32,7 @@ WRITERS = {"DICe": write_dice, "OpenCorr": write_opencorr, "Ncorr": write_ncorr}
 
 
 def measurement(region=None):
-    """Points each 10 px from 30 to 80, moved exactly."""
+    """Return a measurement with points every 10 px from 30 to 80 px, and with the exact displacements."""
     at = np.arange(30, 81, 10)
     x, y = np.meshgrid(at, at)
     warps = np.zeros((6, 6, 6))
@@ -103,7 +103,7 @@ def test_gap_in_the_region_is_not_interpolated(tmp_path):
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    """A series of two images, the second moved as the other programs say, without their offset."""
+    """The result file of two images; the second shows the motion of `peer_files` without its `OFFSET`."""
     folder = tmp_path_factory.mktemp("results")
     pattern = SpecklePattern(seed=3)
     back = np.linalg.inv(np.eye(2) + GRADIENT)

@@ -1,8 +1,9 @@
-"""Patterns with sharp speckles whose shifted images are exact: drawn discs, and real images made coarser.
+"""Patterns with sharp speckles whose shifted images are exact: drawn discs, and reduced real images.
 
-No image is interpolated here. Discs are drawn eight times finer and averaged over each pixel. A real image is
-mirrored to a periodic one, which the shift theorem of the Fourier transform moves exactly, then blurred as by
-a lens, and averaged over squares of pixels as by a coarser sensor.
+No image is interpolated here. Discs are drawn on a grid eight times finer than the pixels, and averaged over
+each pixel. A real image is first extended by its mirror image to a periodic image. The shift theorem of the
+Fourier transform shifts the periodic image exactly. The result is blurred as by a lens, and averaged over
+squares of pixels as by a coarser sensor.
 """
 
 from collections.abc import Callable
@@ -14,7 +15,7 @@ import numpy as np
 from dic.image.read import read_image
 
 Draw = Callable[[float, float], np.ndarray]
-"""Function of a shift (u, v) in px that returns the shifted picture."""
+"""Type of a function that returns the image shifted by (u, v) px."""
 
 _FINER = 8
 
@@ -26,7 +27,7 @@ def coarser(grey: np.ndarray, factor: int) -> np.ndarray:
 
 
 def discs(diameter_px: float, blur_px: float, size_px: int = 260, seed: int = 1) -> Draw:
-    """Dark discs with sharp edges, seen through a lens that blurs by `blur_px` (standard deviation)."""
+    """Return a function that draws shifted dark discs with sharp edges, blurred by a lens by `blur_px`."""
     rng = np.random.default_rng(seed)
     margin = 12
     count = int(0.5 * (size_px + 2 * margin) ** 2 / (np.pi * diameter_px**2 / 4))
@@ -51,7 +52,7 @@ def discs(diameter_px: float, blur_px: float, size_px: int = 260, seed: int = 1)
 
 
 def real_pattern(path: Path, factor: int, blur_px: float, crop: tuple[slice, slice] = np.s_[:, :]) -> Draw:
-    """A real image, seen by a sensor with pixels `factor` times as wide, through a lens that blurs."""
+    """Return a function that shifts a real image, blurred by `blur_px`, with `factor` times wider pixels."""
     grey = read_image(path)[crop].astype(np.float64)
     tile = np.block([[grey, grey[:, ::-1]], [grey[::-1], grey[::-1, ::-1]]])
     waves = np.fft.fft2(tile)

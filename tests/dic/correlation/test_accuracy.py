@@ -1,4 +1,4 @@
-"""Accuracy held to theory: interpolation bias, the Cramér-Rao bound, and the transfer of periods."""
+"""Accuracy compared with theory: interpolation bias, noise (Cramér-Rao bound), and spatial resolution."""
 
 import numpy as np
 import pytest

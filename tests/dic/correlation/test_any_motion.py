@@ -1,4 +1,4 @@
-"""Whatever turned, shrank or was seen from aside is found without a hint."""
+"""Images that are rotated, scaled or seen off-axis are correlated without a hint."""
 
 import numpy as np
 import pytest
@@ -13,9 +13,9 @@ SAMPLE = (7.5, 67.5, 127.5, 180.0, 247.5, 322.5)
 
 
 def off_axis_view(turn_deg, scale, off_axis_deg=30.0, towards_deg=0.0):
-    """The homography of a plane that is turned, then seen by a camera swung off its axis, about the centre.
+    """Return the homography of a plane that is turned about the centre and then seen by an off-axis camera.
 
-    The lens is four image widths long: the paper's 2800 px for 10 mm that are 700 px wide.
+    The focal length is four image widths, as in the paper: 2800 px for an image of 10 mm that is 700 px wide.
     """
     t, w, f = np.radians(turn_deg), np.radians(towards_deg), 4.0 * SIDE_PX
     turn = np.array([[np.cos(t), np.sin(t), 0], [-np.sin(t), np.cos(t), 0], [0, 0, 1]])

@@ -1,4 +1,4 @@
-"""Correlation against pictures whose motion is known exactly."""
+"""Tests of the correlation with images whose motion is known exactly."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ SMALL = CorrelationSettings(subset_px=21, step_px=12, shape="affine")
 
 
 def affine_back(p):
-    """The inverse of x' = x + u + ux x + uy y, y' = y + v + vx x + vy y."""
+    """Return the inverse motion of x' = x + u + ux x + uy y, y' = y + v + vx x + vy y, as `back`."""
     u, ux, uy, v, vx, vy = p
     inverse = np.linalg.inv([[1 + ux, uy], [vx, 1 + vy]])
 

@@ -1,4 +1,4 @@
-"""Holes, cracks and bodies that move on their own: what lies beyond does not smear into a point."""
+"""The material beyond a hole, a crack or an edge does not affect the displacement of a point."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ TIP_X = 130.0
 
 
 def opening(x):
-    """Half of the crack's opening: 4 px at the left edge, smoothly closing towards the tip."""
+    """Return half of the crack's opening, px: 4 px at the left edge, decreasing smoothly to 0 at the tip."""
     return 4.0 * np.clip((TIP_X - x) / TIP_X, 0, None) ** 2
 
 
@@ -23,7 +23,7 @@ def cracked(x, y):
 
 @pytest.fixture(scope="module")
 def crack(speckle):
-    """Reference and deformed picture of a plate whose crack opens, and the region without the crack."""
+    """The reference and deformed image of a plate with an opening crack, and the region without the crack."""
     pattern = speckle(seed=41, noise=1.0)
     deformed = pattern.draw(cracked, noise_seed=2)
     y, x = np.mgrid[: pattern.shape[0], : pattern.shape[1]]

@@ -1,4 +1,4 @@
-"""The predicted interpolation bias, held against the bias of patterns whose shifted images are exact."""
+"""The predicted interpolation bias is compared with the measured bias of exactly shifted patterns."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from dic.correlation.transfer import interpolation_transfer, slope_transfer
 from tests.dic.correlation.sharp_patterns import discs, real_pattern
 
 SHIFT_PX = 0.25
-"""The sub-pixel displacement of the greatest bias."""
+"""The sub-pixel displacement, px, at which the interpolation bias is greatest."""
 
 TRUE_SHIFTS = {
     "blobs of 1.3 to 2.2 px": lambda: _blobs((1.3, 2.2)),
@@ -37,7 +37,10 @@ def _blobs(sigma_px):
 
 
 def check_prediction(draw):
-    """The bias that is predicted from one noisy image is within a factor of 1.5 of the one that happens."""
+    """Check that predicted and measured bias differ at most by a factor of 1.5.
+
+    The prediction uses one noisy image.
+    """
     still = draw(0, 0)
     seen = still + np.random.default_rng(1).normal(0, 1, still.shape).astype(np.float32)
     settings = CorrelationSettings(subset_px=21, step_px=9, smoothing_px=0)

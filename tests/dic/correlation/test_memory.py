@@ -1,4 +1,4 @@
-"""What a pair of large images costs."""
+"""Test of the memory that the correlation of two large images needs."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""What is kept of a reference for a series: the same results, and no more memory than promised."""
+"""Kept data of a reference do not change the results, and need no more memory than the stated limit."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from dic.image.point_grid import PointGrid
 
 
 def bent(x, y):
-    """A gentle deformation whose strain changes within a subset: where a picture's pixel comes from."""
+    """A small deformation whose strain varies within a subset, as a function `back` for `SpecklePattern`."""
     return x - 1.4 - 0.01 * x - 1e-4 * (y - 80) ** 2, y + 0.8 + 0.012 * x
 
 

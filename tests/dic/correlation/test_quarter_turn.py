@@ -1,4 +1,4 @@
-"""Images turned by exact quarters: the same field as without the turn, at any rotation near it."""
+"""An image turned by 90°, 180° or 270° gives the same displacement field as the unturned image."""
 
 import numpy as np
 import pytest
@@ -9,11 +9,11 @@ from dic.correlation.settings import CorrelationSettings
 
 SHAPE = (200, 260)
 MARGIN_PX = 30
-"""Pixels at the edge of the smaller picture whose spline differs, as other pixels follow there."""
+"""Width in px of the edge of the smaller image in which the spline differs, because its neighbours differ."""
 
 
 def place_after(quarters, x, y, shape):
-    """Where `numpy.rot90` takes the pixel (x, y), found by turning a picture of numbers."""
+    """Return the place to which `numpy.rot90` moves the pixel (x, y), found in a turned array of numbers."""
     turned = np.rot90(np.arange(shape[0] * shape[1]).reshape(shape), quarters)
     row, column = np.argwhere(turned == y * shape[1] + x)[0]
     return column, row
@@ -75,9 +75,10 @@ def pair(speckle):
 
 
 def turned_in_frame(image, quarters):
-    """The picture after `numpy.rot90`, in its old format; and the homography of the pixels.
+    """Return the image after `numpy.rot90`, in its original shape, and the homography of its pixels.
 
-    For odd turns the picture is first cut at the right and filled up below, where it is to become upright.
+    For odd numbers of quarter turns the image is cut at the right and filled up below before the turn, so
+    that the turned image has the original shape.
     """
     format_before = image.shape if quarters % 2 == 0 else image.shape[::-1]
     upright = np.full(format_before, image.mean(), np.float32)

@@ -1,4 +1,4 @@
-"""Series over several references: patterns that change and large strain, with exact truth."""
+"""Series with several references, because of changing patterns or large strain; the motion is known."""
 
 import gc
 import tracemalloc
@@ -21,7 +21,7 @@ MEAN_STRAIN = 0.6
 
 
 def displacement(x, share):
-    """60 % strain in the mean, from none to 120 % and back in every period."""
+    """Return the displacement of a strain that varies periodically from 0 to 120 % along x, times `share`."""
     wave = 2 * np.pi / PERIOD_PX
     return share * MEAN_STRAIN * (x - CENTRE_X + np.sin(wave * (x - CENTRE_X)) / wave)
 

@@ -1,4 +1,4 @@
-"""Smoothing against interpolation bias: when it is chosen, what it leaves, and the noise it correlates."""
+"""Tests of smoothing: when it is chosen, how much bias it leaves, and how it correlates the noise."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Points solved in an image of any shape, and which points of a grid are next to each other."""
+"""Tests of points solved in deformed images of any shape, and of the search for neighbouring points."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from dic.correlation.status import Status
 from dic.image.spline import spline_image
 
 NEAR = np.array([0.3, 0, 0, -0.2, 0, 0])
-"""From the truth to where iterations start."""
+"""Error, px, of the displacements from which the iterations start."""
 
 
 def test_next_to_an_element_is_up_down_left_or_right():
@@ -22,7 +22,7 @@ def test_next_to_an_element_is_up_down_left_or_right():
 
 
 def solver_of(reference, deformed, settings):
-    """A solver of all points of `reference` in an image of any shape."""
+    """Return a solver for all points of `reference` in a deformed image of any shape."""
     solved = Correlator(reference, np.ones(reference.shape, bool), settings)
     laid = kernel.lay_coefficients(spline_image(deformed, settings.order), float(reference.mean()))
     return Solver(solved._reference, laid)

@@ -1,4 +1,4 @@
-"""Exports read by other people's programs, and the result file read by h5py, as `docs/results.md` says."""
+"""Read exports with other authors' libraries, and the result file with h5py by `docs/results.md`."""
 
 import base64
 import csv
@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 Values = dict[str, tuple[np.ndarray, str]]
-"""Values at the points, shape (rows, columns), and their units, by name."""
+"""By the name of a quantity: its values at the points, shape (rows, columns), and its unit."""
 NOT_EXPORTED = {"noise_std_px", "bias_u_px", "bias_v_px", "iterations"}
 PLACES = ("X_mm", "Y_mm")
 
 
 def truth(path: Path, camera: str, k: int) -> Values:
-    """What the result file has of the image with the index k of a series or a camera."""
+    """Return the values of the result file for the image with the index `k` of a series or of a camera."""
     with h5py.File(path) as file:
         series = file[f"cameras/{camera}/series" if camera else "series"]
         values = _of_group(series, k, "")
@@ -92,7 +92,7 @@ def read_csv(folder: Path, camera: str, number: int, name: str, shape: tuple[int
 
 
 def read_vtk(folder: Path, camera: str, number: int, name: str, shape: tuple[int, int]) -> Values:
-    """Without VTK: XML and base64 as in the manual VTK File Formats; the arrays have x fastest."""
+    """Read a ParaView file without VTK: XML and base64 as in the manual "VTK File Formats"."""
     tree = ElementTree.parse(folder / "vtk" / f"{name}.vts")
     found = {}
     for array in tree.iterfind(".//PointData/DataArray"):
@@ -119,7 +119,7 @@ def _dataset(path: Path) -> Any:
 
 
 def of_dataset(dataset: Any, number: int) -> Values:
-    """The values of an image in a dataset of xarray."""
+    """Return the values of one image from a dataset of xarray."""
     found = {}
     for name, values in dataset.data_vars.items():
         if "x_px" in values.dims and name != "active":

@@ -1,4 +1,4 @@
-"""Read a grid with VTK and a netCDF file with netCDF-C; started by an interpreter that has both."""
+"""Read a grid with VTK and a netCDF file with netCDF-C; runs in an environment that has both libraries."""
 
 import json
 import sys

@@ -26,7 +26,7 @@ RUN = [(camera, k + 1, f"{camera}_load_{k + 2}") for camera in ("aside", "straig
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A series without a calibration whose second image failed, and a run with two cameras, exported."""
+    """Exports of a series without calibration, whose second image failed, and of a run with two cameras."""
     made = tmp_path_factory.mktemp("exports")
     pattern = SpecklePattern(seed=21)
     for name, stretch in (("ref", 0.0), ("img1", 0.001), ("img2", 0.002)):
@@ -50,7 +50,7 @@ def results_of(folder: Path, camera: str) -> str:
 
 
 def assert_equal(found, expected, rounding=None):
-    """Equal values and units where the region has points; `rounding` allows for decimals or 32 bits."""
+    """Check that values and units are equal at the points of the region, within `rounding` of the format."""
     active = expected["active"][0]
     for name, (values, unit) in expected.items():
         if name == "active":
@@ -67,12 +67,12 @@ def assert_equal(found, expected, rounding=None):
 
 
 def without_places(expected):
-    """A grid of ParaView has the places of its points instead."""
+    """Return the expected values without X_mm and Y_mm, which ParaView's file holds as point coordinates."""
     return {key: value for key, value in expected.items() if key not in ("X_mm", "Y_mm")}
 
 
 def half_a_decimal(name: str) -> dict[str, float]:
-    """The tables have 6 decimals of px, 7 of mm, 9 of strain."""
+    """Return the rounding of the CSV tables: 6 decimals for px, 7 for mm, 9 for strain."""
     digits = 7 if name.endswith("_mm") else 6 if "_px" in name or name == "zncc" else 9
     return {"atol": 0.51 * 10.0**-digits}
 

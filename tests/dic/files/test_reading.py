@@ -1,4 +1,4 @@
-"""Files that are none, or far too large, are refused at once."""
+"""Pipes, devices, folders and files that are far too large are refused at once."""
 
 import os
 import socket

@@ -1,8 +1,9 @@
-"""Tension tests at 30° in which everything is drawn anew, from the virtual specimen to its properties.
+"""Simulated tension tests with random specimens, seen 30° off-axis and evaluated to material properties.
 
-No images: `exact_views` follows the points of each image by exact geometry, with noise of known size, which
-is what correlation leaves. Drawn anew are the camera's place, the noise of grid and specimen, how the
-specimen is mounted, how it tilts and shifts under load, material, area, load cell and the gauges' places.
+No image is rendered. Instead, `exact_views` computes the displacements of the points by exact geometry, and
+adds noise of known size, as the correlation would. Random values are drawn for the camera's position, the
+noise of grid and specimen, the mounting of the specimen, its tilt and shift under load, the material, the
+area, the load cell and the positions of the gauges.
 """
 
 from dataclasses import dataclass
@@ -31,7 +32,7 @@ NAMES = ("E_gpa", "nu", "Rp02_mpa")
 
 @dataclass(frozen=True)
 class Outcome:
-    """Values of one drawn test: the true ones, those without correction, and the corrected ones."""
+    """Properties from one random test: true values, values without correction, and corrected values."""
 
     truth: dict
     uncorrected: dict
@@ -41,15 +42,16 @@ class Outcome:
         return 100.0 * (getattr(self, kind)[name].value / self.truth[name] - 1.0)
 
     def z(self, name):
-        """Error of the corrected value over its stated standard deviation."""
+        """Return the error of a corrected value, divided by its stated standard deviation."""
         value = self.corrected[name]
         return (value.value - self.truth[name]) / value.std
 
 
 def drawn_test(seed, *, course=COURSE, shift_std_um=SHIFT_STD_UM, window=None):
-    """Return the properties from one drawn tension test.
+    """Return the properties from one random tension test, which `seed` determines.
 
-    The elastic slope is fitted between two shares of the yield stress, `window`, or in the objective window.
+    If `window` is given, the elastic slope is fitted between these two fractions of the yield stress.
+    Otherwise the range of the fit is chosen objectively.
     """
     rng = np.random.default_rng([seed, 15])
     material = _material(rng)
@@ -103,7 +105,7 @@ def _material(rng):
 
 
 def _loaded(material, course):
-    """Return the states of the specimen and its true loads, where it passes the stresses of the course."""
+    """Return the states and the true loads of a specimen at the stresses of `course`."""
     specimen, states = Specimen(material), []
     for share in course:
         while specimen.state.load_n < share * material.yield_stress_mpa * material.area_mm2:
@@ -126,7 +128,7 @@ def _motion(rng, shift_std_um):
 
 
 def _shown(rng, loads_n):
-    """Return what the load cell shows."""
+    """Return the loads that a load cell with a random gain error and noise shows."""
     gain = 1.0 + rng.normal(0.0, LOAD_STD_PERCENT / 100.0)
     return gain * loads_n + rng.normal(0.0, LOAD_NOISE_N, len(loads_n))
 

@@ -1,4 +1,4 @@
-"""Measured fields whose displacements are known exactly, without images."""
+"""Make displacement fields with exactly known displacements, without correlation of images."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ def exact_field(moved, *, step_px=10, subset_px=21, std_px=0.01, lost=(), shape=
 
 
 def exact_series(*fields, calibration=None, measure_of_strain="green-lagrange"):
-    """The series of exact fields."""
+    """Return a measured series whose images have the given fields."""
     how = StrainSettings(measure=measure_of_strain)
     images = [
         MeasuredImage(f"image {k}", measure(field, calibration, how, label=f"image {k}"))
@@ -49,7 +49,7 @@ def exact_series(*fields, calibration=None, measure_of_strain="green-lagrange"):
 
 
 def stretched(F, shift=(3.3, -2.1)):
-    """The displacement of the deformation gradient `F` (axes x right, y up) about the image's middle."""
+    """Return the displacement function of a deformation gradient `F` (y up) about the image's middle."""
     G = np.diag([1.0, -1.0]) @ (np.asarray(F) - np.eye(2)) @ np.diag([1.0, -1.0])
 
     def moved(x, y):
@@ -60,7 +60,7 @@ def stretched(F, shift=(3.3, -2.1)):
 
 
 def with_noise(field, rng, std_px):
-    """The field with independent errors of its displacements."""
+    """Return the field with independent random errors added to its displacements."""
     warps = field.warps.copy()
     for k in (0, 3):
         warps[..., k] += rng.normal(0.0, std_px, warps.shape[:2])

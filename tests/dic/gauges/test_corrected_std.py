@@ -1,7 +1,7 @@
-"""The standard deviations of calibrated and corrected gauges, on fields of exact geometry with known noise.
+"""Test the standard deviations of calibrated and corrected gauges, on fields from exact geometry.
 
-Everything that a calibration cannot know is drawn anew: the camera's place, the noise of grid and specimen,
-how the specimen is mounted, and how it tilts under load.
+Random values are drawn for all that a calibration does not determine: the camera's position, the noise of
+grid and specimen, the mounting of the specimen, and its tilt under load.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ GAUGES = (
 
 
 def drawn(seed, *, tilting):
-    """Errors over stated standard deviations of each gauge in one drawn test."""
+    """Return for each gauge its error in one random test, divided by the stated standard deviation."""
     rng = np.random.default_rng([seed, 5])
     around = rng.uniform(0.0, 2 * np.pi)
     pan, tilt = 30.0 * np.cos(around), 30.0 * np.sin(around)
@@ -58,7 +58,7 @@ def drawn(seed, *, tilting):
 
 
 def ratios(seeds, *, tilting):
-    """Predicted over observed standard deviation of each gauge."""
+    """Return for each gauge the stated standard deviation divided by the observed one."""
     errors = [drawn(seed, tilting=tilting) for seed in seeds]
     return {name: 1.0 / np.sqrt(np.mean([one[name] ** 2 for one in errors])) for name in errors[0]}
 

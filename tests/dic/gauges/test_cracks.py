@@ -1,4 +1,4 @@
-"""Gauges beside cracks and edges: an opening is no strain, and clipped subsets have their own errors."""
+"""Gauges beside a crack do not count its opening as strain, and include the errors of clipped subsets."""
 
 import csv
 from dataclasses import replace
@@ -21,7 +21,7 @@ SLIT = slice(143, 149)
 
 
 def opened(x, y):
-    """A plate strained along x, whose right part is 2 px farther away."""
+    """Return the displacement of a plate with a strain along x and a slit that has opened by 2 px."""
     return STRAIN * x + np.where(x > 145, 2.0, 0.0), np.zeros_like(y)
 
 

@@ -1,4 +1,4 @@
-"""Gauges are declared in one strict file; all its mistakes are reported together."""
+"""Gauges are declared in a file without unknown keys; all mistakes in the file are reported together."""
 
 import pytest
 

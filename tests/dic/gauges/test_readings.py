@@ -1,4 +1,4 @@
-"""Gauges read exact fields exactly, whatever the specimen's rigid motion, and say where they cannot read."""
+"""Gauges give exact readings of exact fields after any rigid motion, and say where they have no reading."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ GAUGES = (AXIAL, OBLIQUE, WIDTH, AREA, POLYGON, CUT, POINT)
 
 
 def elongation(F, direction):
-    """Change of length of a material line with the given direction, over its length."""
+    """Return the engineering strain of a material line with the given direction."""
     direction = np.asarray(direction, float) / np.linalg.norm(direction)
     return np.linalg.norm(F @ direction) - 1.0
 

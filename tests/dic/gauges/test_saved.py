@@ -1,4 +1,4 @@
-"""Gauges read on a saved result give the same numbers as on the result in memory, and as during the run."""
+"""Gauges give the same numbers on a saved result, on the result in memory, and during the measurement."""
 
 import json
 from pathlib import Path
@@ -37,14 +37,14 @@ IN_MM = (
 
 @pytest.fixture(scope="module")
 def tension():
-    """Two loaded steps: both cameras together correct the first; in the second one camera is on its own."""
+    """A run of two loaded steps: two cameras correct the first step together, one camera the second step."""
     steps = [RunStep(2 + k, "load", 1000.0, 1001.0 + k, 0.1, np.nan, 9.0 * k) for k in range(2)]
     states = [State(Pose.sloped(0.05, -0.15, 0.005), F), State(Pose.sloped(0.1, 0.1, 0.02), F)]
     return run_of(steps, states, [states[0], State(F=np.diag([1.02, 1.0]))])
 
 
 def numbers(value, path=""):
-    """Every number in a tree of dictionaries and lists, by its path."""
+    """Yield the path and the value of every number in nested dictionaries and lists."""
     if isinstance(value, dict):
         for key, part in value.items():
             yield from numbers(part, f"{path}/{key}")
@@ -131,7 +131,7 @@ places = 5
 
 @pytest.fixture(scope="module")
 def folder(speckle, tmp_path_factory):
-    """A reference, two loaded images and one of another specimen, correlated with gauges."""
+    """A reference, two loaded images and an image of another specimen, correlated with gauges."""
     folder = tmp_path_factory.mktemp("gauges")
     pattern = speckle(seed=21, noise=2.0)
     for k in range(3):

@@ -1,4 +1,4 @@
-"""The standard deviations of gauges are those that theory gives, and those that repeated images show."""
+"""The stated standard deviations of gauges agree with theory, and with the scatter of random tests."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ from tests.dic.gauges.exact_fields import exact_field, exact_series, stretched, 
 LINES_32 = TransverseExtensometer(
     name="width", start=(50, 195), end=(250, 195), patch=5, spread=310, lines=32
 )
-"""Lines 10 px apart, whose patches hold one point each of a grid of 10 px."""
+"""A gauge with 32 lines, 10 px apart. Each patch contains one point of a grid with a step of 10 px."""
 STD_PX = 0.01
 
 
@@ -119,9 +119,9 @@ DRAWN = (
 
 
 def drawn_errors(seed):
-    """Errors over stated standard deviations of each kind of gauge on one drawn test.
+    """Return for each kind of gauge its errors in one random test, divided by the stated deviations.
 
-    Pattern, noise, strain, rotation and shift are drawn anew. The truth is exact.
+    Random values are drawn for pattern, noise, strain, rotation and shift. The true values are exact.
     """
     rng = np.random.default_rng([seed, 7])
     F = np.eye(2) + rng.uniform(-0.003, 0.003, (2, 2))
@@ -163,7 +163,7 @@ def errors_of(image, F, shift, middle):
 
 
 def ratios(seeds):
-    """Predicted over observed standard deviation of each kind of gauge."""
+    """Return for each kind of gauge the stated standard deviation divided by the observed one."""
     found = {}
     for seed in seeds:
         for name, errors in drawn_errors(seed).items():

@@ -1,4 +1,4 @@
-"""The process that inspects HDF5 files: one for all files, and a new one after it ended."""
+"""One process inspects all HDF5 files, and a new process starts if it has ended."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""A disk that fills while HDF5 writes: one error, no crash, and never a file that seems complete."""
+"""If the disk becomes full while HDF5 writes, there is one error, no crash and no file that seems good."""
 
 import resource
 
@@ -22,7 +22,7 @@ def fill(file):
 
 
 def write(path, most_bytes):
-    """Write a file that may have `most_bytes`; return the error."""
+    """Write a file on a disk that has room for `most_bytes`; return the error or None."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, before[1]))
     try:

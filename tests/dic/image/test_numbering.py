@@ -1,4 +1,4 @@
-"""Missing numbers among the names of a series."""
+"""Tests of the search for missing numbers in the file names of a series."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""JPEG, PGM and PPM files, written by Pillow or by hand."""
+"""Tests with JPEG, PGM and PPM files that Pillow or the test itself has written."""
 
 import io
 import os
@@ -19,7 +19,7 @@ SMOOTH = 90 + 60 * np.sin(np.arange(120) / 9.0) * np.cos(np.arange(90) / 7.0)[:,
 
 @pytest.fixture
 def jpeg(tmp_path):
-    """A path, and the grey levels that Pillow decodes from it."""
+    """The path of a JPEG file, and the grey levels that Pillow decodes from the file."""
     Image.fromarray(SMOOTH.astype(np.uint8)).save(tmp_path / "a.jpg", quality=92)
     return tmp_path / "a.jpg", np.asarray(Image.open(tmp_path / "a.jpg"))
 
@@ -122,7 +122,7 @@ def test_every_first_warning_of_libjpeg_is_a_refusal_because_it_hides_those_afte
 
 @pytest.fixture
 def writing_meanwhile(monkeypatch):
-    """Return a function that makes each decoding write bytes to standard error, as another thread may."""
+    """A function that makes each decoding write bytes to standard error, as another thread could do."""
 
     def write(line: bytes) -> None:
         def imdecode(*arguments, decoded=cv2.imdecode):

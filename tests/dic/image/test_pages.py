@@ -1,4 +1,4 @@
-"""Pages of TIFF files, folders and patterns; the pictures are written by Pillow and OpenCV."""
+"""Tests of pages of TIFF files, folders and patterns, with images that Pillow and OpenCV have written."""
 
 import struct
 from pathlib import Path
@@ -37,7 +37,7 @@ def stack_by_opencv(path: Path, images: list[np.ndarray]) -> None:
 
 
 def big_endian_stack(path: Path, images: list[np.ndarray], tags: tuple[tuple[int, int], ...] = ()) -> None:
-    """Write a TIFF by hand (TIFF 6.0, section 2), with the directory of each page behind its pixels."""
+    """Write a big-endian TIFF without a library, with the directory of each page behind the page's pixels."""
     file, link = bytearray(b"MM\0*\0\0\0\0"), 4
     for image in images:
         at = len(file)
@@ -155,7 +155,7 @@ def test_name_of_a_page_that_is_too_long_is_refused_like_any_file(tmp_path):
 
 
 def _shifted(content: bytearray, by: int) -> bytearray:
-    """Move all places in a stack of `big_endian_stack`."""
+    """Return the content of a `big_endian_stack` with `by` added to all its offsets."""
     link = 4
     while at := struct.unpack_from(">I", content, link)[0]:
         struct.pack_into(">I", content, link, at + by)

@@ -1,4 +1,4 @@
-"""Which pixels of a region its edges leave undisturbed."""
+"""Tests of `clear_of_edges`, which returns the pixels of a region that its edges do not disturb."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Regions drawn as polygons."""
+"""Tests of regions that are given as polygons."""
 
 import numpy as np
 import pytest

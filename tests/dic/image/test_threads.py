@@ -1,4 +1,4 @@
-"""How many threads to use, and how rows are cut into bands for them."""
+"""Tests of the number of threads, and of the division of rows into bands for the threads."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""When images were taken: tags that Pillow writes, times of files, frames of videos."""
+"""Tests of the times of images: Exif tags that Pillow writes, times of files, and frames of videos."""
 
 import cv2
 import numpy as np

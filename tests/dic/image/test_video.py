@@ -1,4 +1,4 @@
-"""Frames of videos, which OpenCV's own writer makes of known grey levels."""
+"""Tests with videos of known grey levels that OpenCV has written."""
 
 import warnings
 

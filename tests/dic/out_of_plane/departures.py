@@ -1,9 +1,10 @@
-"""Forty kinds of specimens that depart from a flat one with uniform strain, in exact geometry.
+"""Forty kinds of specimens that differ from a flat specimen with uniform strain, by exact geometry.
 
-Everything that a measurement by one camera cannot know is drawn anew for each specimen: the principal point,
-the direction the camera looks from, the noise, the strain, the tilt under load, the tilt and the distance
-against the grid in the reference, and the shift towards the camera. Tilt, distance and shift are drawn as the
-corrections expect them (`dic.out_of_plane.expectations`); the kinds of departure and their sizes are not.
+For each specimen, random values are drawn for all that one camera cannot determine: the principal point, the
+direction of view, the noise, the strain, the tilt under load, the tilt and the distance relative to the grid
+in the reference, and the shift towards the camera. Tilt, distance and shift have the distributions that the
+corrections expect (`dic.out_of_plane.expectations`). The kinds and sizes of the departures do not have the
+expected distributions.
 """
 
 from dataclasses import dataclass
@@ -39,7 +40,7 @@ KINDS = [(name, size) for name, sizes in SIZES.items() for size in sizes]
 
 @dataclass(frozen=True)
 class Departure:
-    """A specimen with its camera: the reference, the state under load, and the declared shift."""
+    """A random specimen and its camera: the reference state, the loaded state, and the declared shift."""
 
     view: View
     reference: State
@@ -48,7 +49,7 @@ class Departure:
 
 
 def drawn(name, size, seed):
-    """Draw a specimen of a kind."""
+    """Return a random specimen of the kind `name`, whose departure has the given size."""
     rng = np.random.default_rng([seed, KINDS.index((name, size))])
     pan_deg, tilt_deg = 30 * _direction(rng)
     camera = OffCentre(PinholeCamera(800, 800, pan_deg=pan_deg, tilt_deg=tilt_deg), rng.normal(0.0, 8.0, 2))
@@ -107,7 +108,7 @@ def _cylinder(per_mm, along):
 
 
 def _graded(strain, per_mm, *, taper):
-    """Return a motion whose axial strain changes by `per_mm` per mm; a taper shears the specimen too."""
+    """Return a motion with an axial strain that changes by `per_mm` per mm; with `taper`, also with shear."""
     shear = -(2 + NU) / 2 if taper else 0.0
 
     def within(p):

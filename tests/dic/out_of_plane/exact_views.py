@@ -1,7 +1,8 @@
-"""What cameras measure of a moving specimen, by exact geometry of the simulators, with noise of known size.
+"""Measurements of a moving specimen, computed by the simulators' exact geometry, with known noise.
 
-No images: reference points are followed along their rays to the material and, after the motion, back into the
-camera. So the truth is known to rounding, and a whole campaign takes seconds.
+No image is rendered. The ray of each reference point is followed to the material, and the moved material
+point is projected back into the camera. So the true values are exact except for rounding, and many specimens
+take only seconds.
 """
 
 from dataclasses import dataclass, field
@@ -21,14 +22,14 @@ from simulators.scene.scene import Surface
 
 
 class Blank:
-    """A texture that nobody looks at."""
+    """A texture without a pattern, because no image is rendered."""
 
     quadrature_order = 1
 
 
 @dataclass(frozen=True)
 class State:
-    """Where the specimen is, and how it is deformed within its plane."""
+    """The pose of the specimen, and its deformation within its plane."""
 
     pose: Pose = field(default_factory=Pose)
     F: np.ndarray = field(default_factory=lambda: np.eye(2))
@@ -44,7 +45,7 @@ class State:
 
 
 class OffCentre:
-    """A camera whose principal point lies elsewhere than in the middle of the image."""
+    """A camera whose principal point is not in the middle of the image."""
 
     def __init__(self, camera, off_px):
         self._camera, self._off_px = camera, np.asarray(off_px, float)
@@ -61,7 +62,7 @@ class OffCentre:
 
 @dataclass(frozen=True)
 class View:
-    """One camera, calibrated from one noisy image of the grid."""
+    """One camera, which is calibrated from one noisy image of the grid."""
 
     camera: PinholeCamera
     noise_px: float = 0.004
@@ -87,7 +88,7 @@ class View:
         return Calibration.fit(grid, (self.camera.height_px, self.camera.width_px), known=known)
 
     def measurements(self, states, calibration, reference=None):
-        """Return a measurement per state, all against the same (noisy) reference image."""
+        """Return a measurement for each state; all measurements have the same noisy reference image."""
         rng = np.random.default_rng([self.seed, 2])
         reference = reference or State()
         step = self.subset_px
@@ -122,7 +123,7 @@ class View:
         return results
 
     def seen_by(self, other, state, seed=0):
-        """Return the field from this camera's picture of a specimen to the picture of another camera."""
+        """Return the displacement field from this camera's image of a specimen to another camera's image."""
         rng = np.random.default_rng([seed, 3])
         step = self.subset_px
         x_px = np.arange(step, self.camera.width_px - step, step)
@@ -147,7 +148,7 @@ class View:
         )
 
     def true_strain(self, measurement, state, use=None, reference=None):
-        """Return the true exx, eyy, exy in µε of the plane motion that fits the points used best."""
+        """Return the true exx, eyy, exy, µε, from the affine motion that best fits the points in use."""
         reference = reference or State()
         use = measurement.calibrated.valid if use is None else use
         px = np.stack(np.meshgrid(measurement.field.x_px, measurement.field.y_px), axis=-1)[use]

@@ -1,7 +1,7 @@
-"""What the corrections make of rendered images: grid found, speckle correlated, nothing known beforehand.
+"""Measure and correct rendered images: the grid is found, and the speckle images are correlated.
 
-800 × 800 px, 70 px/mm, one grey level of noise, default settings; the principal point lies anywhere within
-what a calibration expects.
+The images have 800 × 800 px, 70 px/mm and one grey level of noise. The settings are the defaults. The
+principal point is random, with the distribution that a calibration expects.
 """
 
 from dataclasses import dataclass
@@ -28,9 +28,9 @@ SENSOR = Sensor(bits=8, full_well_e=32_500.0, read_noise_e=20.0, saturation_expo
 
 @dataclass(frozen=True)
 class Moved:
-    """A plane surface whose material moves within it by any law.
+    """A plane surface whose material moves within the plane by any given law.
 
-    `back` takes places (n, 2) mm within the surface to the material points that are there.
+    The function `back` returns the material points (n, 2) that are at given places of the surface, mm.
     """
 
     texture: object
@@ -43,18 +43,18 @@ class Moved:
 
 
 class RenderedView:
-    """One camera, calibrated from its own picture of the grid, looking at one speckled specimen.
+    """One camera that is calibrated from its image of the grid, and looks at a specimen with speckles.
 
     Parameters
     ----------
     seed : int
-        Of pattern and noise.
+        Seed of pattern and noise.
     camera : int
-        Number of the camera, for noise of its own.
+        Number of the camera; each camera has different noise.
     reference : Pose
-        Where the specimen is in its reference picture.
+        Pose of the specimen in its reference image.
     principal_known : bool
-        Whether the calibration is given the true principal point.
+        True if the calibration gets the true principal point as a known value.
     """
 
     def __init__(self, seed, *, pan_deg=0.0, tilt_deg=0.0, camera=0, reference=None, principal_known=False):
@@ -73,7 +73,7 @@ class RenderedView:
         self._correlator = Correlator(picture, region.reshape(800, 800), self.settings, clip=False)
 
     def measurement(self, pose, F=None, *, back=None, turn_deg=None):
-        """Picture the specimen and measure it; a turn is given as a hint, as a stage would."""
+        """Render an image of the specimen and measure it; the correlation gets a known rotation as hint."""
         if back is None:
             surface = Surface(self.speckle, pose, np.eye(2) if F is None else F)
         else:

@@ -1,4 +1,4 @@
-"""Whether the stated uncertainty covers specimens that are not flat, not uniform, or not in their place."""
+"""The stated uncertainty is right for specimens that are not flat, uniform, or in the grid's plane."""
 
 from dataclasses import replace
 
@@ -16,14 +16,14 @@ from tests.dic.out_of_plane.exact_views import State, View, deviations, strains
 
 
 def mounted_flat(specimen):
-    """Return the specimen with the grid flat on its surface in the reference, and without a shift."""
+    """Return the specimen with its reference surface in the grid's plane, and without a shift."""
     rotation = specimen.reference.pose.rotation.T @ specimen.state.pose.rotation
     state = replace(specimen.state, pose=Pose(rotation, np.zeros(3)))
     return replace(specimen, reference=State(), state=state, shift_std_um=0.0)
 
 
 def errors(name, size, seed, mounted=lambda specimen: specimen):
-    """Return the errors of calibrated and corrected strain, the standard deviations, and the reason."""
+    """Return the errors of calibrated and corrected strain, the stated deviations, and a refusal's reason."""
     specimen = mounted(drawn(name, size, seed))
     calibration = specimen.view.calibration()
     (seen,) = specimen.view.measurements([specimen.state], calibration, specimen.reference)
@@ -40,7 +40,7 @@ SOME = [
     ("sliding, mm", 0.8),
     ("shift, µm", 50.0),
 ]
-"""Kinds and sizes of departures that are tried for one camera and for two."""
+"""Kinds and sizes of the departures that are tested with one camera and with two cameras."""
 
 
 @pytest.mark.parametrize(("name", "size"), [*SOME, ("turned in the grips, °", 1.5)])
@@ -51,7 +51,7 @@ def test_the_uncertainty_covers_a_specimen_that_departs_from_a_flat_one(name, si
 
 
 def with_two_cameras(name, size, seed=0, *, principal_known=False):
-    """Return the errors and the stated deviations of a specimen that two cameras see, µε."""
+    """Return the errors and the stated standard deviations, µε, of a specimen seen by two cameras."""
     specimen = drawn(name, size, seed)
     aside = replace(specimen.view, noise_px=0.0015)
     views = aside, View(PinholeCamera(800, 800), noise_px=0.0015, seed=7 + seed)

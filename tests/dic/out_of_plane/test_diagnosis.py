@@ -1,4 +1,4 @@
-"""What is said of a set-up, and which requests are refused."""
+"""Tests of the findings about a test set-up, and of refused requests."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Models weighed by their evidence, against the probability density of the data itself."""
+"""The evidence of models is compared with the probability density of the data, computed directly."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ MEAN = np.array([0.0, 0.0, 0.3, -0.2])
 
 
 def density(data, std):
-    """Return the log density of the data that no free parameter can change."""
+    """Return the log density of the part of the data that the free parameters cannot change."""
     free = np.isinf(std)
     across = np.linalg.svd(COLUMNS[:, free])[0][:, free.sum() :].T
     seen = across @ COLUMNS[:, ~free]

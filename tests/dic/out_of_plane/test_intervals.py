@@ -1,7 +1,7 @@
-"""Whether the intervals of corrected strains hold the truth as often as they say.
+"""The confidence intervals of corrected strains contain the true strains as often as stated.
 
-Everything that a calibration cannot know is drawn anew each time: the principal point, the direction the
-camera looks from, the noise of grid and specimen, the misalignment.
+In each trial, random values are drawn for all that a calibration does not determine: the principal point, the
+direction of view, the noise of grid and specimen, and the misalignment.
 """
 
 import numpy as np

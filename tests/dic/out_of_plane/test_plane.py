@@ -1,4 +1,4 @@
-"""Where calibrated points lie on a sloped surface, against the simulators' own geometry."""
+"""Positions of calibrated points on a sloped surface are compared with the simulators' geometry."""
 
 import numpy as np
 import pytest

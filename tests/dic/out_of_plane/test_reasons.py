@@ -1,4 +1,4 @@
-"""Whether the reason for a correction that is not made is the planted one, in exact geometry."""
+"""If a correction is refused, the stated reason is the simulated cause."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ def sliding(rng):
 
 
 def in_grips(plant, rng):
-    """Return the reason for a specimen that keeps its tilt, which is also there in the reference."""
+    """Return the stated reason for a specimen whose constant tilt already exists in the reference."""
     view, mounted = viewed(rng, 3.2), Pose.sloped(*rng.normal(0.0, 0.05, 2))
     state, calibration = plant(rng), view.calibration()
     loaded = State(mounted, state.F, state.within)
@@ -73,7 +73,7 @@ def turning_camera(rng):
 
 
 def with_a_moved_camera(plant, rng):
-    """Return the reason for a camera that turns about its own centre, which sees the specimen turn."""
+    """Return the stated reason for a camera that turns about its own centre."""
     view = viewed(rng, 3.2)
     x_deg, y_deg = plant(rng)
     turned = Pose.turned(np.array([y_deg, -x_deg, 0.0]), np.hypot(x_deg, y_deg), view.camera.centre_mm)

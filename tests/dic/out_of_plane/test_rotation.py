@@ -1,4 +1,4 @@
-"""The alignment of a rotation, solved by rigidity, in exact geometry with noise."""
+"""Tests of the alignment that is solved from a rigid rotation, with exact geometry and noise."""
 
 from dataclasses import replace
 

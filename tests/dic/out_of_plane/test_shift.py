@@ -1,4 +1,4 @@
-"""The shift that a tilt about the grips' hinge causes, in exact geometry with noise."""
+"""Tests of the shift that a tilt about the grips' hinge causes, with exact geometry and noise."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ VIEW = View(PinholeCamera(800, 800, tilt_deg=30), noise_px=0.002, seed=5)
 
 
 def hung(tilt_x_deg, tilt_y_deg, hinge_mm=HINGE_MM):
-    """Return a specimen that turned rigidly about a hinge, with slopes along X and Y, and was stretched."""
+    """Return a stretched specimen that has tilted about a hinge, with slopes along X and Y."""
     x, y = np.tan(np.radians([tilt_x_deg, tilt_y_deg]))
     axis, angle_deg = np.array([y, -x, 0.0]), np.degrees(np.arctan(np.hypot(x, y)))
     return State(Pose.turned(axis, angle_deg, np.array([*hinge_mm, 0.0])), F)

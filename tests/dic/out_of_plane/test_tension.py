@@ -1,4 +1,4 @@
-"""Tilt told from strain by one camera, in exact geometry with noise."""
+"""One camera distinguishes a tilt of the specimen from strain, with exact geometry and noise."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ from tests.dic.out_of_plane.exact_views import State, View, deviations, strains
 NU = 0.33
 NAMES = ("exx", "eyy", "exy")
 BEND = 300e-6 / 10
-"""Curvature, 1/mm: 300 µε over a width of 10 mm."""
+"""Curvature by in-plane bending, 1/mm, which causes 300 µε over a width of 10 mm."""
 
 VIEW = View(PinholeCamera(800, 800, tilt_deg=30), noise_px=0.004, seed=3)
 
@@ -41,7 +41,7 @@ def torn(p):
 
 
 def corrected(state, view=VIEW, calibration=None):
-    """Correct what one camera measures of a specimen that is known to keep its distance to 1 µm."""
+    """Return the correction of one camera's image of a specimen whose shift is known to 1 µm."""
     calibration = calibration or view.calibration()
     (measurement,) = view.measurements([state], calibration)
     return measurement, correct_tilt(measurement, calibration, NU, Shift(1.0))

@@ -1,4 +1,4 @@
-"""Shift, slopes and heights from the parallax of two cameras, in exact geometry with noise."""
+"""Tests of shift, slopes and heights from the parallax of two cameras, with exact geometry and noise."""
 
 from dataclasses import replace
 

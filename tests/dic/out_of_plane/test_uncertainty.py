@@ -1,4 +1,4 @@
-"""Errors of weighted sums of displacements: the interpolation counts once."""
+"""In the errors of weighted sums of displacements, the interpolation bias counts only once."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ SMOOTH_MPX = 0.4  # what benchmarks.order measures on rendered images
 
 
 def smooth_std(bias_mpx):
-    """Return the standard deviation of exx that smooth errors cause beside a bias of one size everywhere."""
+    """Return the standard deviation of exx from smooth errors, if all points have the bias `bias_mpx`."""
     calibration = VIEW.calibration()
     (seen,) = VIEW.measurements([State()], calibration)
     points = points_of(seen, calibration)

@@ -1,4 +1,4 @@
-"""Whether the parts of a figure are inside it and leave each other free."""
+"""Check that the parts of a figure are inside the figure and do not overlap."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -8,7 +8,7 @@ from matplotlib.transforms import BboxBase
 
 
 def assert_apart_inside(figure: Figure, boxes: Sequence[BboxBase]) -> None:
-    """Check that all boxes are inside the figure, and that none covers another."""
+    """Check that all boxes are inside the figure, and that no box overlaps another box."""
     for box in boxes:
         assert box.x0 >= 0.0
         assert box.y0 >= 0.0

@@ -1,4 +1,4 @@
-"""Fields with displacements known exactly, which no correlation has computed."""
+"""Make displacement fields with exactly known displacements, without correlation of images."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,14 +11,14 @@ SHAPE = (240, 300)
 
 
 def field_of(motion: Callable[[np.ndarray], np.ndarray], gradient: np.ndarray, lost: tuple = ()) -> dic.Field:
-    """Return a field whose points are displaced by `motion`, which takes and gives (…, 2) in px.
+    """Return a field whose points have the displacements of the function `motion`.
 
     Parameters
     ----------
     motion : function
-        Displacement (u, v) at positions (x, y).
+        Function that returns displacements (u, v) at positions (x, y); both arrays have the shape (…, 2), px.
     gradient : ndarray, shape (2, 2)
-        The displacement's gradient, the same everywhere.
+        Gradient of the displacement, the same at all points.
     lost : sequence of (row, column)
         Points that failed.
     """

@@ -1,4 +1,4 @@
-"""The image under a map in mm, as if the specimen were seen straight on."""
+"""Tests of the background of a map in mm: the image, rectified as if seen from the front."""
 
 import numpy as np
 import pytest
@@ -8,11 +8,11 @@ from dic.pictures.places import Places, mapped
 
 SHAPE = (900, 3600)
 TILTED = np.array([[0.01, 0.0004, 2.0], [0.0003, -0.01, 30.0], [2e-6, -1e-6, 1.0]])
-"""From px to mm, about 100 px in each mm; mm have their Y axis upwards."""
+"""Calibration from px to mm with about 100 px/mm; the Y axis points up."""
 
 
 def drawn(image):
-    """Return the drawn image, and the places of its pixels in the image, px."""
+    """Return the drawn background, and the position of each of its pixels in the original image, px."""
     x, y = np.meshgrid(np.linspace(100, 3500, 12), np.linspace(100, 800, 10))
     places = Places(np.stack([x, y], axis=-1), TILTED, "mm")
     background = background_of(image, places)

@@ -1,4 +1,4 @@
-"""Pictures of maps: each map is over its part of the image, and nothing covers anything else."""
+"""In a picture of maps, each map lies on the right part of the image, and no parts overlap."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def settings(request):
 
 @pytest.fixture(scope="module", params=[(120, 120), (120, 300), (3000, 1000)], ids=str)
 def drawn(request, settings):
-    """The figure for an image of some shape, drawn once, and the shape."""
+    """A figure of maps for an image of the given shape, and this shape; the figure is drawn only once."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     height, width = request.param

@@ -1,4 +1,4 @@
-"""Maps: where points are drawn, in which colours, on which scale, and how large the picture is."""
+"""Tests of the positions, the colours, the scale and the size of maps."""
 
 import re
 from dataclasses import replace
@@ -129,7 +129,7 @@ def test_arrows_mark_the_ends_of_the_scale_that_values_exceed():
 
 
 def lightness(name: str) -> np.ndarray:
-    """L* of CIE 1976 along a range of colours, from sRGB by IEC 61966-2-1."""
+    """Return the lightness L* (CIE 1976) along a colour map, from sRGB values by IEC 61966-2-1."""
     rgb = mpl.colormaps[COLOURS[name]](np.linspace(0, 1, 256))[:, :3]
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
     luminance = linear @ [0.2126, 0.7152, 0.0722]

@@ -1,4 +1,4 @@
-"""The maps of a series: one scale for all images, and the last word on each image."""
+"""The maps of a series have one scale for all images, and show the last measurement of each image."""
 
 import cv2
 import numpy as np
@@ -14,7 +14,7 @@ SETTINGS = dic.MapSettings(quantities=("u",), axes="off", opacity=1.0)
 
 @pytest.fixture
 def pictures(tmp_path):
-    """Return a function that draws the maps of images added as (number, strain), and reads the pictures."""
+    """A function that draws maps of measurements, given as (image number, strain), and reads the pictures."""
 
     def draw(*added, settings=SETTINGS):
         files = [tmp_path / f"{number}.png" for number in range(3)]

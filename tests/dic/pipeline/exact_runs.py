@@ -1,4 +1,4 @@
-"""Runs that two cameras see by exact geometry, without images."""
+"""Runs with two cameras whose measurements follow from exact geometry, without images."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ STRAIGHT = View(PinholeCamera(800, 800), seed=5)
 
 
 def run_of(steps: list[RunStep], aside: list[State], straight: list[State]) -> RunResult:
-    """The run of a specimen that two cameras see, measured and corrected as `process_run` does."""
+    """Return the result of a run with two cameras, corrected in the same way as by `process_run`."""
     cameras = []
     for name, view, states in (("aside", ASIDE, aside), ("straight", STRAIGHT, straight)):
         calibration = view.calibration()

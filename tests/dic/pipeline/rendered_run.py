@@ -1,4 +1,4 @@
-"""A run of rendered images, as long as a test wants it."""
+"""Write run files with any number of rendered images."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,16 +26,16 @@ LINES = LineGrid(pitch_mm=PITCH_MM, overhang_mm=0.05, plate_half_mm=4.2)
 
 
 def slid(slide_mm: float) -> Pose:
-    """The pose of a specimen that slid in its plane."""
+    """Return the pose of a specimen that has moved by `slide_mm` in its plane."""
     return Pose(np.eye(3), np.array([0.0, slide_mm, 0.0]))
 
 
 def write_rendered_run(
     path: Path, loads: Sequence[Pose], *, repeats: int = 1, grid_pose: Pose | None = None, **mounting: object
 ) -> Path:
-    """Write the run of a camera that looks 30° aside: grid, reference and `repeats` cycles of `loads`.
+    """Write a run of a camera at 30° off-axis: grid, reference, and `repeats` times the poses in `loads`.
 
-    Every image has noise of its own.
+    The noise differs from image to image.
     """
     rng, texture = np.random.default_rng(3), Speckle.sprayed(11)
     reference, *loaded = (render(CAMERA, Surface(texture, pose)) for pose in (Pose(), *loads))

@@ -1,4 +1,4 @@
-"""Images are appended to a measured folder: only they are correlated, with the bits of a whole run."""
+"""If images are added to a measured folder, only the new images are correlated, with identical results."""
 
 import shutil
 
@@ -13,7 +13,7 @@ WORDS = ("--subset", 21, "--step", 20)
 
 @pytest.fixture(scope="module")
 def images(speckle, tmp_path_factory):
-    """A reference and seven images; the third shows something else."""
+    """A folder with a reference and seven images, of which the third shows another pattern."""
     folder = tmp_path_factory.mktemp("images")
     first, other = (speckle(seed=seed, shape=(160, 160)) for seed in (21, 99))
     for number in range(8):
@@ -23,7 +23,7 @@ def images(speckle, tmp_path_factory):
 
 
 def copied(images, folder, last):
-    """Copy the images up to a number, with the times of their files."""
+    """Copy the images up to the number `last` to a folder, with the times of the files."""
     folder.mkdir(exist_ok=True)
     for number in range(last + 1):
         shutil.copy2(images / f"img{number}.png", folder)

@@ -1,4 +1,4 @@
-"""The curve of a tensile test from gauges: load of a run or a record, strain with its shared error."""
+"""Tests of the curve from gauges: the load comes from a run or a record; strains have a shared error."""
 
 import numpy as np
 import pytest
@@ -87,7 +87,7 @@ E_MPA, AREA_MM2, NU = 200_000.0, 10.0, 0.3
 
 
 def elastic_run(count):
-    """A specimen that tilts in proportion to its load, up to 0.15°, seen by two cameras."""
+    """Return a run with two cameras and a specimen that tilts in proportion to its load, up to 0.15°."""
     strains = np.linspace(0.0001, 0.0015, count)
     steps = [
         RunStep(2 + k, "load", 0.0, float(E_MPA * AREA_MM2 * e), 0.1, np.nan, 9.0 * k)

@@ -1,4 +1,4 @@
-"""Result files and calibrations that are damaged, or made by somebody who means harm: one sentence each."""
+"""Each damaged or malicious result file or calibration file is refused with one sentence."""
 
 import random
 from collections.abc import Callable
@@ -84,7 +84,10 @@ def test_hostile_results_are_one_sentence(good: Path, tmp_path: Path, harm: str)
 
 
 def check_a_flipped_byte(good: Path, folder: Path, rng: random.Random) -> None:
-    """Result files carry no digest: what can still be read is read, or refused in one sentence."""
+    """Check that a result file with a changed byte is read, or refused with one sentence.
+
+    Result files have no digest, so not every change can be noticed.
+    """
     content = bytearray(good.read_bytes())
     content[rng.randrange(len(content))] ^= rng.randrange(1, 256)
     (folder / "r.h5").write_bytes(content)

@@ -1,4 +1,4 @@
-"""Measurements that are killed go on where they were, with the same bits; nothing else is measured again."""
+"""A killed measurement continues with the next image, and its results are identical bit by bit."""
 
 import json
 import os
@@ -37,7 +37,7 @@ main()
 
 
 def start_killed(last: int, *words: object) -> None:
-    """Run `dic` as a program of its own, which is killed when it has finished the image with this number."""
+    """Run `dic` as a separate program, which is killed after it has finished the image number `last`."""
     script = KILLED.format(last=last, argv=["dic", *map(str, words)])
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
     assert done.returncode == -signal.SIGKILL, done
@@ -49,7 +49,7 @@ def folder_of(result: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def images(speckle, tmp_path_factory):
-    """A reference and five images, each moved farther; the fourth shows something else."""
+    """A folder with a reference and five images of a growing shift; the fourth shows another pattern."""
     folder = tmp_path_factory.mktemp("images")
     pattern = speckle(seed=21, shape=(160, 160))
     for number in range(6):
@@ -194,7 +194,7 @@ def resident_kb(folder: Path, *words: object) -> dict[str, list[int]]:
 
 
 def many_images(speckle, folder: Path, count: int) -> None:
-    """Write `count` images of a moving pattern, and their reference."""
+    """Write a reference and `count` images of a moving pattern to a folder."""
     pattern = speckle(seed=21, shape=(160, 160))
     moved = [pattern.draw(lambda x, y, by=0.37 * number: (x - by, y)) for number in range(10)]
     for number in range(count + 1):

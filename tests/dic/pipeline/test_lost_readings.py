@@ -1,4 +1,4 @@
-"""Images that lose their strain keep their load: what needs no strain stays right, the rest is withheld."""
+"""If images have no strain, properties without strain stay right, and other properties are withheld."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ STRESS = np.concatenate(
 )
 RISING = STRESS[:170] / E_MPA + 0.002 * (STRESS[:170] / 200.0) ** 8
 STRAIN = np.concatenate([RISING, RISING[-1] + 0.002 * np.arange(1, 31)])
-"""The law of Ramberg and Osgood up to 330 MPa, then necking."""
+"""Strain by the law of Ramberg and Osgood up to 330 MPa, and then of a necking specimen."""
 
 
 def properties(lost=None, lost_across=None, std=1e-5):

@@ -1,4 +1,4 @@
-"""`dic process` takes the mounting from the run file: rendered images of a specimen behind a grid plate."""
+"""`dic process` uses the mounting in the run file, for rendered images of a specimen behind a plate."""
 
 import h5py
 import numpy as np
@@ -19,7 +19,7 @@ COARSE = CorrelationSettings(step_px=30, shape="quadratic")
 
 @pytest.fixture(scope="module")
 def run_file(tmp_path_factory):
-    """A specimen slides in its plane, 1 mm behind the lines of the grid."""
+    """The run file of a specimen that slides in its plane, 1 mm behind the grid's lines."""
     return write_rendered_run(
         tmp_path_factory.mktemp("run") / "run.h5",
         [slid(SLIDE_MM)],

@@ -1,4 +1,4 @@
-"""The surface of a specimen, found in rendered reference images of two cameras."""
+"""The plane of a specimen's surface is found from rendered reference images of two cameras."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A second measurement does again only what changed; counted in correlated images."""
+"""A second measurement correlates only the images for which something has changed."""
 
 import shutil
 
@@ -14,7 +14,7 @@ from tests.image_files import write_image
 
 @pytest.fixture
 def images(speckle, tmp_path):
-    """A reference and two images; the second shows something else, so it cannot be correlated."""
+    """A reference and two images; the second shows another pattern, so it cannot be correlated."""
     folder = tmp_path / "images"
     folder.mkdir()
     pattern, other = (speckle(seed=seed, shape=(160, 160)) for seed in (21, 99))

@@ -1,4 +1,4 @@
-"""Which motion a run shows, which cameras correct it together, and which settings it has a use for."""
+"""Tests of a run's kind of motion, of the cameras that correct it together, and of unused settings."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Result files of runs: what stands in them is what is read, and nothing is measured or corrected again."""
+"""The result file of a run is read without any new measurement or correction."""
 
 import json
 import re
@@ -33,7 +33,7 @@ from tests.dic.report.runs import INFO
 
 @pytest.fixture(scope="module")
 def tension() -> RunResult:
-    """Two steps with a joint solution; in the third the specimen necks, and one camera was moved."""
+    """A run in which two cameras correct two steps together; in the third step this fails."""
     steps = [RunStep(2 + k, "load", 1000.0 * k, 1000.0 * k + 1, 0.1 * k, np.nan, 9.0 * k) for k in range(3)]
     F = np.diag([0.999, 1.003])
     states = [State(Pose.sloped(0.05, -0.15, 0.005), F), State(Pose.sloped(0.1, 0.1, 0.02), F)]
@@ -46,7 +46,7 @@ def tension() -> RunResult:
 
 @pytest.fixture(scope="module")
 def rotation() -> RunResult:
-    """A rotation whose false strain tells the alignment."""
+    """A rotation run, from whose false strain the alignment of the stage is solved."""
     stage, angles = Misalignment(axis_slope_x_deg=0.2), [60.0, 120.0, 180.0, 240.0, 300.0]
     steps = [RunStep(2 + k, "rotation", a, np.nan, np.nan, a, 9.0 * k) for k, a in enumerate(angles)]
     states = [State(stage.mounted().after(stage.turned(a))) for a in angles]
@@ -67,7 +67,7 @@ def files(results: dict[str, RunResult], tmp_path_factory: pytest.TempPathFactor
 
 
 def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield every value of nested dicts and lists with its path."""
+    """Yield the path and the value of each element of nested dicts and lists."""
     nested = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inner in nested:
         yield from leaves(inner, f"{path}/{key}")
@@ -76,14 +76,14 @@ def leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def figures(result: RunResult) -> tuple[dict[str, Any], dict[str, float]]:
-    """Everything that a program reads of a run: words and flags, and numbers."""
+    """Return the values of a run's JSON by their paths: first texts and truth values, then numbers."""
     every = dict(leaves(json.loads(json.dumps(as_dict(result)))))
     numbers = {path: value for path, value in every.items() if isinstance(value, float)}
     return {path: value for path, value in every.items() if path not in numbers}, numbers
 
 
 def arrays(result: RunResult) -> dict[str, np.ndarray]:
-    """Every field and every matrix of a run."""
+    """Return all arrays of a run's result, by name."""
     found: dict[str, Any] = {}
     for camera in result.cameras:
         found[f"{camera.camera} reference"] = camera.reference
@@ -176,7 +176,7 @@ def test_reading_and_reporting_measure_and_correct_nothing(
 
 
 class TestTamperedFile:
-    """A value that somebody wrote into the file is the value that everybody sees."""
+    """A value that was changed in the result file appears in all outputs."""
 
     STRAIN = 0.0123456
 
@@ -235,7 +235,7 @@ class TestTamperedFile:
 
 
 class TestFileWrittenBefore:
-    """Files of the time before they held points, rotations, findings, alignments and corrected fields."""
+    """Result files of earlier versions, without points, rotations, findings, alignments, corrected fields."""
 
     @pytest.fixture(params=["tension", "rotation"])
     def kind(self, request: pytest.FixtureRequest) -> str:

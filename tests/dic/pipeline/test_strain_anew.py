@@ -1,4 +1,4 @@
-"""`dic strain`: strain from the fields on file alone has the bits of a whole measurement."""
+"""`dic strain` computes strain from stored fields, identical bit by bit with a new measurement."""
 
 import h5py
 import numpy as np
@@ -18,7 +18,7 @@ CORRELATION = ("--subset", 21, "--step", 10, *REGION)
 
 
 def calibration_file(path, pan_deg):
-    """Write the calibration of a camera that looks aside, from the exact places of a grid's points."""
+    """Write the calibration of a camera with the pan angle `pan_deg`, from exact grid points."""
     camera = PinholeCamera(SIDE_PX, SIDE_PX, 760.0, pan_deg=pan_deg)
     index = np.array([(i, j) for j in range(21) for i in range(21)])
     lattice = dic.GridPoints.on_lattice(index, np.empty((len(index), 2)), (21, 21), 0.24)
@@ -30,7 +30,7 @@ def calibration_file(path, pan_deg):
 
 @pytest.fixture(scope="module")
 def place(speckle, tmp_path_factory):
-    """Images of a stretched pattern, of which the third shows something else; and two calibrations."""
+    """A folder with images of a stretched pattern, a third image of another pattern, and two calibrations."""
     folder = tmp_path_factory.mktemp("anew")
     pattern = speckle(seed=21, shape=(SIDE_PX, SIDE_PX), noise=1.0)
     for number in range(5):

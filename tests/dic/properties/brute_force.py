@@ -1,10 +1,10 @@
-"""The rule of ASTM E3076-18 written down again: every window is fitted by itself, without running sums."""
+"""The rule of ASTM E3076-18 in simple code that fits every window separately, without running sums."""
 
 import numpy as np
 
 
 def slope_by_brute_force(x, y):
-    """Return first point, stop, slope and intercept of the line that the rule chooses."""
+    """Return the first point, the end, the slope and the intercept of the line that the rule chooses."""
     largest = max(value - y[0] for value in y)
     start = next(k for k in range(len(y)) if y[k] - y[0] > 0.05 * largest)
     attempts = []
@@ -24,7 +24,8 @@ def slope_by_brute_force(x, y):
         steepest = max(each["line"][2] for each in attempts)
         if not attempt["failed"] and attempt["line"][2] >= 0.5 * steepest:
             return attempt["line"]
-    # None was accepted: the first with the fewest failed checks, of which that of the range counts least.
+    # No attempt passed all checks. Take the first attempt with the fewest failed checks; the check of the
+    # range counts least.
     steep = [each for each in attempts if each["line"][2] >= 0.5 * steepest]
     return min(steep, key=lambda each: (each["failed"] - each["short"], each["failed"]))["line"]
 

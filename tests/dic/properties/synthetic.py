@@ -1,4 +1,4 @@
-"""Test records whose elastic slope is known, built point by point from textbook laws; no code of `dic`."""
+"""Records of tensile tests with known properties, computed from textbook laws without code of `dic`."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Drawn:
-    """A record with its truth: strain without unit, stress in MPa, time in s."""
+    """A record of a test (strain without unit, stress in MPa, time in s), and its true properties."""
 
     time_s: np.ndarray
     strain: np.ndarray
@@ -18,12 +18,12 @@ class Drawn:
 
 
 def strain_of_stress(stress, e_mpa, yield_mpa, exponent):
-    """The law of Ramberg and Osgood: 0.2 % of plastic strain at the yield stress."""
+    """Return the strain by the law of Ramberg and Osgood, with 0.2 % plastic strain at the yield stress."""
     return stress / e_mpa + 0.002 * (stress / yield_mpa) ** exponent
 
 
 def with_plateau(strain, e_mpa, yield_mpa, plateau, hardening_mpa):
-    """Linear to the yield stress, constant over the plateau, then hardening by a saturating law."""
+    """Return a stress that is linear up to the yield stress, constant on a plateau, and then saturates."""
     plastic = strain - yield_mpa / e_mpa - plateau
     return np.where(
         plastic > 0,
@@ -38,7 +38,7 @@ def with_toe(strain, toe):
 
 
 def draw(seed, *, points=None):
-    """Draw a record: steel, aluminium or brass; toe, slack, noise and plateau are drawn too."""
+    """Return a random record of a metal, with random toe, slack and noise, with or without a plateau."""
     rng = np.random.default_rng(seed)
     e_mpa = rng.uniform(65e3, 215e3)
     yield_mpa = e_mpa * rng.uniform(0.0012, 0.0035)
@@ -63,11 +63,11 @@ def draw(seed, *, points=None):
 
 
 def with_yield_point():
-    """Return strain and stress of a steel with an upper yield point, straight between known corners.
+    """Return strain and stress of a steel with an upper yield point, linear between known points.
 
-    E 200 GPa, ReH 400 MPa at 0.2 %; a transient minimum of 376 MPa, then a lowest stress of 380 MPa on the
-    plateau at 1.0 %; hardening by 3 GPa up to 440 MPa at 3 %, where the extensometer is taken off. Rm is
-    500 MPa, and the record ends with the break.
+    Young's modulus is 200 GPa, and ReH is 400 MPa at 0.2 %. Then follow a transient minimum of 376 MPa and a
+    plateau with a lowest stress of 380 MPa at 1.0 %. The stress hardens at 3 GPa up to 440 MPa at 3 %, where
+    the extensometer is removed. Rm is 500 MPa, and the record ends with the break.
     """
     strain = [0.0, 0.002, 0.0025, 0.003, 0.006, 0.010, 0.030]
     stress = [0.0, 400.0, 376.0, 386.0, 384.0, 380.0, 440.0]

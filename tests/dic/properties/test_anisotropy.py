@@ -1,4 +1,4 @@
-"""Mean strain ratio and planar anisotropy, on sheets whose ratios are those of the virtual specimen."""
+"""Tests of the mean strain ratio and the planar anisotropy, with strain ratios of virtual specimens."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def value(number, std=0.0, flags=()):
 
 
 def measured(ratio):
-    """The strain ratio from the curve of a virtual specimen, without noise."""
+    """Return the strain ratio that is measured on a virtual specimen with the given ratio, without noise."""
     steel = {"law": "swift", "strength_mpa": 560.0, "offset_strain": 0.003, "exponent": 0.24}
     settings = SpecimenSettings.model_validate(
         {"hardening": steel, "youngs_modulus_mpa": 205_000.0, "strain_ratio": ratio, "fracture_strain": 0.3}

@@ -1,4 +1,4 @@
-"""Tables of testing machines: what is read, and what is refused in one sentence."""
+"""Records of testing machines are read, or refused with one sentence."""
 
 import numpy as np
 import pytest

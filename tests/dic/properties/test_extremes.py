@@ -1,4 +1,4 @@
-"""The largest and the lowest of many noisy stresses, two maxima, and large steps of strain."""
+"""Tests of extremes of noisy stresses, of curves with two maxima, and of large steps of strain."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ E_MPA, AREA = 210e3, PropertySettings(20.0)
 
 
 def steel(upper_mpa, strength_mpa, noise_mpa, seed, points=4000):
-    """A steel with a plateau 25 MPa below ReH, and a flat maximum at 15 % of strain."""
+    """Return the properties of a noisy steel with a plateau 25 MPa below ReH and a flat maximum at 15 %."""
     strain = np.linspace(0.0, 0.20, points)
     lower = upper_mpa - 25.0
     corner = upper_mpa / E_MPA

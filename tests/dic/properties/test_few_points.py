@@ -1,4 +1,4 @@
-"""Records with few points, such as images at settled steps of load: right values, or none with the reason."""
+"""Records with few points give right values, or no value and the reason."""
 
 import numpy as np
 import pytest
@@ -11,25 +11,26 @@ AREA = PropertySettings(area_mm2=25.0)
 
 
 def cornered(strain):
-    """Stress of a material that yields at a sharp corner and hardens in proportion to the strain."""
+    """Return the stress of a material that yields at a sharp corner and then hardens linearly."""
     corner = YIELD_MPA / E_MPA
     return np.where(strain < corner, E_MPA * strain, YIELD_MPA + HARDENING_MPA * (strain - corner))
 
 
 def level(strain):
-    """Stress of a material whose yield plateau ends at 1.5 %."""
+    """Return the stress of a material with a yield plateau that ends at a strain of 1.5 %."""
     hard = np.maximum(strain - 0.015, 0.0)
     return np.minimum(E_MPA * strain, YIELD_MPA) + 150.0 * (1.0 - np.exp(-20.0 * hard))
 
 
 def rounded(strain):
-    """Stress by the law of Ramberg and Osgood."""
+    """Return the stress by the law of Ramberg and Osgood."""
     stress = np.linspace(0.0, 3.0 * YIELD_MPA, 100_001)
     return np.interp(strain, strain_of_stress(stress, E_MPA, YIELD_MPA, 15), stress)
 
 
 LAWS = {"sharp corner": cornered, "plateau": level, "Ramberg-Osgood": rounded}
-# Where the corner's hardening meets the elastic line shifted by 0.2 %, and the definition of the other two.
+# The stress at which the hardening of `cornered` meets the elastic line shifted by 0.2 %. For the other two
+# laws, Rp0.2 is the yield stress by definition.
 CORNERED = (YIELD_MPA * (1.0 - HARDENING_MPA / E_MPA) + 0.002 * HARDENING_MPA) / (1.0 - HARDENING_MPA / E_MPA)
 OFFSET_MPA = {"sharp corner": CORNERED, "plateau": YIELD_MPA, "Ramberg-Osgood": YIELD_MPA}
 

@@ -1,4 +1,4 @@
-"""The elastic slope without an operator's choice: the rule, its agreement with brute force, and its truth."""
+"""Tests of the objective elastic slope: the rule, the agreement with simple code, and the accuracy."""
 
 import numpy as np
 import pytest

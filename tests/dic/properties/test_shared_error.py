@@ -1,4 +1,4 @@
-"""An error of strain that all points share changes a property as a whole, and does not average out."""
+"""An error that all strains of a record share does not become smaller by averaging."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ E_MPA, AREA_MM2 = 200_000.0, 10.0
 
 
 def record(points=400):
-    """Steel without noise, by the law of Ramberg and Osgood."""
+    """Return a record of steel by the law of Ramberg and Osgood, without noise."""
     stress = np.linspace(0.0, 420.0, points)
     strain = strain_of_stress(stress, E_MPA, 400.0, 25)
     return Curve("made", AREA_MM2 * stress, strain, -0.3 * strain)

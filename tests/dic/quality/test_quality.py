@@ -1,4 +1,4 @@
-"""Quality of pictures whose speckles, noise, blur and clipping are known in closed form."""
+"""Tests of the quality of images whose speckles, noise, blur and clipping are known from formulas."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ SMALL = CorrelationSettings(subset_px=21, step_px=12)
 
 
 def blobs(sigma_px, shape=(400, 420), noise=0.0, seed=1):
-    """Gaussian blobs everywhere: the autocovariance is exp(-d² / 4 σ²), its root 30 grey levels."""
+    """Return an image of Gaussian blobs with the autocovariance 30² exp(-d² / 4 σ²) at the distance d."""
     rng = np.random.default_rng(seed)
     texture = gaussian_filter(rng.normal(size=shape), sigma_px)
     grey = 128 + 30 * texture / texture.std() + noise * rng.normal(size=shape)
@@ -31,7 +31,7 @@ def everywhere(grey):
 
 
 def edges(blur_px, shape=(300, 320), seed=2):
-    """Bright boxes with straight edges, each blurred by a Gaussian: its edges are error functions."""
+    """Return an image of bright boxes blurred by a Gaussian, whose edges are error functions."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[: shape[0], : shape[1]].astype(float)
     blur = np.broadcast_to(blur_px, shape) * np.sqrt(2)

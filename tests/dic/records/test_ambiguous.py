@@ -1,4 +1,4 @@
-"""Names, numbers and options that may mean two things are refused, not guessed."""
+"""Names, numbers and options with two possible meanings are refused."""
 
 import numpy as np
 import pytest

@@ -18,17 +18,17 @@ from dic import (
 
 POINT = PointGauge(name="point", at=(1, 1))
 PAUSE_S, RISE_S, STEPS = 3.0, 8.0, 61
-"""The machine holds the specimen before it pulls it; images every 0.25 s."""
+"""Duration of the hold before the test, duration of the linear rise, and number of images."""
 
 
 def load_n_at(time_s):
-    """What the machine's load is: a rest, a straight rise, and a bend into hardening."""
+    """Return the machine's load in N: constant at first, then rising linearly, then hardening."""
     pulled = np.maximum(time_s - PAUSE_S, 0.0)
     return 500.0 * np.minimum(pulled, RISE_S) + 80.0 * np.maximum(pulled - RISE_S, 0.0)
 
 
 def strain_at(time_s):
-    """The strain of the same test; in hardening it grows faster."""
+    """Return the strain of the same test, which grows faster during hardening."""
     pulled = np.maximum(time_s - PAUSE_S, 0.0)
     return 2e-4 * np.minimum(pulled, RISE_S) + 3e-3 * np.maximum(pulled - RISE_S, 0.0)
 

@@ -1,4 +1,4 @@
-"""Reports of the runs that several modules read."""
+"""Reports that several test modules read."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def corrected_html(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.fixture(scope="session")
 def troubled_html(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A run that was aborted, whose texts are hostile; each camera lost a step in another way."""
+    """The report of an aborted run with malicious texts, in which each camera has lost one step."""
     reason = f"the grips opened {EVIL}"
     run = tension_run(title=EVIL, sample=EVIL, definition=EVIL, status="aborted", status_reason=reason)
     off_axis, on_axis = run.cameras

@@ -1,4 +1,4 @@
-"""The report read back: written to a file, parsed strictly."""
+"""Write a report to a file, and parse its HTML strictly."""
 
 from html.parser import HTMLParser
 from pathlib import Path
@@ -10,7 +10,7 @@ _VOID = {"meta", "img", "br", "link", "hr", "input"}
 
 
 class Page(HTMLParser):
-    """A page read strictly: every tag closed in order; its links, ids, texts and tables."""
+    """The content of an HTML page in which every tag is closed in order: attributes, texts and tables."""
 
     def __init__(self, html: str) -> None:
         super().__init__()

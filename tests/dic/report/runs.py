@@ -1,4 +1,4 @@
-"""Runs made by hand, whose strains and corrections are known exactly."""
+"""Results of runs with given strains and given corrections."""
 
 from dataclasses import replace
 from functools import cache
@@ -41,14 +41,14 @@ INFO = RunInfo(
 
 @cache
 def calibration() -> Calibration:
-    """0.1 mm per px, seen upright, the calibrated area from pixel 10 to pixel 110."""
+    """Return a calibration with 0.1 mm/px, upright, calibrated from pixel 10 to pixel 110 along both axes."""
     index = np.stack(np.meshgrid(np.arange(11), np.arange(11)), axis=-1).reshape(-1, 2)
     uv_px = np.column_stack([10.0 + 10.0 * index[:, 0], 110.0 - 10.0 * index[:, 1]])
     return Calibration.fit(GridPoints.on_lattice(index, uv_px, (11, 11), 1.0), (SIDE_PX, SIDE_PX))
 
 
 def affine(gradient: np.ndarray, label: str) -> Measurement:
-    """A measurement of 64 points around the middle, moved by u = H (x - middle) with x right and y up."""
+    """Return a measurement of 64 points with the displacement gradient `gradient` about the middle, y up."""
     at = np.arange(40, 80, 5)
     x, y = np.meshgrid(at - 60.0, 60.0 - at)
     u = gradient[0, 0] * x + gradient[0, 1] * y
@@ -63,12 +63,12 @@ def affine(gradient: np.ndarray, label: str) -> Measurement:
 
 
 def stretch(exx: float, eyy: float) -> np.ndarray:
-    """The displacement gradient whose Green-Lagrange strains are exactly these."""
+    """Return the displacement gradient with the given Green-Lagrange strains."""
     return np.diag([np.sqrt(1 + 2 * exx) - 1, np.sqrt(1 + 2 * eyy) - 1])
 
 
 def turn(angle_deg: float, exx: float = 0.0) -> np.ndarray:
-    """The displacement gradient of a rotation after a stretch along X of strain `exx`."""
+    """Return the displacement gradient of a stretch with the strain `exx`, followed by a rotation."""
     c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     return np.array([[c, -s], [s, c]]) @ (stretch(exx, 0.0) + np.eye(2)) - np.eye(2)
 
@@ -76,7 +76,7 @@ def turn(angle_deg: float, exx: float = 0.0) -> np.ndarray:
 def camera(
     name: str, steps: list[RunStep], gradients: list[np.ndarray], pinhole: Pinhole | None = None
 ) -> CameraResult:
-    """A camera that measured these motions; where it stands is what `pinhole` says, else straight on."""
+    """Return the result of a camera that measured the given gradients; `pinhole` gives its position."""
     measurements = [affine(g, f"step {s.index}") for g, s in zip(gradients, steps, strict=True)]
     speckle = np.random.default_rng(1).uniform(0, 255, (SIDE_PX, SIDE_PX)).astype(np.float32)
     seen = calibration() if pinhole is None else replace(calibration(), pinhole=pinhole)
@@ -92,7 +92,7 @@ def tension_steps() -> list[RunStep]:
 
 
 def tension_run(bias: float = 0.001, **info: Any) -> RunResult:
-    """Two cameras; the off-axis one, tilted by 30°, sees εyy too small by `bias` and is named first."""
+    """Return a run with two cameras; the off-axis camera comes first, and its εyy is too small by `bias`."""
     steps = tension_steps()
     strains = [(-0.0003 * k, 0.001 * k) for k in range(1, 5)]
     on_axis = camera("on_axis", steps, [stretch(x, y) for x, y in strains])
@@ -117,7 +117,7 @@ STRAIGHT = "the camera looks too straight on"
 
 
 def given(result: RunResult, motion: str, cameras: dict[str, Corrections], **more: Any) -> RunResult:
-    """The run with corrections that are given here, not computed; all other cameras' were declined."""
+    """Return the run with the given corrections; for all other cameras, the correction was declined."""
     for seen in result.cameras:
         declined = [Correction.refused("none", m, STRAIGHT) for m in seen.measurements]
         cameras.setdefault(seen.camera, Corrections(declined))
@@ -132,7 +132,7 @@ def uncorrected(source: str, info: RunInfo, cameras: list[CameraResult]) -> RunR
 
 
 def correction(measurement: Measurement, strains: tuple[float, ...], plane: Plane) -> Correction:
-    """Corrected to these strains, each known to 3 µε; slopes known to 0.001°."""
+    """Return a correction with the given strains, known to 3 µε, and a plane with slopes known to 0.001°."""
     mean = measurement.calibrated_mean
     assert mean is not None
     assert measurement.calibrated is not None
@@ -143,7 +143,10 @@ def correction(measurement: Measurement, strains: tuple[float, ...], plane: Plan
 
 
 def corrected_tension_run() -> RunResult:
-    """One camera is corrected to εyy 2 µε off the truth but for step 4; both together to the truth itself.
+    """Return a corrected tension run: one camera has an error of 2 µε in εyy, both together have none.
+
+    At step 4, the correction of the single camera is declined. At step 7, the correction by both cameras is
+    declined.
 
     The specimen is tilted by k · 0.02° along Y and shifted by 0.5 k µm at the k-th step.
     """
@@ -171,7 +174,7 @@ def corrected_tension_run() -> RunResult:
 
 
 def corrected_rotation_run(angle_deg: float, peak: float, **info: Any) -> RunResult:
-    """The off-axis camera is corrected to an εyy of 7 µε at 180°, and 1 µε elsewhere."""
+    """Return a corrected rotation run, in which the off-axis camera has εyy = 7 µε at 180° and else 1 µε."""
     result = rotation_run(angle_deg, peak, **info)
     off_axis = result.cameras[1]
     images = [

@@ -1,4 +1,4 @@
-"""Where the report takes a camera's place from: the calibration alone, on whatever rig the run was made."""
+"""The report takes the position of a camera from the calibration alone, and never from the rig file."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,11 +15,11 @@ from tests.dic.report.page import written
 from tests.dic.report.runs import INFO, tension_run
 
 OTHER_ANGLES = "pan_deg = 50.0\ntilt_deg = 0.0\n"
-"""Follows the rig file's table of the off-axis camera."""
+"""Lines that are added to the off-axis camera's table in the rig file."""
 
 
 def seen_by(pinhole: Pinhole | None) -> RunResult:
-    """A tension run whose off-axis camera stands where `pinhole` says."""
+    """Return a tension run whose off-axis camera has the position of `pinhole`."""
     run = tension_run()
     off_axis, on_axis = run.cameras
     off_axis = replace(off_axis, calibration=replace(off_axis.calibration, pinhole=pinhole))
@@ -27,14 +27,14 @@ def seen_by(pinhole: Pinhole | None) -> RunResult:
 
 
 def uncertain(pinhole: Pinhole, std_mm: float) -> Pinhole:
-    """The camera with a centre known to `std_mm` along each axis."""
+    """Return the camera with the standard deviation `std_mm` of its centre along each axis."""
     covariance = np.zeros((13, 13))
     covariance[10:, 10:] = std_mm**2 * np.eye(3)
     return replace(pinhole, covariance=covariance)
 
 
 def bias(run: RunResult) -> tuple[str, str]:
-    """Which camera's bias the report gives, and what it says of it."""
+    """Return the camera whose bias the report states, and the text of the bias."""
     row = next(row for row in compare(number_runs([run])) if "calibrated off-axis camera" in row.quantity)
     (entry,) = row.entries
     return entry.where, entry.ours

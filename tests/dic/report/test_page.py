@@ -1,4 +1,4 @@
-"""The page as a whole: complete, safe, the same each time."""
+"""The report is complete, escapes malicious texts, and is identical in each repetition."""
 
 import re
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The paper's quantities beside those of the runs."""
+"""The report shows the quantities of the paper beside those of the runs."""
 
 from tests.dic.report.page import Page
 from tests.dic.report.runs import STRAIGHT

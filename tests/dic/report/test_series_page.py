@@ -1,4 +1,4 @@
-"""`dic report` of a result file that `dic correlate` made."""
+"""Tests of `dic report` with a result file of `dic correlate`."""
 
 import hashlib
 import re
@@ -15,7 +15,7 @@ EXX = 0.004
 
 @pytest.fixture(scope="module")
 def measured(speckle, tmp_path_factory):
-    """The result file of three images: one moved, one stretched, one of another pattern."""
+    """A result file of three images: one is shifted, one is stretched, and one shows another pattern."""
     folder = tmp_path_factory.mktemp("series")
     pattern, other = speckle(seed=3, shape=(160, 160)), speckle(seed=8, shape=(160, 160))
     pictures = {

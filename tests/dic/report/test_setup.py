@@ -1,4 +1,4 @@
-"""What the report says of the set-up: geometry, findings, motion of the plane, harmonics."""
+"""Tests of the report's section on the set-up: geometry, findings, motion of the plane, harmonics."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Tables of every step."""
+"""Tests of the report's tables of all steps."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The report's figures keep room for their labels and for the legend."""
+"""The report's figures have enough room for labels and legend."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The interpolation bias and the smoothing in result files, and in files of the time before both."""
+"""Tests of interpolation bias and smoothing in result files, and in files of versions without them."""
 
 import h5py
 import numpy as np

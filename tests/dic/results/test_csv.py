@@ -1,4 +1,4 @@
-"""Points as CSV: fields whose local strain and its standard deviations are known in closed form."""
+"""CSV tables of points whose local strain and its standard deviations are known from formulas."""
 
 import csv
 from dataclasses import replace
@@ -23,27 +23,27 @@ CALIBRATED = ["X_mm", "Y_mm", "U_mm", "V_mm", "calibration"]
 STEP_PX = 11
 STD_PX = 0.02
 EXX, EYY, EXY = 0.012, -0.004, 0.003
-"""Green-Lagrange, x right and y up."""
+"""Green-Lagrange strains of the field, with x to the right and y up."""
 
 
 def calibration() -> Calibration:
-    """0.1 mm per px, seen upright, the calibrated area from pixel 10 to pixel 110."""
+    """Return a calibration with 0.1 mm/px, upright, calibrated from pixel 10 to pixel 110 along both axes."""
     index = np.stack(np.meshgrid(np.arange(11), np.arange(11)), axis=-1).reshape(-1, 2)
     uv_px = np.column_stack([10.0 + 10.0 * index[:, 0], 110.0 - 10.0 * index[:, 1]])
     return Calibration.fit(GridPoints.on_lattice(index, uv_px, (11, 11), 1.0), (120, 120))
 
 
 def stretched() -> np.ndarray:
-    """The symmetric deformation gradient F = C^½ of these strains, C = I + 2E."""
+    """Return the symmetric deformation gradient F = C^½ with the strains above; C is I + 2E."""
     C = np.eye(2) + 2.0 * np.array([[EXX, EXY], [EXY, EYY]])
     squares, axes = np.linalg.eigh(C)
     return axes @ np.diag(np.sqrt(squares)) @ axes.T
 
 
 def field() -> Field:
-    """7 × 7 points around the middle, moved by exactly `stretched`, the first one lost.
+    """Return a field of 7 × 7 points with the deformation gradient `stretched`; the first point has failed.
 
-    Subsets are as wide as the step, so that no two share a pixel and errors are independent.
+    The subsets are as wide as the step. So no two subsets share a pixel, and their errors are independent.
     """
     at = 60 + STEP_PX * np.arange(-3, 4)
     x, y = np.meshgrid(at - 60.0, 60.0 - at)

@@ -1,4 +1,4 @@
-"""Growing datasets of a result file: every row is where it was put, however many rows there are."""
+"""In a growing dataset of a result file, every row is at its place for any number of rows."""
 
 import h5py
 import numpy as np

@@ -1,4 +1,4 @@
-"""strain.csv: one line per image, which a spreadsheet opens as it is."""
+"""The file strain.csv has one line for each image, and opens in a spreadsheet program."""
 
 import csv
 import shutil

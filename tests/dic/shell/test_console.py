@@ -1,4 +1,4 @@
-"""How commands end, whatever becomes of their output and whoever interrupts them."""
+"""Commands end with the right status if their output is lost or if they are interrupted."""
 
 import io
 import os

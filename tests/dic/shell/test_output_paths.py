@@ -1,4 +1,4 @@
-"""Outputs that would destroy something, or that cannot be made, are refused before the work."""
+"""Output paths that would overwrite a file or cannot be written are refused before the work."""
 
 import os
 from pathlib import Path

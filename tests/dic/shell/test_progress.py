@@ -1,4 +1,4 @@
-"""The bar of long commands: on the terminal only, and never over what somebody reads or is asked there."""
+"""The progress bar appears on a terminal only, and never covers printed lines or a question."""
 
 import os
 import sys
@@ -14,7 +14,7 @@ MARK = "<so far>"
 
 
 class Terminal:
-    """A pseudo-terminal that takes the place of standard error once a test says so."""
+    """A pseudo-terminal that replaces standard error after a call of `attach`."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self._monkeypatch = monkeypatch
@@ -28,7 +28,7 @@ class Terminal:
 
     def shown(self) -> str:
         """Return what was drawn since the last call."""
-        # What is written to a terminal comes out in its order, but not at once.
+        # A terminal passes text on in order, but with a delay, so read up to a mark.
         self.stream.write(MARK)
         self.stream.flush()
         drawn = b""

@@ -1,7 +1,7 @@
-"""Draw specimens in a laboratory: surfaces with speckles, things beside them, light and a camera.
+"""Draw images of specimens in a laboratory: speckled surfaces, other objects, light and a camera.
 
-Nothing here uses `dic`. Outlines are drawn three times finer than the pixels and then averaged, so the mask
-of the specimen is exact to a fraction of a pixel.
+This module uses no code of `dic`. Outlines are drawn on a grid three times finer than the pixels and then
+averaged, so the mask of the specimen is exact to a fraction of a pixel.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,8 @@ class Speckles:
 class Canvas:
     """The scene in front of the camera, as reflectances on a grid three times finer than the pixels.
 
-    `shift_px` moves the specimen against everything else. `specimen` becomes 1 where the specimen is seen.
+    `shift_px` moves the specimen relative to all other objects. The array `specimen` is 1 where the specimen
+    is visible.
     """
 
     shape: tuple[int, int]
@@ -52,27 +53,27 @@ class Canvas:
         self.grey[:] = _enlarged(reflectance, self.grey.shape)
 
     def shade(self, outline: np.ndarray, reflectance: np.ndarray | float) -> None:
-        """Draw a thing that is no specimen; its outline has corners (x, y) in px."""
+        """Draw an object that is not the specimen; its outline has corners (x, y), px."""
         inside = self._inside([outline])
         self.grey[inside] = _enlarged(reflectance, self.grey.shape)[inside]
         self.specimen[inside] = 0
 
     def line(self, places: np.ndarray, width_px: float, reflectance: float) -> None:
-        """Draw a cable or a mark along a chain of places (x, y) in px."""
+        """Draw a cable or a mark as a line through places (x, y), px."""
         inside = np.zeros_like(self.specimen)
         places = np.round(np.asarray(places) * FINE * 2**_BITS).astype(np.int32)
         cv2.polylines(inside, [places], False, 1, max(1, round(width_px * FINE)), cv2.LINE_8, _BITS)
         self.grey[inside > 0], self.specimen[inside > 0] = reflectance, 0
 
     def print(self, words: str, place: tuple[float, float], height_px: float, reflectance: float) -> None:
-        """Print words whose lower left corner is at a place."""
+        """Draw a text whose lower left corner is at `place`."""
         inside = np.zeros_like(self.specimen)
         at, size = (round(place[0] * FINE), round(place[1] * FINE)), height_px * FINE / 22.0
         cv2.putText(inside, words, at, cv2.FONT_HERSHEY_SIMPLEX, size, 1, max(1, round(2.5 * size)))
         self.grey[inside > 0], self.specimen[inside > 0] = reflectance, 0
 
     def soften(self, blur_px: float) -> None:
-        """Put everything drawn so far out of focus."""
+        """Blur everything that has been drawn so far."""
         self.grey = cv2.GaussianBlur(self.grey, (0, 0), blur_px * FINE)
 
     def paint(

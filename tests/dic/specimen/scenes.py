@@ -1,4 +1,4 @@
-"""Ten kinds of scenes with a specimen, drawn anew for every seed, with the exact mask of the specimen."""
+"""Ten kinds of random scenes with a specimen, with the exact mask of the specimen."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ import numpy as np
 from tests.dic.specimen.canvas import Camera, Canvas, Speckles, brushed, uneven
 
 Draw = Callable[[Canvas, np.random.Generator], tuple[Camera, np.ndarray | float]]
-"""Draws a scene, and returns the camera and the light."""
+"""Type of a function that draws a scene, and returns the camera and the light."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene before and after a rigid motion of the specimen by `shift_px`; the rest stands still."""
+    """Images of a scene before and after a shift of the specimen by `shift_px`; other objects do not move."""
 
     name: str
     seed: int
@@ -37,21 +37,21 @@ def scene(name: str, seed: int, shape: tuple[int, int] = (320, 400)) -> Scene:
 
 
 def dark_room(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, np.ndarray]:
-    """A bright specimen before a black background, with light that falls off to one side."""
+    """Draw a bright specimen in front of a black background, with light that decreases to one side."""
     canvas.fill(rng.uniform(0.0, 0.03))
     canvas.paint([_bar(canvas, rng)], _paint(rng), rng)
     return _camera(rng), _sloping_light(canvas, rng, 0.4)
 
 
 def bright_wall(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, float]:
-    """A specimen before a white wall, whose photon noise is the strongest noise of the picture."""
+    """Draw a specimen in front of a white wall, whose photon noise is the strongest noise of the image."""
     canvas.fill(uneven(rng, canvas.shape, 80, 0.85, rng.uniform(0.95, 1.3)))
     canvas.paint([_bar(canvas, rng)], _paint(rng), rng)
     return _camera(rng, photon_noise=rng.uniform(2, 5)), 1.0
 
 
 def small_dark(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, float]:
-    """A small dark specimen with little contrast before a bright background."""
+    """Draw a small dark specimen with little contrast in front of a bright background."""
     canvas.fill(uneven(rng, canvas.shape, 60, 0.6, 0.95))
     ground = rng.uniform(0.12, 0.2)
     speckles = Speckles(_radius(rng), 0.5, ground * rng.uniform(0.2, 0.4), ground)
@@ -60,7 +60,7 @@ def small_dark(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, float]
 
 
 def blurred_laboratory(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, float]:
-    """A specimen before things that are out of focus."""
+    """Draw a specimen in front of objects that are out of focus."""
     canvas.fill(rng.uniform(0.1, 0.6))
     _clutter(canvas, rng, 14)
     canvas.soften(rng.uniform(4, 9))
@@ -69,7 +69,7 @@ def blurred_laboratory(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera
 
 
 def cluttered(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, float]:
-    """A specimen before boxes, cables and words, all in focus."""
+    """Draw a specimen in front of boxes, cables and texts that are in focus."""
     canvas.fill(rng.uniform(0.1, 0.6))
     _clutter(canvas, rng, 9)
     for _ in range(3):
@@ -79,7 +79,7 @@ def cluttered(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, float]:
 
 
 def gripped(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, np.ndarray]:
-    """A waisted specimen between grips of brushed metal with bolts; cables hang beside and before it."""
+    """Draw a tensile specimen in grips of brushed metal with bolts, with cables beside and in front of it."""
     height, width = canvas.shape
     canvas.fill(rng.uniform(0.02, 0.5))
     _cable(canvas, rng)
@@ -97,7 +97,7 @@ def gripped(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, np.ndarra
 
 
 def two_specimens(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, float]:
-    """Two specimens side by side, of different paint."""
+    """Draw two specimens side by side with different paint."""
     height, width = canvas.shape
     canvas.fill(rng.choice([0.03, 0.4, 0.9]))
     for left in (0.1, 0.56):
@@ -107,7 +107,7 @@ def two_specimens(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, flo
 
 
 def plate_with_hole(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, float]:
-    """A plate with a round hole, through which the background is seen."""
+    """Draw a plate with a round hole, through which the background is visible."""
     height, width = canvas.shape
     canvas.fill(uneven(rng, canvas.shape, 70, 0.0, 0.08) + np.float32(rng.choice([0.0, 0.4, 0.85])))
     angle = np.linspace(0, 2 * np.pi, 90, endpoint=False)
@@ -118,7 +118,7 @@ def plate_with_hole(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, f
 
 
 def whole_picture(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, np.ndarray]:
-    """A specimen that fills the picture, in uneven light."""
+    """Draw a specimen that fills the image, in uneven light."""
     height, width = canvas.shape
     canvas.paint([_box(-20, -20, width + 20, height + 20)], _paint(rng), rng)
     return _camera(rng, jpeg=int(rng.choice([0, 90]))), _sloping_light(canvas, rng, 0.3)
@@ -194,7 +194,7 @@ def _box(left: float, top: float, right: float, bottom: float) -> np.ndarray:
 
 
 def _bar(canvas: Canvas, rng: np.random.Generator, width: float = 0.4, centre: float = 0.5) -> np.ndarray:
-    """Return the outline of a bar that is turned a little; it ends in the picture or leaves the picture."""
+    """Return the outline of a slightly turned bar, whose ends are inside or outside the image."""
     height, length = canvas.shape[0], canvas.shape[1]
     half = np.array([length * width / 2, height * rng.choice([0.36, 0.42, 0.8])])
     middle = np.array([length * centre + rng.uniform(-10, 10), height * 0.5])
@@ -213,7 +213,7 @@ def _waisted(middle: float, wide: float, narrow: float, height: float) -> np.nda
 
 
 def _clutter(canvas: Canvas, rng: np.random.Generator, count: int) -> None:
-    """Draw boxes, of which some bear words, and frames with bolts."""
+    """Draw boxes, some with texts, and frames with bolts."""
     height, width = canvas.shape
     for number in range(count):
         at = rng.uniform(-0.1, 0.95, 2) * (width, height)

@@ -1,4 +1,4 @@
-"""Points are placed on the specimen and nowhere else, in ten kinds of drawn scenes."""
+"""In ten kinds of drawn scenes, points are placed on the specimen only."""
 
 import cv2
 import numpy as np
@@ -17,7 +17,7 @@ from dic.image.polygons import polygon_mask
 from tests.dic.specimen.scenes import SCENES, Scene, scene
 
 _EDGE_PX = 4
-"""No subset comes nearer to the image's edge."""
+"""Smallest distance, px, of a subset from the image's edge."""
 
 
 def shares(scene: Scene, subset_px: int = 21) -> tuple[float, float]:

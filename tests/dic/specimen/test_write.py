@@ -1,4 +1,4 @@
-"""The region found is written as a mask, as polygons and as a picture, and can be given back."""
+"""The found region is written as a mask, as polygons and as a picture, and can be read again."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""The default settings of correlation and strain: noise times resolution, and one truth in every place."""
+"""Tests of the default settings: noise times resolution, and the same defaults in all places."""
 
 import inspect
 

@@ -1,4 +1,4 @@
-"""What the settings keep of strain that varies in space, against plain sums and the star images."""
+"""The stated loss of a varying strain is compared with plain sums and with the star images."""
 
 import math
 
@@ -77,7 +77,7 @@ def test_nothing_is_said_of_noise_and_nothing_is_lost_of_uniform_strain(speckle)
 
 
 def check_star(images, subset_px, step_px, shape, window):
-    """Losses of a wave whose period grows from column to column, from 5 to 40 % of the amplitude."""
+    """Check stated losses from 5 to 40 % of a wave's amplitude, on the star images."""
     settings, strain = CorrelationSettings(subset_px, step_px, shape), StrainSettings("small", window)
     reference, deformed = images
     field = Correlator(reference, np.ones(reference.shape, bool), settings).correlate(deformed)

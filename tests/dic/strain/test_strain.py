@@ -1,4 +1,4 @@
-"""Strains of motions whose strain is known in closed form."""
+"""Tests with motions whose strain is known from formulas."""
 
 import numpy as np
 import pytest
@@ -178,7 +178,7 @@ def test_a_quadratic_fit_follows_strain_that_curves_where_a_plane_cannot():
 
 
 def pixel_weights(subset_px, shape):
-    """What each pixel adds to the value at the middle of the polynomial that fits a subset best."""
+    """Return the weight of each pixel in the middle value of the polynomial that is fitted to a subset."""
     at = np.linspace(-1, 1, subset_px)
     x, y = np.meshgrid(at, at)
     powers = [(0, 0), (1, 0), (0, 1)] + ([(2, 0), (1, 1), (0, 2)] if shape == "quadratic" else [])

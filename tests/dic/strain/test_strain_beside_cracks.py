@@ -1,4 +1,4 @@
-"""Local strain beside a crack: the opening of the crack is no strain, whatever window, step and region."""
+"""Local strain beside a crack does not contain the crack's opening, for any window, step and region."""
 
 from functools import cache, partial
 
@@ -18,12 +18,12 @@ CRACK_Y, TIP_X = 100, 170
 
 
 def both_sides(y, opening_px):
-    """Where material was that a strained plate with an opened crack across it shows at y."""
+    """Return the reference positions of the material that is at y in a strained plate with an open crack."""
     return np.where(y < CRACK_Y, y + opening_px / 2, y - opening_px / 2) / (1 + STRAIN)
 
 
 class CrackedPlate:
-    """A plate with a dark crack across it; its region ends `beside_px` beside the crack."""
+    """A plate with a dark crack across its width; the region ends at `beside_px` from the crack."""
 
     def __init__(self, speckle, width_px, opening_px, *, beside_px=0.0, seed=41):
         pattern = speckle(seed=seed, shape=SHAPE)
@@ -41,7 +41,7 @@ class CrackedPlate:
 
 
 def z_of(field, window=3, source="fit"):
-    """Return the errors of the strain across the crack, in units of their stated deviations."""
+    """Return the errors of the strain across the crack, divided by their stated standard deviations."""
     strain = measure(field, strain=StrainSettings("small", window, source)).strain
     return (strain.eyy - STRAIN) / strain.eyy_std
 

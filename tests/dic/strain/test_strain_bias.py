@@ -1,4 +1,4 @@
-"""The interpolation bias in stated standard deviations, held against strains of exactly drawn patterns."""
+"""Stated deviations that contain the interpolation bias are compared with errors on drawn patterns."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Fits of windows against matrices that are written out: least squares, and the covariance of all errors."""
+"""Fits of windows are compared with explicit matrices of the least-squares fit and of all errors."""
 
 from types import SimpleNamespace
 
@@ -12,7 +12,7 @@ ROWS, COLUMNS = 9, 11
 
 
 def scattered(clipped_share, seed=5):
-    """Displacements of a grid seen in perspective, with holes and errors that depend on the point."""
+    """Return random displacements on a grid in perspective, with missing points and different errors."""
     rng = np.random.default_rng(seed)
     row, column = np.mgrid[:ROWS, :COLUMNS].astype(float)
     depth = 1.0 + 0.01 * row - 0.02 * column
@@ -29,7 +29,7 @@ def scattered(clipped_share, seed=5):
 
 
 class Clipped(SimpleNamespace):
-    """Correlations of clipped points with all points of the grid, as `ClippedSubsets` gives them."""
+    """Random correlations of clipped points with all points, with the methods of `ClippedSubsets`."""
 
     def __init__(self, numbers, rng):
         super().__init__(numbers=numbers)
@@ -55,7 +55,7 @@ class Clipped(SimpleNamespace):
 
 
 def correlation(noise, one, other):
-    """The correlation of the errors of two points of the grid."""
+    """Return the correlation of the errors of two points (row, column) of the grid."""
     if max(noise.clipped.numbers[one], noise.clipped.numbers[other]) >= 0:
         return noise.clipped.shared[one[0] * COLUMNS + one[1], other[0] * COLUMNS + other[1]]
     down, across = abs(one[0] - other[0]), abs(one[1] - other[1])
@@ -64,7 +64,7 @@ def correlation(noise, one, other):
 
 
 def points_around(displacement, middle, half):
-    """The valid points of a window."""
+    """Return the valid points of the window around the point `middle`."""
     return [
         (r, c)
         for r in range(max(0, middle[0] - half), min(ROWS, middle[0] + half + 1))
@@ -74,7 +74,7 @@ def points_around(displacement, middle, half):
 
 
 def written_out(displacement, middle, places, degree):
-    """Return gradient and covariance of one window by the pseudoinverse and the matrix of all errors."""
+    """Return gradient and covariance of one window, by the pseudo-inverse and the matrix of all errors."""
     noise = displacement.noise
     x, y = (np.array([displacement.position[p] for p in places]) - displacement.position[middle]).T
     terms = [np.ones_like(x), x, y] + ([x * x, x * y, y * y] if degree == 2 else [])

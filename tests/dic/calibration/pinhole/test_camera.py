@@ -10,7 +10,7 @@ LENS = np.array([4e-8, -3e-14, 2e-6, -3e-6])
 
 
 def _bent(pan_deg: float, tilt_deg: float) -> Pinhole:
-    """Return a camera with all kinds of distortion."""
+    """Return a camera in which all four distortion coefficients differ from 0."""
     straight = Pinhole.swung(pan_deg=pan_deg, tilt_deg=tilt_deg)
     return Pinhole(2800.0, np.array([512.0, 384.0]), LENS, straight.rotation, straight.centre_mm)
 

@@ -1,4 +1,4 @@
-"""Pinhole cameras fitted to points whose truth comes from the simulators' optics and from OpenCV."""
+"""Fitted pinhole cameras, compared with the simulators' optics and with OpenCV."""
 
 import re
 from typing import Any
@@ -153,7 +153,7 @@ def test_confidence_intervals_hold_the_truth_as_often_as_they_say(
 
 
 def _tilted(rotation: np.ndarray, noise_px: float, seed: int) -> GridPoints:
-    """Return the points of a grid turned before a camera that looks straight, its plane 40 mm away."""
+    """Return the image points of a grid that is rotated by `rotation`, 40 mm in front of the camera."""
     _, xy = _points()
     points = np.column_stack([xy, np.zeros(len(xy))]) @ rotation.T
     px = _swung().project(points)

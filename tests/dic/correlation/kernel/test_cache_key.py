@@ -1,4 +1,4 @@
-"""The cache of the kernel's machine code: every file that can change the code changes the key."""
+"""A change of any file that affects the kernel's machine code changes the name of its cache folder."""
 
 import ast
 import shutil
@@ -19,7 +19,7 @@ def file_of(module: str) -> Path | None:
 
 
 def imported_by(path: Path) -> set[Path]:
-    """The files of dic that a file imports anywhere, and what those import in turn, but no packages."""
+    """Return the modules of `dic` that a file imports, directly or through other modules of `dic`."""
     found: set[Path] = set()
     for node in ast.walk(ast.parse(path.read_text())):
         names = []
@@ -43,7 +43,7 @@ def test_every_file_that_the_kernel_imports_is_in_the_key():
 
 @pytest.fixture
 def copy(tmp_path):
-    """A copy of the package's sources."""
+    """A copy of the source files of `dic`."""
     return shutil.copytree(PACKAGE, tmp_path / "dic", ignore=shutil.ignore_patterns("__pycache__"))
 
 

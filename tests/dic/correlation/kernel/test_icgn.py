@@ -1,4 +1,4 @@
-"""The compiled kernel against the same method in plain NumPy, and against what theory says of its numbers."""
+"""The compiled kernel is compared with the same method in plain NumPy, and with theory."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from dic.image.spline import spline_image
 
 
 def waves(x, y):
-    """A gentle deformation whose strain changes within a subset: where a picture's pixel comes from."""
+    """A small deformation whose strain varies within a subset, as a function `back` for `SpecklePattern`."""
     return x - 1.4 - 0.01 * x - 1e-4 * (y - 80) ** 2, y + 0.8 + 0.012 * x - 6e-5 * (x - 90) ** 2
 
 
@@ -101,7 +101,7 @@ def test_predicted_std_is_that_of_repeated_images(speckle, shape, noise):
 
 
 def half_flat(image, seed, *, noise, grey=128.0, whole=False):
-    """The image, whose right half is one grey level with a little noise."""
+    """Return the image with its right half replaced by one grey level with a little noise."""
     image = image.astype(np.float64)
     image[:, 90:] = np.random.default_rng(seed).normal(grey, noise, image[:, 90:].shape)
     return np.rint(image) if whole else image

@@ -1,4 +1,4 @@
-"""The page docs/kernel.md: its tables and formulas by brute force, compared with the kernel."""
+"""The tables and formulas of docs/kernel.md are evaluated pixel by pixel and compared with the kernel."""
 
 import re
 from fractions import Fraction
@@ -21,7 +21,7 @@ from dic.image.spline import halfway_noise_gain, slope_noise_gain, spline_image
 from tests.places import DOCS
 
 RADIUS = 10
-"""A row of the subset is one vector of 16 pixels and one of 8, which reaches beyond the subset."""
+"""Half-width of the subset: a row needs a vector of 16 pixels and one of 8, which exceeds the subset."""
 
 CENTRE = 40, 33
 WARP = np.array([0.31, 0.012, -0.02, -0.44, 0.015, 0.008, 4e-4, -3e-4, 2e-4, -5e-4, 3e-4, 1e-4])
@@ -29,7 +29,7 @@ SIDES = ["fx", "fy"]
 
 
 def tables(heading):
-    """Return the tables of the page that begin with this heading, each a list of rows of cells."""
+    """Return the tables of docs/kernel.md whose first heading is `heading`, as lists of rows of cells."""
     found, rows = [], None
     for line in (DOCS / "kernel.md").read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
@@ -50,7 +50,7 @@ OF_REFERENCE, WITH_IMAGE = tables("name in `moments.py`")
 
 @pytest.fixture(scope="module", params=[("affine", 3), ("quadratic", 5)], ids=["affine", "quadratic"])
 def pixels(speckle, request):
-    """A subset whose right columns lie outside the region, for the kernel and for NumPy."""
+    """A subset whose right columns lie outside the region, in the forms for the kernel and for NumPy."""
     pattern, (shape, order) = speckle(seed=81, shape=(70, 80), noise=1.0), request.param
     images = pattern.draw(noise_seed=1), pattern.draw(lambda x, y: (x - 0.3, y + 0.4), noise_seed=2)
     region = np.ones(pattern.shape, bool)
@@ -76,7 +76,7 @@ def pixels(speckle, request):
 
 @pytest.fixture
 def point(pixels):
-    """The subset prepared by the kernel, and its steepest-descent images by NumPy."""
+    """The subset's data prepared by the kernel, and its steepest-descent images computed by NumPy."""
     parameters = pixels.settings.parameters
     method, work = method_of(pixels.settings), Workspace.for_subsets(RADIUS, parameters)
     record = np.full(record_length(parameters), np.nan, np.float32)
@@ -118,7 +118,7 @@ def run_write_std(record, method, subset, p, zncc, work, std):
 
 
 def seen(pixels, p):
-    """Grey levels of the deformed image at the warped pixels, by SciPy's spline."""
+    """Return the grey levels of the deformed image at the warped pixels, interpolated by SciPy's spline."""
     at = [CENTRE[0] + pixels.x, CENTRE[1] + pixels.y]
     for parameter, (side, a, b, factor) in zip(p, PARAMETERS, strict=False):
         at[SIDES.index(side)] += parameter * factor * pixels.x**a * pixels.y**b
@@ -126,7 +126,7 @@ def seen(pixels, p):
 
 
 def places(row):
-    """Return the first place, the last k and the factors of a row of a table of moments."""
+    """Return first index, last k and factors from a row of a table of moments in docs/kernel.md."""
     name, offset = re.fullmatch(r"`(\w+)`(?: \+ (\d+))?", row[0]).groups()
     first = int(row[1].removesuffix("+ k"))
     assert getattr(moments, name) + int(offset or 0) == first
@@ -134,7 +134,7 @@ def places(row):
 
 
 def check_moments(found, rows, values, degree, tolerance):
-    """Compare moments with the sums of their table, which are 0 beyond the degree of the shape function."""
+    """Compare the kernel's moments with sums over pixels by their table; unused moments must be 0."""
     expected, sizes = np.full(len(found), np.nan), np.zeros(len(found))
     for row in rows:
         first, last, factors = places(row)
@@ -184,7 +184,7 @@ def test_moments_with_the_deformed_image_are_the_sums_of_the_table(pixels, point
 
 
 def projected_hessian(point):
-    """Sums of (P Jᵢ)(P Jⱼ), with P as a matrix of all pixels."""
+    """Return the sums of (P Jᵢ)(P Jⱼ) over all pixels, with the projection P written as a matrix."""
     f, n = point.f_centred, len(point.f_centred)
     P = np.eye(n) - np.full((n, n), 1 / n) - np.outer(f, f) / (f @ f)
     return (P @ point.J).T @ (P @ point.J)
