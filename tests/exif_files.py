@@ -1,4 +1,4 @@
-"""Image files with Exif tags, which Pillow writes."""
+"""Write image files with Exif tags by means of Pillow."""
 
 import os
 from pathlib import Path
@@ -18,7 +18,7 @@ def save_taken(
     offset: str | None = None,
     **options: Any,
 ) -> Path:
-    """Save an image with DateTimeOriginal and the tags beside it; None leaves a tag out."""
+    """Save an image with the Exif tags for date, fraction of a second and time zone; None omits a tag."""
     known = {_TAKEN: taken, _FRACTION: fraction, _OFFSET: offset}
     values = {tag: value for tag, value in known.items() if value is not None}
     if values and path.suffix == ".tif":

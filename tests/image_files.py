@@ -1,4 +1,4 @@
-"""Pictures as files of images."""
+"""Write arrays as image files."""
 
 from pathlib import Path
 
@@ -7,6 +7,6 @@ import numpy as np
 
 
 def write_image(path: Path, picture: np.ndarray) -> Path:
-    """Write a picture in 8 bits, its grey levels rounded, and return where."""
+    """Write an image with grey levels rounded to 8 bits, and return the path."""
     assert cv2.imwrite(str(path), np.rint(picture).astype(np.uint8))
     return path

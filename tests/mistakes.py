@@ -1,4 +1,4 @@
-"""What a driver's settings say of a table of the rig file."""
+"""Get the mistakes that a driver's settings model finds in a table of a rig file."""
 
 from typing import Any
 

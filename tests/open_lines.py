@@ -1,4 +1,4 @@
-"""What a process has open, to see that nothing was left so."""
+"""List the open sockets, pipes and terminals, to check that a test has closed all of them."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The virtual rigs that the code under test opens from a rig file, so that a test can act on them."""
+"""Record the virtual rigs that the tested code opens from a rig file, so that a test can change them."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +10,7 @@ from simulators.rig.virtual_rig import VirtualRig
 
 @contextmanager
 def opened_rigs() -> Iterator[list[VirtualRig]]:
-    """The virtual rigs that are opened within this context."""
+    """Yield a list of the virtual rigs that are opened within the `with` block."""
     opened: list[VirtualRig] = []
     build = VirtualRig.__init__
 

@@ -1,4 +1,4 @@
-"""Programs by others that tests talk to, each in a virtual environment of its own."""
+"""Programs by other authors for tests, each Python program in its own virtual environment."""
 
 import os
 import shutil
@@ -14,9 +14,9 @@ MARK = "installed"
 
 
 def interpreter(name: str, *packages: str) -> Path:
-    """Return the interpreter of an environment with `packages`, made on first use and kept.
+    """Return the Python interpreter of an environment with the given packages, which is made only once.
 
-    The test is skipped, and says why, where they cannot be installed.
+    If the packages cannot be installed, the test is skipped with the reason.
     """
     caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = caches / "offaxis" / "peers" / name
@@ -39,7 +39,7 @@ def _holds(folder: Path, wanted: str) -> bool:
 
 
 def _put_in_place(making: Path, folder: Path, wanted: str) -> None:
-    """Another worker may have made the same one meanwhile, and use it already."""
+    """Rename a finished environment to its final path, unless another worker has made the same one."""
     if folder.exists() and not _holds(folder, wanted):
         shutil.rmtree(folder)
     try:
@@ -60,7 +60,7 @@ def _install(command: list[str], folder: Path, packages: tuple[str, ...]) -> Non
 
 
 def program(name: str, package: str) -> str:
-    """Return the path of a program; the test is skipped, and says why, where it is not installed."""
+    """Return the path of a program; if it is not installed, the test is skipped with the reason."""
     path = shutil.which(name)
     if path is None:
         pytest.skip(f"{name} is not on this machine (Debian: {package})")
@@ -68,7 +68,7 @@ def program(name: str, package: str) -> str:
 
 
 def run(*command: str | Path) -> str:
-    """Run a peer to its end and return what it prints; its own complaint fails the test."""
+    """Run a program to its end and return the printed text; if it fails, the test fails with its message."""
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True, timeout=RUN_S)
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
     return done.stdout

@@ -1,4 +1,4 @@
-"""Where tests find what is not their own, and examples of the documentation with other values in them."""
+"""Paths of folders in the checkout, and examples of the documentation with changed values."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ SHARED_DATA = ROOT.parent / "shared" / "data"
 
 
 def example(name: str, *edits: tuple[str, str]) -> str:
-    """Return the text of an example with edits, each of which must find what it replaces."""
+    """Return the text of an example file with edits; the text to be replaced by each edit must exist."""
     text = (EXAMPLES / f"{name}.toml").read_text()
     for old, new in edits:
         assert old in text

@@ -1,4 +1,4 @@
-"""What a Python user does with `dic`: from images or a run to strain, and what happens to wrong arguments."""
+"""Tests of the public Python functions of `dic`, with right and with wrong arguments."""
 
 import weakref
 from functools import cache
@@ -28,14 +28,14 @@ def stretched(x, y):
 
 @pytest.fixture(scope="module")
 def images(speckle):
-    """A reference and the same pattern deformed by F, without noise."""
+    """A reference image, and an image of the pattern deformed by F, without noise."""
     pattern = speckle(seed=31)
     return pattern.draw(), pattern.draw(stretched)
 
 
 @pytest.fixture(scope="module")
 def folder(images, tmp_path_factory):
-    """The images as reference.tif and deformed.tif, in floating point."""
+    """A folder with the images as reference.tif and deformed.tif, in floating point."""
     folder = tmp_path_factory.mktemp("api")
     for name, image in zip(("reference", "deformed"), images, strict=True):
         assert cv2.imwrite(str(folder / f"{name}.tif"), image)
@@ -44,7 +44,7 @@ def folder(images, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def calibration(images):
-    """Of a camera that looks straight, its grid over the whole image."""
+    """A calibration of an on-axis camera, whose grid covers the whole image."""
     height, width = images[0].shape
     index = np.stack(np.meshgrid(np.arange(9), np.arange(9)), axis=-1).reshape(-1, 2)
     x, y = index[:, 0] * (width - 1) / 8, (8 - index[:, 1]) * (width - 1) / 8

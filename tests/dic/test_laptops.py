@@ -1,6 +1,6 @@
-"""`dic` on systems that lack what only Linux has, in programs from which it is taken away.
+"""`dic` works without functions that only Linux has; the tests remove these functions from programs.
 
-Windows has no `os.fork`, no limits of resources, no `fcntl`, waits for sockets only, and knows few signals.
+Windows has no `os.fork`, no `resource` limits, no `fcntl` and few signals, and can wait for sockets only.
 """
 
 import csv
@@ -46,7 +46,7 @@ select.select = of_sockets
 
 @pytest.fixture(scope="module")
 def bare(tmp_path_factory):
-    """Return a function that runs `dic`, and the programs it starts, without what is taken away."""
+    """A function that runs `dic`, and the programs started by it, without the functions of Linux."""
     folder = tmp_path_factory.mktemp("elsewhere")
     (folder / "sitecustomize.py").write_text(TAKEN_AWAY)
     environment = os.environ | {

@@ -1,4 +1,4 @@
-"""What stands in the pages: links, and the commands that a reader would type."""
+"""Read the documentation pages: links, commands, and names of files and Python objects."""
 
 import re
 import shlex
@@ -11,21 +11,21 @@ PAGES = [page for page in PAGES if "_build" not in page.parts]
 
 
 def name(page: Path) -> str:
-    """The page's path from the root of the checkout."""
+    """Return the page's path relative to the root of the checkout."""
     return str(page.relative_to(ROOT))
 
 
 def commands(page: Path) -> list[list[str]]:
-    """The `dic` and `rig` commands of a page's indented and console blocks, split as a shell would.
+    """Return the `dic` and `rig` commands in a page's code blocks, split into words as by a shell.
 
-    What explains a command, after `#` or in a column of its own, is left out.
+    Explanations after `#` or in a second column are left out.
     """
     lines = re.findall(r"^(?:    |\$ )((?:dic|rig) \S.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
     return [shlex.split(re.split(r"\s{4,}", line)[0], comments=True) for line in lines]
 
 
 def links(page: Path) -> list[str]:
-    """The targets of a page's links and pictures within the project, without their anchors."""
+    """Return the targets of a page's links and pictures within the project, without anchors."""
     text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     targets = re.findall(r"\]\(([^)\s]+)\)", text)
     return [target.split("#")[0] for target in targets if not target.startswith(("http", "#"))]
@@ -35,11 +35,11 @@ PACKAGES = "dic|drivers|rig|simulators|tests|benchmarks"
 
 
 def paths(page: Path) -> list[str]:
-    """The files and folders of the project that a page names, in backquotes; some with a star."""
+    """Return the files and folders of the project that a page names in backquotes, some with a wildcard."""
     return re.findall(rf"`((?:{PACKAGES}|docs|examples)/[\w./*-]*)`", page.read_text(encoding="utf-8"))
 
 
 def dotted_names(page: Path) -> list[str]:
-    """The modules, classes and functions of the packages that a page names, in backquotes."""
+    """Return the modules, classes and functions of the project that a page names in backquotes."""
     names = re.findall(rf"`((?:{PACKAGES})(?:\.\w+)+)`", page.read_text(encoding="utf-8"))
     return [name for name in names if not name.endswith((".toml", ".h5"))]

@@ -1,4 +1,4 @@
-"""The gallery has twelve pictures, each with the command that made it, and one script draws them all."""
+"""The gallery has twelve pictures, each with the command that draws it; one script draws all of them."""
 
 import importlib.util
 import re

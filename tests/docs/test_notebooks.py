@@ -1,4 +1,4 @@
-"""The notebooks run from top to bottom in plain Python, and find what theory says."""
+"""The code of the notebooks runs in plain Python, and its results agree with theory."""
 
 import json
 
@@ -18,7 +18,7 @@ def cells(name):
 
 @pytest.fixture
 def run(monkeypatch):
-    """Run a notebook's code where the notebook lies, and return its variables."""
+    """A function that runs a notebook's code in the notebook's folder, and returns its variables."""
     monkeypatch.chdir(FOLDER)
 
     def in_order(name):

@@ -1,4 +1,4 @@
-"""The pages lead nowhere wrong, and show commands as they are."""
+"""All links, names and commands in the documentation pages exist."""
 
 from pkgutil import resolve_name
 
@@ -14,7 +14,7 @@ PROGRAMS = {"dic": dic.cli.dic, "rig": rig.cli.cli}
 
 
 def refused(words: list[str]) -> str | None:
-    """What the command says against its arguments; nothing is run."""
+    """Return the error message of a command about its arguments, or None; the command is not executed."""
     program, command, *arguments = words
     group = PROGRAMS[program]
     context = click.Context(group, info_name=program)
@@ -28,7 +28,7 @@ def refused(words: list[str]) -> str | None:
 
 
 def is_synopsis(words: list[str]) -> bool:
-    """Whether brackets or an ellipsis stand for what a reader may put there."""
+    """Return True if a command contains brackets or an ellipsis as placeholders."""
     return any(mark in word for word in words for mark in "[…")
 
 
@@ -45,7 +45,7 @@ def test_files_and_names_exist(page):
 
 
 def can_be_imported(dotted: str) -> bool:
-    """Whether the name is a module, or an attribute of one."""
+    """Return True if the dotted name is a module, or an attribute of a module or class."""
     try:
         resolve_name(dotted)
     except (ImportError, AttributeError):

@@ -1,4 +1,4 @@
-"""What README shows is run: its commands, and its Python from image files and from a run file."""
+"""The commands and the Python code in README.md are executed."""
 
 import csv
 import json
@@ -28,13 +28,13 @@ def run(*words):
 
 
 def shown(*beginning):
-    """The one command of README that begins so."""
+    """Return the words of the only command in README.md with the given first words."""
     (found,) = [words for words in SHOWN if words[: len(beginning)] == list(beginning)]
     return found
 
 
 def expanded(word):
-    """A word as the shell passes it on: the files that a pattern matches."""
+    """Return the files that a word with a wildcard matches, as in a shell; or the word itself."""
     return sorted(map(str, Path().glob(word))) if "*" in word else [word]
 
 

@@ -1,4 +1,4 @@
-"""The documentation site is built, and a warning is an error: a dead link, a page that nothing leads to."""
+"""The documentation site is built without warnings, such as for a dead link or an unlinked page."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""The tutorials' commands run, one after the other, and print what the tutorials say."""
+"""The commands of the tutorials are executed one after the other, and print the shown output."""
 
 import re
 
@@ -12,10 +12,10 @@ RUN = {"dic": run_dic, "rig": run_rig}
 
 
 def follow(name: str) -> None:
-    """Type every command of a tutorial, and compare what is printed with what the page shows.
+    """Run every command of a tutorial, and compare the printed text with the text in the page.
 
-    Every word that is shown must be printed, and every number to 1 % or 2 units: its last digits may differ
-    from one processor to another.
+    Every word in the page must be printed. Every number in the page must be printed with a difference of at
+    most 1 % or 2 units, because the last digits can depend on the processor.
     """
     page = (DOCS / "tutorial" / f"{name}.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```console\n(?:.*\n)*?```\n(?:\n((?:    .*\n)+))?", page, re.MULTILINE)
@@ -31,12 +31,12 @@ def follow(name: str) -> None:
 
 
 def words(text: str) -> list[str]:
-    """The words of a text."""
+    """Return the words of a text."""
     return re.findall(r"\b[a-zA-Zµε%]{2,}\b", text)
 
 
 def numbers(text: str) -> list[float]:
-    """The numbers of a text."""
+    """Return the numbers in a text."""
     return [float(number) for number in re.findall(r"-?\b\d+(?:\.\d+)?", text)]
 
 

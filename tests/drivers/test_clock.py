@@ -13,7 +13,7 @@ FOREVER_S = 30.0
 
 
 class Work:
-    """Functions that take part in the time of a clock, each on a thread of its own."""
+    """Runs functions on separate threads, each as an activity of a clock."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
@@ -85,7 +85,7 @@ def test_time_stands_still_while_work_is_done(clock, work):
 
 def test_work_of_the_same_time_takes_turns_in_the_same_order(clock):
     def order() -> list[int]:
-        """Fifty threads that all wake at the same times, and what each did before it slept."""
+        """Return the order in which fifty threads work, if all of them wake at the same times."""
         clock, seen = VirtualClock(), []
         work = Work(clock)
 

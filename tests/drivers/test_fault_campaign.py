@@ -1,8 +1,9 @@
 """With random faults on every line, no call hangs, no wrong value is accepted, and no command is repeated.
 
-Each round puts one to three random faults of the line on a standing device, reads it, perhaps moves it,
-perhaps stops it, then clears them. Whatever is read of a standing device must be true, every error must be
-one of ours, and once the faults are gone the device must be usable again.
+In each round, the device stands still, and one to three random faults of its line are switched on. Then the
+device is read, perhaps moved, and perhaps stopped, and the faults are cleared. Each reading of a standing
+device must be true. Each error must be a `DeviceError`. After the faults are cleared, the device must be
+usable again.
 """
 
 import random
@@ -30,7 +31,7 @@ def trouble(rng: random.Random, panel: Any) -> None:
 
 
 def tried(call: Callable[[], Any]) -> Any:
-    """The result, or None after an error that says all."""
+    """Return the result of a call, or None after an error whose message is complete."""
     try:
         return call()
     except DeviceError as error:

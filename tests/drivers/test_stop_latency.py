@@ -1,8 +1,8 @@
-"""The time from the call of stop or hold to its bytes on the wire, while another request waits.
+"""Measure the time from the call of stop or hold to its bytes on the line, while another request waits.
 
-The bound is 5 ms for the median of fifteen, which stays below 3 ms beside four busy programs on two cores.
-The answer that is waited for never comes, so a stop that queued behind it would take as long as an answer
-may: 100 ms here.
+The limit for the median of fifteen calls is 5 ms. With four busy programs on two cores, this median stays
+below 3 ms. The answer to the other request never comes. So a stop that waited for this answer would take the
+reply timeout, which is 100 ms here.
 """
 
 import statistics
@@ -43,7 +43,7 @@ LIMITS = {"angle_min_deg": -5.0, "angle_max_deg": 365.0, "reply_timeout_s": ANSW
 
 @dataclass(frozen=True)
 class Line:
-    """How a device is served and opened, what its driver reads, and which bytes stop it."""
+    """Functions that start a simulator, open its driver, and recognise the messages of reading and stop."""
 
     serve: Callable[[SystemClock], Any]
     open: Callable[[str, OpenContext], Any]
@@ -88,7 +88,11 @@ def newport_line(server: Callable[..., Any], url: str) -> Line:
 
 
 def frame_line(server: Callable[..., Any], url: str, header: int) -> Line:
-    """Reading the state is function 4 at register 0; a hold is function 16 there, with the command 1."""
+    """Return the `Line` of a load frame.
+
+    Reading the state is Modbus function 4 at register 0. A hold is function 16 at register 0 with the command
+    1.
+    """
     return Line(
         lambda clock: server(LoadFrameDevice(clock, Spring())),
         lambda address, context: frame(url.format(address), context),
@@ -110,7 +114,7 @@ LINES = {
 
 
 class Bench:
-    """A line whose answers to reading may be kept back, and whose stops are timed as they arrive."""
+    """A device whose line can lose the answer to a reading, and records the arrival of stop commands."""
 
     def __init__(self, line: Line, opened: ExitStack) -> None:
         clock = SystemClock()

@@ -1,4 +1,4 @@
-"""One cell of the matrix: a run in which a fault strikes at a moment, and the promises that it must keep."""
+"""One cell of the matrix: a run with a fault at a given moment, and checks of the run's promises."""
 
 import resource
 import tempfile
@@ -14,12 +14,12 @@ from tests.engine_matrix.runs import Moment, Run, run_at
 WATCHDOG_S = 3.0
 """Time after which a load frame that nobody reads holds by itself, with some to spare."""
 LONGEST_S = 240.0
-"""Simulated time: eight times the run without a fault, so that no wait was without an end."""
+"""Longest simulated time of a run in s, which is eight times that of a run without a fault."""
 
 
 @dataclass
 class Cell:
-    """How a run ended, and the promises that it broke."""
+    """The result of a run: its status and reason, and one sentence for each broken promise."""
 
     status: str = ""
     reason: str = ""
@@ -32,7 +32,7 @@ class Cell:
 
 
 def try_cell(moment: Moment, fault: RunFault) -> Cell:
-    """Run a protocol with one fault; return how it ended."""
+    """Run a protocol with one fault at one moment, and return the result."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     cell = Cell()
     with tempfile.TemporaryDirectory() as folder:
@@ -72,7 +72,7 @@ def _check_machine(run: Run, cell: Cell) -> None:
     after = frame.displacement_mm(), stage.angle_deg()
     names = ("load_frame", "stage")
     for name, was, now in zip(names, before, after, strict=True):
-        # A stage has no watchdog: that it could not be stopped must be said.
+        # A stage has no watchdog. If it could not be stopped, the outcome must say so.
         told = name == "stage" and any("stage" in sentence for sentence in cell.unsafe)
         if abs(now - was) > 1e-6 and not told:
             cell.broken.append(f"{name} still moves after the run")
@@ -98,7 +98,7 @@ def _check_end(run: Run, fault: RunFault, outcome: Outcome | None, cell: Cell) -
 
 
 def _check_file(run: Run, outcome: Outcome | None, cell: Cell) -> None:
-    """Every acknowledged step is on file with all its images."""
+    """Check that every acknowledged step is in the run file with all its images."""
     with RunFile(run.path) as file:
         steps = file.steps
         if outcome is not None and len(steps) != outcome.steps_done:

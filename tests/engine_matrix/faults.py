@@ -17,20 +17,21 @@ FOREVER_S = 1e6
 
 @dataclass(frozen=True)
 class RunFault:
-    """A fault, and what must come of it.
+    """A fault, and the required result of a run with this fault.
 
     Attributes
     ----------
     name : str
     devices : tuple of str
-        The devices of which the rig needs one, so that this fault can happen; empty for any rig.
+        The fault can occur on a rig with one of these devices. If empty, it can occur on every rig.
     strike : callable
     ends : bool
-        The run must not be completed: what follows cannot be trusted.
+        True if the run must not be completed, because later readings cannot be trusted.
     borne : bool
-        The run must be completed: nothing is lost.
+        True if the run must be completed, because nothing is lost.
     only : tuple of str
-        The states in which the fault is tried, if not in all: this fault takes 15 s of real time.
+        The states in which the fault is tried. If empty, it is tried in all states. A fault that takes 15 s
+        of real time is tried in a few states only.
     """
 
     name: str
@@ -41,7 +42,7 @@ class RunFault:
     only: tuple[str, ...] = ()
 
     def can_strike(self, moment: Moment) -> bool:
-        """Whether the rig of this moment can have the fault."""
+        """Return True if the fault can occur on the rig at this moment."""
         device = {"tension": "load_frame", "rotation": "stage"}[moment.kind]
         return (not self.devices or device in self.devices) and (not self.only or moment.state in self.only)
 
@@ -50,10 +51,13 @@ _ENDS = {
     "lose-request", "drop", "corrupt", "late", "wrong-unit", "exception:6", "reject:STATUSBUSY", "unplug",
     "e-stop", "nan-load", "frozen-counter",
 }  # fmt: skip
-"""Lasting faults after which no reading can be had or believed."""
+"""Permanent faults after which no reading is possible or reliable."""
 _LATE_ENOUGH = {"stage.late"}
-"""Lasting faults that a line may bear at some moments: a repeated question brings the late answer to the
-first one, which is true of a stage at rest. While the stage moves, the run ends."""
+"""Permanent faults that do not end a run at some moments.
+
+If a question is repeated, the late answer to the first question arrives. For a stage at rest, this answer is
+true. While the stage moves, the run ends.
+"""
 _BORNE = {"split:1", "delay:0.02:1", "duplicate:1"}
 
 
@@ -64,11 +68,11 @@ def _switched_on(form: str) -> Callable[[Run], None]:
 _QUICK = {"delay": "delay:0.02:1", "delay:0.5:1": "delay:0.8:1"}
 """Delays are real time: the shorter one is far below the reply timeout, the longer one beyond it."""
 _AS_FAST = {"drifting-load": "drifting-load:500"}
-"""The drift of the load within a run that takes a tenth of the usual time."""
+"""Replaced rate of the load's drift, because a run of the matrix is ten times as fast as a usual run."""
 _UNSEEN = {"drifting-load:500"}
-"""Lies that no check can find while a plastic specimen is stretched, as its load may do anything."""
+"""Wrong load readings that no check can detect while a plastic specimen is stretched."""
 _LASTING = {"split", "duplicate"}
-"""Lasting faults that a line bears, and which would slow down every message of a run."""
+"""Permanent faults that are left out, because they only slow down every message of a run."""
 
 
 def _of_device(device: str) -> list[RunFault]:
@@ -105,7 +109,7 @@ def _hangs(device: str, method: str) -> Callable[[Run], None]:
 
 
 def _cannot_be_stopped(device: str, stop: str) -> Callable[[Run], None]:
-    """Hang in readings, so that the run ends, and in the stop, in real time because its deadline is real."""
+    """Return a fault: readings hang, so that the run ends, and the stop hangs in real time."""
 
     def strike(run: Run) -> None:
         def instead(call: Callable[..., Any], *arguments: Any) -> Any:
@@ -118,7 +122,7 @@ def _cannot_be_stopped(device: str, stop: str) -> Callable[[Run], None]:
 
 
 def _disk_full(run: Run) -> None:
-    """Let the run file have no more space than the recorder has reserved for closing it."""
+    """Limit the run file to its present size and the space that the recorder has reserved for closing it."""
     _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (run.path.stat().st_size + CLOSING_BYTES, hard))
 

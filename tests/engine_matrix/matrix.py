@@ -1,4 +1,4 @@
-"""Every fault at every moment of a run: how the run ends, and whether every promise was kept.
+"""Try every fault at every moment of a run, and tabulate how each run ends.
 
 python -m tests.engine_matrix.matrix            prints the table
 python -m tests.engine_matrix.matrix --write    writes the table into docs/engine-matrix.md
@@ -17,11 +17,13 @@ from tests.places import DOCS
 DOCUMENT = DOCS / "engine-matrix.md"
 HEADING = "## The table\n"
 AT_A_TIME = 8
-"""Runs at a time: most of a run with a silent line is waiting for answers, in real time. With more runs on
-two processors, answers may come too late."""
+"""Number of simultaneous runs. A run with a silent line mostly waits for answers in real time.
+
+With more runs on two processors, answers may come too late.
+"""
 
 Place = tuple[int, int]
-"""Numbers of a fault and of a moment."""
+"""A cell of the matrix: the index of a fault and the index of a moment."""
 
 
 def places() -> list[Place]:
@@ -35,8 +37,9 @@ def places() -> list[Place]:
 
 
 def try_all(cells: list[Place]) -> dict[Place, Cell]:
-    """Try the given cells, some at a time, and return them in the given order."""
-    # Neighbouring cells wait alike. In another order some cells compute while others wait for answers.
+    """Try the given cells, several at the same time, and return the results in the given order."""
+    # Neighbouring cells wait at the same times. In random order, some cells compute while others wait for
+    # answers.
     order = random.Random(0).sample(cells, len(cells))
     # The cells that take longest begin first, so that no other cell waits for their end.
     order.sort(key=lambda place: not FAULTS[place[0]].only)
@@ -63,7 +66,7 @@ def table(cells: dict[Place, Cell]) -> str:
 
 
 def documented() -> str:
-    """Return the table as it stands in the documentation."""
+    """Return the table in docs/engine-matrix.md."""
     return DOCUMENT.read_text(encoding="utf-8").partition(HEADING)[2].strip()
 
 

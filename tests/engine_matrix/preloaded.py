@@ -1,4 +1,4 @@
-"""What each process of the matrix begins with: the modules of a run, and compiled code that has run once."""
+"""Import the modules of a run and run compiled code once, at the start of each process of the matrix."""
 
 from importlib import import_module
 

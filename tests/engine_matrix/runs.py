@@ -117,21 +117,21 @@ timeout_s = 30.0
 
 @dataclass(frozen=True)
 class Moment:
-    """A call of a device during a run; a fault strikes before it, or when it has returned.
+    """A call of a device's method during a run; a fault occurs just before or just after this call.
 
     Attributes
     ----------
     state : str
-        What the engine does at this moment, for people.
+        What the engine does at this moment, as text for the table.
     kind : str
-        The protocol's.
+        The kind of the protocol.
     device, method : str
     number : int
-        Which call of this method, from 1.
+        Number of the call among the calls of this method, from 1.
     before : bool
-        Whether the fault strikes before the call is made.
+        True if the fault occurs before the call, False if it occurs after the call.
     aborted : bool
-        Whether a person aborts the run in its second motion, so that the call belongs to the safe state.
+        True if a person aborts the run in its second motion. The call then belongs to the safe state.
     """
 
     state: str
@@ -163,16 +163,16 @@ MOMENTS = (
 
 @dataclass
 class Run:
-    """One run under way, and all that a fault may take hold of.
+    """A run in progress, with all objects that a fault can change.
 
     Attributes
     ----------
     interfere : dict of (str, str) to callable
-        Called instead of a device's method, by device and method, with the true method as its first argument.
+        For a device and a method: the function to call instead. Its first argument is the true method.
     struck : bool
-        Whether the fault has struck.
+        True if the fault has occurred.
     over : Event
-        Set at the end, for whatever hangs on purpose.
+        Event that is set at the end, so that calls that hang on purpose can end.
     """
 
     moment: Moment
@@ -187,7 +187,7 @@ class Run:
 
 
 class _Watched:
-    """A device whose calls are counted, so that a fault can strike at one of them."""
+    """A wrapper around a device that counts the calls, so that a fault can occur at one of them."""
 
     def __init__(
         self, name: str, device: Any, at_call: Callable[[str, str, Any, tuple[Any, ...]], Any]
@@ -205,7 +205,10 @@ class _Watched:
 def run_at(
     moment: Moment, folder: Path, strike: Callable[[Run], None]
 ) -> Iterator[tuple[Run, Callable[[], Outcome]]]:
-    """Open a virtual rig; yield a run, and the function that executes it. `strike` is called at `moment`."""
+    """Open a virtual rig; yield a run and the function that executes it.
+
+    At the given moment of the run, the function `strike` is called, which causes the fault.
+    """
     protocol, definition, rig_file = _files(moment.kind)
     virtuals: list[VirtualRig] = []
     rig_file = _quick_to_give_up(_keeping(rig_file, virtuals))
@@ -260,7 +263,7 @@ def run_at(
 
 @cache
 def _files(kind: str) -> tuple[Protocol, str, RigFile]:
-    """Return the protocol, its text and the rig file; both are read once for all cells of a process."""
+    """Return the protocol, its text and the rig file; each process reads them only once."""
     definition, machine = (TENSION, LOAD_FRAME) if kind == "tension" else (ROTATION, STAGE)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "rig.toml"
@@ -269,7 +272,7 @@ def _files(kind: str) -> tuple[Protocol, str, RigFile]:
 
 
 def _quick_to_give_up(rig_file: RigFile) -> RigFile:
-    """Return the rig file with drivers that repeat a stop for a shorter time on a silent line."""
+    """Return the rig file with drivers that give up the stop of a silent device sooner."""
 
     def quick(entry: DeviceEntry | None, opened: Callable[..., Any]) -> DeviceEntry | None:
         if entry is None:
@@ -288,7 +291,7 @@ def _is_second_motion(method: str, number: int) -> bool:
 
 
 def _keeping(rig_file: RigFile, kept: list[VirtualRig]) -> RigFile:
-    """Return the rig file with a simulation that is put into `kept` when it is opened."""
+    """Return the rig file with a simulation that is appended to `kept` when it is opened."""
     entry = rig_file.simulation
     assert entry is not None
     spec = entry.spec

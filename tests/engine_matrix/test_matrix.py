@@ -1,4 +1,4 @@
-"""Every fault at every moment of a run; `tests.engine_matrix.cells` says what must hold in each cell."""
+"""Tests of every fault at every moment of a run, with the checks in `tests.engine_matrix.cells`."""
 
 import pytest
 

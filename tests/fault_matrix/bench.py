@@ -1,6 +1,7 @@
-"""A driver with a simulated device behind it, and what is true of that device.
+"""The base class of benches: a driver, its simulated device, and checks against the device's true state.
 
-A bench is opened, given a fault, used, and closed; each use is one call of the driver.
+A test opens a bench, switches a fault on, uses the driver, and closes the bench. Each use is one call of the
+driver.
 """
 
 from abc import ABC, abstractmethod
@@ -13,19 +14,19 @@ from drivers.lines.stop_deadline import StopTimes
 from simulators.wire.faults import FaultPanel
 
 STOP_TIMES = StopTimes(deadline_s=0.7)
-"""How a stop or hold is repeated here; in use for 5 s."""
+"""Times of a stop or hold in these tests; the default deadline is 5 s."""
 
 
 class WrongAnswerError(AssertionError):
-    """A driver said something that is not so: worse than any error."""
+    """A driver returned a wrong value without an error."""
 
 
 class UnprovenError(AssertionError):
-    """A driver that says it cannot prove its answers gave one that is not so."""
+    """A driver returned a wrong value, but states in its documentation that it cannot detect this."""
 
 
 class ReportedFault(Exception):
-    """A reading that is good and tells of a fault of the machine."""
+    """A correct reading that reports a fault of the machine."""
 
     def __init__(self, faults: tuple[str, ...]) -> None:
         self.faults = faults
@@ -33,20 +34,20 @@ class ReportedFault(Exception):
 
 
 class Bench(ABC):
-    """One driver and its device.
+    """One driver and its simulated device.
 
     Attributes
     ----------
     faults : FaultPanel
     uses : dict of str to callable
-        What is tried under a fault, in this order; each raises `DeviceError`, or `WrongAnswerError` if the
-        driver calls something good that is not.
+        The calls that are tried with a fault, in this order. Each call raises `DeviceError`, or
+        `WrongAnswerError` if the driver returns a wrong value.
     ways_back : dict of str to callable
-        What a person may have to do once the fault is gone, the least first.
+        Actions that may be necessary after the end of a fault, the smallest action first.
     unproven : frozenset of str
-        The faults under which the protocol of the line cannot tell an old answer from a new one.
+        The faults with which the protocol of the line cannot distinguish an old answer from a new one.
     talks_on_opening : bool
-        Whether opening the driver sends messages that a fault can strike.
+        True if opening the driver sends messages, which a fault can affect.
     """
 
     faults: FaultPanel
@@ -60,7 +61,7 @@ class Bench(ABC):
         self.driver: Any = None
 
     def open(self) -> None:
-        """Open the driver, closing the one before."""
+        """Close the driver if it is open, and open it again."""
         self.shut()
         self.driver = self.opened(OpenContext("device", self.clock))
 
@@ -72,26 +73,26 @@ class Bench(ABC):
 
     @abstractmethod
     def opened(self, context: OpenContext) -> Any:
-        """Return the driver, opened."""
+        """Open the driver and return it."""
 
     @abstractmethod
     def prepare(self) -> None:
-        """Make ready for what is tried."""
+        """Prepare the device for the calls in `uses`, for example by homing."""
 
     def set_in_motion(self) -> None:
-        """Begin a motion of many seconds, and let one pass; a camera films all the time."""
+        """Begin a motion of many seconds, and let one second pass; a camera films all the time."""
         self.clock.sleep(1.0)
 
     @abstractmethod
     def works(self) -> None:
-        """Show that all is well: read, and carry out a motion."""
+        """Check that the device works: read it, and execute a motion."""
 
     def executed_twice(self) -> list[str]:
-        """Return the commands that the device executed more often than they were given."""
+        """Return the commands that the device has executed more often than the driver was called."""
         return []
 
     def left_behind(self) -> dict[str, int]:
-        """Return how many of what the driver should have released are held after closing."""
+        """Return, by kind, the number of resources that the driver has not released after closing."""
         return {}
 
     def close(self) -> None:

@@ -1,7 +1,7 @@
-"""Every camera driver with a faulty camera behind it, for `tests.fault_matrix.matrix`.
+"""Benches of all camera drivers, with simulated cameras that have faults.
 
-The real drivers' cameras stand behind the seams of their own tests: the kernel's calls, Aravis' library,
-OpenCV's capture. Each picture shows its number, so that what a driver says of it can be judged.
+The simulated cameras replace the kernel's calls, the Aravis library and OpenCV's capture, as in the drivers'
+own tests. Each picture shows its number, so that a test can check what a driver says about the picture.
 """
 
 from abc import abstractmethod
@@ -34,13 +34,13 @@ IMAGE_S = 1.5
 SERIES_S = 2.5
 """How long a stream is looked at: beyond the silence after which a camera counts as stalled."""
 LEAST_FRAMES = 40
-"""So many frames such a time has at least, by all cameras here."""
+"""Smallest number of frames in `SERIES_S`, for all simulated cameras."""
 STREAM_CAPACITY = 1000
 TINY_S = 1e-6
 
 
 class CameraBench(Bench):
-    """A camera whose images are judged as a run judges them."""
+    """A camera whose images are checked in the same way as in a run."""
 
     talks_on_opening = False
 
@@ -71,16 +71,16 @@ class CameraBench(Bench):
 
     @abstractmethod
     def judge(self, frame: Frame, asked_s: float) -> None:
-        """Raise `WrongAnswerError` if a frame asked for then is not what the driver says of it."""
+        """Raise `WrongAnswerError` if a frame, requested at `asked_s`, is not what the driver says."""
 
 
 class NumberedBench(CameraBench):
-    """A camera behind a seam, whose pictures know when they were taken.
+    """A simulated camera that records when the exposure of each numbered picture began.
 
     Attributes
     ----------
     proves : bool
-        Whether the driver says that its frames are whole and fresh.
+        True if the driver promises that its frames are complete and new.
     """
 
     proves = True
@@ -92,7 +92,7 @@ class NumberedBench(CameraBench):
         self.faults = FaultPanel(CAMERA)
 
     def judge(self, frame: Frame, asked_s: float) -> None:
-        """Look at the picture: whole, and begun when the driver says."""
+        """Check that the picture is complete, and that its exposure began after the request."""
         if frame.image.min() != frame.image.max():
             raise self._wrong("half a picture called a whole one")
         begun_s = self.begun_s(int(frame.image[0, 0]))
@@ -104,11 +104,11 @@ class NumberedBench(CameraBench):
 
     @abstractmethod
     def begun_s(self, level: int) -> float:
-        """Return when the exposure of the last picture of that grey level truly began."""
+        """Return the true start of exposure of the last picture with the grey level `level`."""
 
 
 class StreamBench(NumberedBench):
-    """A camera's stream, in which nothing may be missing without being told."""
+    """A camera's stream, whose report must list every missing frame."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -127,13 +127,13 @@ class StreamBench(NumberedBench):
         self._series()
 
     def works(self) -> None:
-        """Stream without a loss; a stream that ended begins anew."""
+        """Check that the stream has no loss; if the stream has ended, begin a new one."""
         if not self._there:
             self.prepare()
         self._series()
 
     def shut(self) -> None:
-        """Close stream and driver."""
+        """Close the stream and the driver."""
         self._close_stream()
         super().shut()
 
@@ -167,7 +167,7 @@ class StreamBench(NumberedBench):
 
 
 class V4l2Bench(NumberedBench):
-    """`v4l2` on the kernel's calls."""
+    """The driver `v4l2` on a simulated kernel."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -192,12 +192,12 @@ class V4l2Bench(NumberedBench):
         return self.camera.begun[level]
 
     def left_behind(self) -> dict[str, int]:
-        """Return what the kernel still holds for the driver."""
+        """Return the numbers of device nodes and buffers that the simulated kernel still holds."""
         return {"nodes": self.camera.open_nodes, "buffers": self.camera.mapped}
 
 
 class AravisBench(NumberedBench):
-    """`aravis` on the library's calls."""
+    """The driver `aravis` on a simulated library."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -216,16 +216,16 @@ class AravisBench(NumberedBench):
         return AravisCamera(settings, context, self._library)  # type: ignore[arg-type]
 
     def begun_s(self, level: int) -> float:
-        """Return when the exposure of the picture of that grey level began."""
+        """Return the true start of exposure of the picture with the grey level `level`."""
         return self._library.begun_s + level * fake_aravis.INTERVAL_S
 
     def left_behind(self) -> dict[str, int]:
-        """Return what the library still holds for the driver."""
+        """Return the numbers of objects and buffers that the simulated library still holds."""
         return {"objects": self._library.held}
 
 
 class OpencvBench(NumberedBench):
-    """`opencv-camera`, which says itself that it proves nothing."""
+    """The driver `opencv-camera`, which states that it cannot detect old or damaged frames."""
 
     proves = False
 
@@ -245,20 +245,20 @@ class OpencvBench(NumberedBench):
         return (shown - (shown - level) % LEVELS) * fake_opencv.INTERVAL_S
 
     def left_behind(self) -> dict[str, int]:
-        """Return what OpenCV still holds for the driver."""
+        """Return the number of cameras that OpenCV still holds open."""
         return {"captures": int(not self._capture.released)}
 
 
 class V4l2StreamBench(StreamBench, V4l2Bench):
-    """`v4l2`, streaming."""
+    """The driver `v4l2` with a stream."""
 
 
 class AravisStreamBench(StreamBench, AravisBench):
-    """`aravis`, streaming."""
+    """The driver `aravis` with a stream."""
 
 
 class SimulatedCameraBench(CameraBench):
-    """The simulated camera, whose frames are numbered one by one."""
+    """The simulated camera of the virtual rig, whose frames have consecutive numbers."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -280,7 +280,7 @@ class SimulatedCameraBench(CameraBench):
         self._image()
 
     def close(self) -> None:
-        """Close driver and rig."""
+        """Close the driver and the rig."""
         self.shut()
         self._rig.close()
 

@@ -1,4 +1,4 @@
-"""The columns of the fault matrix: every driver, on each kind of line and with each register map."""
+"""The columns of the fault matrix: each driver on each kind of line, with each register map."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ from tests.tcp_servers import interlocks_rtu_on_tcp, load_frame_rtu_on_tcp, zabe
 
 @dataclass(frozen=True)
 class Column:
-    """One driver on one line."""
+    """One driver on one kind of line."""
 
     name: str
     device: str

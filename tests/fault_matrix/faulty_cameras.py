@@ -1,6 +1,6 @@
-"""Cameras behind the drivers' seams that have the faults of a panel: the kernel's, Aravis' and OpenCV's.
+"""Simulated kernel, Aravis library and OpenCV capture, whose cameras have the faults of a `FaultPanel`.
 
-They film on the virtual clock, and each picture shows its number.
+The cameras film on the virtual clock, and each picture shows its number.
 """
 
 import math
@@ -14,21 +14,21 @@ from simulators.wire.faults import CAMERA, FaultPanel
 from tests.drivers.cameras import fake_aravis, fake_kernel, fake_opencv
 
 STALE_S = 60.0
-"""By how much a stale picture is too old."""
+"""Age in s of a picture with the fault ``stale``."""
 OPENCV_GIVES_UP_S = 10.0
-"""How long OpenCV waits for a camera that says nothing."""
+"""Time in s for which OpenCV waits for a silent camera."""
 POLL_S = 0.005
 POLLS = 1000
 LEVELS = 256
 
 
 class FaultyKernelCamera(fake_kernel.FakeCamera):
-    """A camera under the kernel's calls, with the faults of a panel."""
+    """A camera of the simulated kernel, with the faults of a panel."""
 
     panel = FaultPanel(CAMERA)
 
     def strike(self, panel: FaultPanel) -> None:
-        """Obey this panel from now on."""
+        """Take the faults of the camera from `panel` from now on."""
         self.panel = panel
         self.delayed: list[tuple[float, Buffer]] = []
         self.begun: dict[int, float] = {}
@@ -36,12 +36,12 @@ class FaultyKernelCamera(fake_kernel.FakeCamera):
         panel.when("stall", lambda: setattr(self, "stalled", True), self._go_on)
 
     def _go_on(self) -> None:
-        # what was not exposed meanwhile is not made up for
+        # do not expose the frames that are missing because of the stall
         self.begun_s = self.clock.now_s() - self.counter * self.interval_s
         self.stalled = False
 
     def pass_time(self) -> None:
-        """Expose what is due, with what is wrong just now."""
+        """Expose the frames that are due, with the faults that are on now."""
         if self.panel.active and self._is_due():
             for name, fault in (("drop", "lost"), ("corrupt", "damaged")):
                 if self.panel.take(name) is not None:
@@ -57,7 +57,7 @@ class FaultyKernelCamera(fake_kernel.FakeCamera):
             self.filled.append(self.delayed.pop(0)[1])
 
     def picture(self, number: int) -> bytes:
-        """Return the picture of that number, and note when its exposure began."""
+        """Return the picture with a number, and record the start of its exposure."""
         data = super().picture(number)
         self.begun[int.from_bytes(data[:2], "little")] = self.begun_s + (self.counter - 1) * self.interval_s
         return data
@@ -68,7 +68,7 @@ class FaultyKernelCamera(fake_kernel.FakeCamera):
 
 
 class FaultyLibrary(fake_aravis.FakeLibrary):
-    """Aravis' library with the faults of a panel."""
+    """The simulated Aravis library, with the faults of a panel."""
 
     def __init__(self, clock: VirtualClock, panel: FaultPanel) -> None:
         super().__init__(clock)
@@ -79,7 +79,7 @@ class FaultyLibrary(fake_aravis.FakeLibrary):
         panel.when("stall", lambda: setattr(self, "silent", True), lambda: setattr(self, "silent", False))
 
     def stream_try_pop_buffer(self, stream: int) -> int:
-        """Give the next buffer, with what is wrong just now."""
+        """Return the next buffer, with the faults that are on now."""
         if self.gone:
             return 0
         if self._delayed is None:
@@ -98,19 +98,19 @@ class FaultyLibrary(fake_aravis.FakeLibrary):
         return buffer
 
     def buffer_get_system_timestamp(self, buffer: int) -> int:
-        """Return when the buffer's first packet came, in ns of the date."""
+        """Return the date and time, in ns, at which the first packet of the buffer came."""
         return super().buffer_get_system_timestamp(buffer) - (buffer in self._old) * round(STALE_S * 1e9)
 
 
 class FaultyCapture(fake_opencv.FakeCapture):
-    """OpenCV's camera with the faults of a panel, of which OpenCV tells nothing."""
+    """The simulated OpenCV capture, with the faults of a panel, which OpenCV does not report."""
 
     def __init__(self, clock: VirtualClock, panel: FaultPanel) -> None:
         super().__init__(clock, coloured=False)
         self._panel = panel
 
     def read(self) -> tuple[bool, np.ndarray | None]:
-        """Return the next picture as OpenCV does."""
+        """Return the next picture in the same form as OpenCV."""
         if "unplug" in self._panel.active:
             return False, None
         if self._panel.take("drop") is not None:
@@ -131,7 +131,7 @@ class FaultyCapture(fake_opencv.FakeCapture):
 
 
 class GatedClock(VirtualClock):
-    """Virtual time in which a stream's thread goes on only as far as it is let."""
+    """A virtual clock on which the thread of a stream sleeps only up to a time that the test sets."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -140,7 +140,7 @@ class GatedClock(VirtualClock):
         self._waiting = False
 
     def sleep(self, duration_s: float) -> None:
-        """Let time pass, once it may."""
+        """Let simulated time pass; a stream's thread first waits until the test allows this time."""
         if threading.current_thread().name.startswith("stream"):
             with self._news:
                 self._waiting = True
@@ -150,7 +150,7 @@ class GatedClock(VirtualClock):
         super().sleep(duration_s)
 
     def hold(self) -> None:
-        """Let no more time pass."""
+        """Stop the threads of streams at the present time."""
         self._until_s = self.now_s()
 
     def let_pass(self, duration_s: float) -> bool:
@@ -166,7 +166,7 @@ class GatedClock(VirtualClock):
         raise AssertionError(f"a stream used no time for {POLLS * POLL_S:g} s")
 
     def release(self) -> None:
-        """Let all time pass."""
+        """Let the threads of streams run without a limit of time."""
         with self._news:
             self._until_s = math.inf
             self._news.notify_all()

@@ -1,6 +1,6 @@
-"""One input of a Modbus module on one of its lines, for `tests.fault_matrix.matrix`.
+"""Benches of one input of a Modbus module, on each kind of line.
 
-The input changes before each reading, so that an answer to an earlier request shows.
+The input changes before each reading, so that a late answer to an earlier request is noticed.
 """
 
 from abc import abstractmethod
@@ -46,16 +46,16 @@ class _InputBench(Bench):
         return open_input(settings, context)
 
     def prepare(self) -> None:
-        """Read once."""
+        """Read the input once."""
         self._read()
 
     def works(self) -> None:
-        """Read each value."""
+        """Read the input with each of its values."""
         self._read()
         self._read()
 
     def close(self) -> None:
-        """Close driver and line."""
+        """Close the driver and the line."""
         self.shut()
         self._server.close()
 

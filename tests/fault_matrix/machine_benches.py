@@ -1,4 +1,4 @@
-"""Stage and load frame on each of their lines, for `tests.fault_matrix.matrix`."""
+"""Benches of stage and load frame, on each kind of line."""
 
 import math
 from collections.abc import Callable
@@ -18,11 +18,11 @@ from tests.fault_matrix.bench import STOP_TIMES, Bench, ReportedFault, WrongAnsw
 
 REPLY_TIMEOUT_S = 0.35
 ON_FOR_S = 1000.0
-"""How long a load frame has been on when it is opened, so that a restart shows in its counters."""
+"""Time in s for which a load frame was on before it is opened. So its counters show a later restart."""
 
 
 class StageBench(Bench):
-    """A rotation stage on one of its lines."""
+    """A rotation stage on one kind of line."""
 
     def __init__(
         self,
@@ -56,17 +56,17 @@ class StageBench(Bench):
         return self._open_stage(settings, context, STOP_TIMES)
 
     def prepare(self) -> None:
-        """Home, and wait for it."""
+        """Search for the reference position, and wait until the search has ended."""
         self.driver.home()
         self._arrive()
 
     def set_in_motion(self) -> None:
-        """Begin to turn by more than a hundred degrees."""
+        """Begin a rotation by more than 100°, and let one second pass."""
         self._command(self._angle_deg + 150.0)
         self.clock.sleep(1.0)
 
     def works(self) -> None:
-        """Read, turn, arrive."""
+        """Read the stage, rotate it, and check that it arrives."""
         self._arrive()
         before = len(self.device.executed)
         angle_deg = self._move()
@@ -75,7 +75,7 @@ class StageBench(Bench):
             raise WrongAnswerError(f"{angle_deg}° commanded, {self.device.executed[before:]} executed")
 
     def executed_twice(self) -> list[str]:
-        """Return the moves that the stage executed more often than they were given."""
+        """Return the moves that the stage has executed more often than the driver was called."""
         done = [name for _, name in self.device.executed if name.startswith("move")]
         return sorted({name for name in done if done.count(name) > self._given.count(name)})
 
@@ -120,7 +120,7 @@ class StageBench(Bench):
 
 
 class LoadFrameBench(Bench):
-    """A load frame on one of its lines, with one of its maps."""
+    """A load frame on one kind of line, with one register map."""
 
     def __init__(self, serve: Callable[..., Any], map_name: str, prefix: str = "") -> None:
         super().__init__()
@@ -157,12 +157,12 @@ class LoadFrameBench(Bench):
         self._read()
 
     def set_in_motion(self) -> None:
-        """Begin to stretch for ten seconds."""
+        """Begin a motion of ten seconds."""
         self._command(self._travel_mm + 0.2, 0.02)
         self.clock.sleep(1.0)
 
     def works(self) -> None:
-        """Read, stretch, arrive."""
+        """Read the load frame, move it, and check that it arrives."""
         before = len(self.device.executed)
         travel_mm = self._move()
         for _ in range(100):
@@ -173,7 +173,7 @@ class LoadFrameBench(Bench):
             raise WrongAnswerError(f"{travel_mm} mm commanded, {self.device.executed[before:]} executed")
 
     def executed_twice(self) -> list[str]:
-        """Return the moves that the machine executed more often than they were given."""
+        """Return the moves that the machine has executed more often than the driver was called."""
         done = [float(name.split()[1]) for _, name in self.device.executed if name.startswith("displacement")]
         given = self._given
         return [

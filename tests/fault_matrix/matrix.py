@@ -1,4 +1,4 @@
-"""Every fault on every driver: what each call ends in, and what it takes to go on once the fault is gone.
+"""Try every fault with every driver; tabulate the result of each call, and how the driver recovers.
 
 python -m tests.fault_matrix.matrix            prints the table
 python -m tests.fault_matrix.matrix --write    writes it into docs/fault-matrix.md
@@ -22,7 +22,7 @@ from tests.places import DOCS
 DOCUMENT = DOCS / "fault-matrix.md"
 HEADING = "## The tables\n"
 IN_MOTION = {"reset", "stall", "limit", "e-stop", "broken-specimen", "frozen-counter"}
-"""Faults that strike while the device moves; the others while it stands."""
+"""Faults that are switched on while the device moves; all other faults while it stands still."""
 _TALK = {"read", "move", "open"}
 MUST_FAIL = {
     "lose-request": {*_TALK, "stop"},
@@ -46,11 +46,11 @@ MUST_FAIL = {
     "frozen-counter": {"read", "move"},
     "watchdog-off": {"move", "open"},
 }
-"""What no driver may call good under which fault. What else is tried may succeed, if it is true."""
+"""For each fault the calls that must not succeed. Other calls may succeed if their results are true."""
 LIES = {"zero-load", "tenth-load", "reversed-load", "stuck-load", "drifting-load"}
-"""Faults that no driver can notice, as the readings look good; the engine compares load and displacement."""
+"""Faults that no driver can notice, because the readings look good; the engine detects them."""
 MUST_WORK = {"split:1", "split", "delay", "duplicate:1", "duplicate"}
-"""Faults that a driver bears: nothing is lost and nothing is late."""
+"""Faults with which every call of a driver must succeed, because nothing is lost or late."""
 AT_A_TIME = 7
 _OWN_TABLE = (INTERLOCK, CAMERA)
 DEADLINE_S = 5.0
@@ -60,18 +60,18 @@ SIGNS = {DeviceTimeout: "T", LinkLost: "L", DeviceFault: "F", DeviceError: "E"}
 
 @dataclass
 class Cell:
-    """What happened in one cell.
+    """The results of one cell.
 
     Attributes
     ----------
     outcomes : dict of str to str
-        For each use: ``ok``, T, L or F for the kind of error, or S for a fault told in a good reading.
+        For each use: ``ok``, T, L or F for the kind of error, or S for a good reading that reports a fault.
     messages : dict of str to str
-        What was said.
+        The error message of each use.
     way_back : str
-        What had to be done to go on; empty for nothing.
+        The action that was necessary to continue; empty if none was necessary.
     broken : list of str
-        Promises that were not kept.
+        One sentence for each broken promise.
     """
 
     outcomes: dict[str, str] = field(default_factory=dict)
@@ -95,13 +95,13 @@ def forms(fault: Fault) -> list[str]:
 
 
 def rows(device: str) -> list[str]:
-    """Return all faults, as they are tried, of a kind of device."""
+    """Return the forms of all faults that are tried for a kind of device."""
     shown = [fault for fault in FAULTS.values() if device in fault.devices and fault.name not in LIES]
     return [form for fault in shown for form in forms(fault)]
 
 
 def try_cell(column: Column, form: str) -> Cell:
-    """Let a fault strike a driver, use it, take the fault away, and find the way back."""
+    """Switch a fault on, use the driver, clear the fault, and find out how the driver works again."""
     threads, descriptors = set(threading.enumerate()), open_lines()
     cell, bench = Cell(), column.make()
     try:
@@ -158,7 +158,7 @@ def _use(cell: Cell, use: str, call: Callable[[], object]) -> None:
 
 
 def _mistakes(error: DeviceError, use: str) -> list[str]:
-    """What an error does not say."""
+    """Return the parts that are missing in an error message."""
     unsaid = [part for part in ("device", "step", "expected", "got", "remedy") if not getattr(error, part)]
     if use == "stop" and "emergency stop" not in error.remedy:
         unsaid.append("the emergency stop")
@@ -166,7 +166,7 @@ def _mistakes(error: DeviceError, use: str) -> list[str]:
 
 
 def _unfounded(cell: Cell, form: str) -> list[str]:
-    """What was called good and cannot be, or failed and need not."""
+    """Return a sentence for each call that succeeded but must fail, or failed but must succeed."""
     mistakes = [
         f"{use}: succeeded all the same" for use in MUST_FAIL.get(form, ()) if cell.outcomes.get(use) == "ok"
     ]
@@ -194,12 +194,12 @@ def _find_way_back(cell: Cell, bench: Bench) -> None:
 
 
 def try_column(column: Column) -> dict[str, Cell]:
-    """Try every fault on one driver."""
+    """Try every fault with one driver."""
     return {form: try_cell(column, form) for form in rows(column.device)}
 
 
 def try_all() -> dict[str, dict[str, Cell]]:
-    """Try every fault on every driver, some drivers at a time: most of it is waiting for answers."""
+    """Try every fault with every driver, several drivers at the same time, because most calls only wait."""
     with ProcessPoolExecutor(AT_A_TIME, multiprocessing.get_context("spawn")) as pool:
         found = pool.map(_try_column, range(len(COLUMNS)))
         return {column.name: cells for column, cells in zip(COLUMNS, found, strict=True)}
@@ -232,7 +232,7 @@ def tables(found: dict[str, dict[str, Cell]]) -> str:
 
 
 def documented() -> dict[str, dict[str, str]]:
-    """Return all columns as docs/fault-matrix.md has them."""
+    """Return all columns of the tables in docs/fault-matrix.md."""
     _, _, below = DOCUMENT.read_text(encoding="utf-8").partition(HEADING)
     columns: dict[str, dict[str, str]] = {}
     for text in below.strip().split("\n\n"):
@@ -245,7 +245,7 @@ def documented() -> dict[str, dict[str, str]]:
 
 
 def main() -> None:
-    """Try all, and print or write the table."""
+    """Try all faults with all drivers, and print or write the tables."""
     found = try_all()
     text = tables(found)
     if "--write" in sys.argv:

@@ -1,4 +1,4 @@
-"""Every fault of the simulators on every driver; `tests.fault_matrix.matrix` says what must hold in each."""
+"""Tests of every fault of the simulators with every driver; `tests.fault_matrix.matrix` has the checks."""
 
 import pytest
 
@@ -9,7 +9,7 @@ from tests.fault_matrix.matrix import LIES, documented, rows, try_all
 
 @pytest.fixture(scope="module")
 def cells():
-    """All cells, by column and row."""
+    """All cells of the matrix, by the names of column and row."""
     return try_all()
 
 

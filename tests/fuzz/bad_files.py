@@ -1,4 +1,4 @@
-"""Bad files made from good ones. Every one of them must be refused: none is bad by chance only."""
+"""Make bad files from good ones. Each bad file is certainly bad, so each must be refused."""
 
 import os
 import random
@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 Maker = Callable[[Path, Path, random.Random], Path]
-"""Makes a bad file at a new path from a good one, and returns where it is."""
+"""Type of a function that makes a bad file from a good one, and returns its path."""
 
 _DEEP = 100_000
 
@@ -69,7 +69,7 @@ def _noise(good: Path, place: Path, chance: random.Random) -> Path:
 
 
 def _other_kind(good: Path, place: Path, chance: random.Random) -> Path:
-    """Write the good file of another kind."""
+    """Write a good file of another kind."""
     kinds = [path for path in good.parent.iterdir() if path.is_file() and path.suffix != good.suffix]
     images = {".png", ".tif", ".bmp"}
     others = [path for path in kinds if not {path.suffix, good.suffix} <= images]
@@ -103,7 +103,7 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 
 def _bomb(good: Path, place: Path, chance: random.Random) -> Path:
-    """Write a small PNG, TIFF or BMP that declares an image which fills the memory."""
+    """Write a small PNG, TIFF or BMP file that declares an image larger than the memory."""
     side = chance.randrange(12_000, 2**31 - 1)
     if good.suffix == ".bmp":
         header = struct.pack("<2sIHHIIiiHHIIiiII", b"BM", 0, 0, 0, 54, 40, side, side, 1, 8, 1, 0, 0, 0, 0, 0)
@@ -127,7 +127,7 @@ def _bomb(good: Path, place: Path, chance: random.Random) -> Path:
 
 
 def _flat(good: Path, place: Path, chance: random.Random) -> Path:
-    """Write an image without texture and without a grid; as a mask it leaves nothing open."""
+    """Write an image of one grey level, which has no texture and no grid, and is no mask."""
     side = chance.choice([1, 8, 31, 64, 480])
     rows = zlib.compress((b"\0" + b"\x80" * side) * side)
     header = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
@@ -137,7 +137,7 @@ def _flat(good: Path, place: Path, chance: random.Random) -> Path:
 
 
 def _flipped(good: Path, place: Path, chance: random.Random) -> Path:
-    """Change one byte of what a checksum covers: of the second half of a PNG."""
+    """Change one byte in the second half of a PNG, which a checksum covers."""
     content = bytearray(good.read_bytes())
     content[chance.randrange(len(content) // 2, len(content) - 20)] ^= chance.randrange(1, 256)
     place.write_bytes(content)

@@ -1,4 +1,4 @@
-"""Bad HDF5 files: one dataset of a good file replaced by a link, or by more than any disk holds."""
+"""Make bad HDF5 files: a dataset of a good file becomes a link, or is declared larger than any disk."""
 
 import random
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Commands with one bad input each, drawn at random; the same number gives the same ones."""
+"""Make random commands with one bad input each; the same seed gives the same commands."""
 
 import random
 import re
@@ -34,21 +34,21 @@ KINDS: dict[str, Mapping[str, Maker]] = {
     "run": HDF5,
     "results": HDF5,
 }
-"""The special ways of being bad of each file; `ANY` are those that every file can have."""
+"""The special ways to make each kind of file bad; `ANY` has the ways for all files."""
 
 SHARE_OF_OPTIONS = 0.25
 
 
 @dataclass(frozen=True)
 class BadInput:
-    """A command line that must be refused, and what is bad about it."""
+    """A command line that must be refused, and a description of its bad input."""
 
     what: str
     arguments: list[str]
 
 
 def draw(count: int, good: Mapping[str, Path], folder: Path, seed: int) -> Iterator[BadInput]:
-    """Make bad inputs one by one; the files of one are made when it is asked for."""
+    """Yield `count` bad inputs; the files of each are made only when it is yielded."""
     for number in range(count):
         chance = random.Random(zlib.crc32(f"{seed} {number}".encode()))
         command = chance.choice(list(COMMANDS))

@@ -1,4 +1,4 @@
-"""Bad values of options, found by asking every command for its options."""
+"""Make bad values for all numeric options of every command."""
 
 from collections.abc import Iterator
 
@@ -12,7 +12,7 @@ _WHOLE = ("1.5", "nan", "", "x", "1e3", "-1000000000000000000000000000000")
 
 
 def bad_options(program: str, command: str) -> Iterator[list[str]]:
-    """Yield options of a command with values that no number can be."""
+    """Yield options of a command with values that are not valid numbers."""
     group = {"dic": dic.cli.dic, "rig": rig.cli.cli}[program]
     assert isinstance(group, click.Group)
     parameters = group.get_command(click.Context(group), command)

@@ -1,4 +1,4 @@
-"""Bad protocols and rig files: one value, key or table of a good one changed so that it must be refused."""
+"""Make bad protocols and rig files by a change of one value, key or table in a good file."""
 
 import random
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The commands and the files they read, by the names of the good files."""
+"""The tested commands, and the good files that each of them reads."""
 
 COMMANDS: dict[str, list[str]] = {
     "correlate": ["dic", "correlate", "{image}", "{deformed}"],
@@ -50,4 +50,4 @@ COMMANDS: dict[str, list[str]] = {
     "jog": ["rig", "jog", "{rig}", "--angle-deg", "1.0", "--yes"],
     "simulate": ["rig", "simulate", "{rig}"],
 }
-"""Each command as it is typed. ``{new}`` is a path where nothing is yet."""
+"""The command lines. ``{new}`` stands for a path at which no file exists."""

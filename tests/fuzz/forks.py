@@ -1,6 +1,6 @@
-"""Runs commands in forks of one process that has imported everything: a start costs milliseconds.
+"""Run commands in forks of one process that has imported all modules, so that a start takes milliseconds.
 
-A child is measured by the system: CPU time and greatest memory. It is killed if it does not end.
+The system measures CPU time and largest memory of each child. A child that does not end is killed.
 """
 
 import json
@@ -17,12 +17,12 @@ from pathlib import Path
 from typing import Any
 
 MOST_S = 20.0
-"""CPU time after which the system ends a child; as much again is allowed for waiting."""
+"""CPU time in s after which the system ends a child. The child may also wait for the same time."""
 
 
 @dataclass(frozen=True)
 class Ended:
-    """How a command ended; `status` is negative after a signal. Memory is what came on top of the imports."""
+    """Result of a command. `status` is negative after a signal; the memory excludes the imported modules."""
 
     status: int
     out: str
@@ -32,7 +32,7 @@ class Ended:
 
 
 class Forks:
-    """A process that runs commands one after the other in children of its own."""
+    """A process that runs commands one after the other, each in a child process."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -47,7 +47,7 @@ class Forks:
         )
 
     def run(self, arguments: list[str]) -> Ended:
-        """Run a command line to its end."""
+        """Run a command line, wait for its end, and return the result."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write(json.dumps({"arguments": arguments, "folder": str(self._folder)}) + "\n")
@@ -62,7 +62,7 @@ class Forks:
 
 @contextmanager
 def forks(folder: Path) -> Iterator[Forks]:
-    """Yield a process for commands, which is ended in any case."""
+    """Yield a process for commands, and end this process at the end of the block."""
     started = Forks(folder)
     try:
         yield started

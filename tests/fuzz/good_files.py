@@ -1,4 +1,4 @@
-"""A folder with one good file of every kind that the commands read; every bad input is made from these."""
+"""Make one good file of every kind that the commands read; bad inputs are made from these files."""
 
 import json
 import shutil
@@ -97,14 +97,14 @@ ALIGNMENT = {
 
 @dataclass(frozen=True)
 class GoodFiles:
-    """The files by the name that stands for them in a command, such as ``{image}``."""
+    """The good files, by their placeholder in a command, such as ``{image}``."""
 
     folder: Path
     files: dict[str, Path]
 
 
 def make_good_files(folder: Path) -> GoodFiles:
-    """Run a small rotation on the virtual rig, measure it, and keep every file of it."""
+    """Run a small rotation on the virtual rig, measure it, and return all its files."""
     texts = {"protocol": ROTATION, "rig": RIG, "polygons": POLYGONS}
     files = {}
     for name, text in texts.items():

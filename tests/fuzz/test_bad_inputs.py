@@ -1,4 +1,4 @@
-"""Whatever is wrong with an input, a command ends with one sentence and status 2, soon, in little memory."""
+"""With any bad input, a command ends soon, with one sentence, status 2 and little memory."""
 
 import re
 from pathlib import Path
@@ -13,7 +13,7 @@ MOST_BYTES = 2 * 2**30
 
 
 def objections(bad: BadInput, ended: Ended) -> str:
-    """Return what is wrong with the way a command refused its input; empty if nothing is."""
+    """Return the mistakes in a command's refusal of its input; an empty list without mistakes."""
     # click puts two lines about the usage before its own sentence
     said = [line for line in ended.err.splitlines() if line and not re.match(r"Usage: |Try |warning: ", line)]
     wrong = []
@@ -34,7 +34,7 @@ def objections(bad: BadInput, ended: Ended) -> str:
 
 
 def campaign(folder: Path, count: int, seed: int) -> list[str]:
-    """Run bad inputs and return what was wrong with their refusals."""
+    """Run commands with bad inputs, and return the mistakes in their refusals."""
     (folder / "good").mkdir()
     good = make_good_files(folder / "good")
     before = {path: path.read_bytes() for path in good.files.values()}

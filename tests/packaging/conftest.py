@@ -1,4 +1,4 @@
-"""The wheel as a stranger gets it: built from the tracked files alone, installed beside no checkout."""
+"""Build the wheel from the files in git only, and install it outside of the checkout."""
 
 import os
 import shutil
@@ -18,7 +18,7 @@ OFFLINE = ("--no-index", "--no-deps")
 
 @dataclass(frozen=True)
 class Installed:
-    """A virtual environment with the wheel in it, and this environment's other packages behind it."""
+    """A virtual environment with the wheel, which also finds the other packages of this environment."""
 
     folder: Path
 
@@ -40,7 +40,7 @@ class Installed:
 
 @pytest.fixture(scope="session")
 def tracked() -> list[str]:
-    """The paths that git tracks, from the root of the checkout."""
+    """The paths of all files in git, relative to the root of the checkout."""
     if shutil.which("git") is None or not (ROOT / ".git").exists():
         pytest.skip("needs git and a checkout: the wheel is compared with the tracked files")
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)

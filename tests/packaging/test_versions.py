@@ -1,4 +1,4 @@
-"""The version stands in pyproject.toml; whoever else says it says the same."""
+"""All places that state the version agree with pyproject.toml."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""The wheel holds what the tree holds, and works where there is no checkout."""
+"""The wheel contains all files of the packages, and works without the checkout."""
 
 import re
 import tarfile

@@ -15,7 +15,7 @@ SHAPE = (400, 300)
 
 
 def exact_field(moved, *, step_px=10, subset_px=21, std_px=0.01, lost=(), shape="affine"):
-    """The field of a displacement `moved(x, y)` → (u, v) in px, y down; points in `lost` have no value."""
+    """Return the field of the displacement `moved(x, y)` → (u, v) in px; the points in `lost` failed."""
     x_px, y_px = np.arange(20, SHAPE[1] - 20, step_px), np.arange(20, SHAPE[0] - 20, step_px)
     x, y = np.meshgrid(x_px.astype(float), y_px.astype(float))
     warps = np.zeros((*x.shape, 6))

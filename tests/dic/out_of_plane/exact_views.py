@@ -78,7 +78,7 @@ class View:
         return CorrelationSettings(subset_px=self.subset_px, step_px=self.subset_px, shape=self.shape)
 
     def calibration(self, *, principal_known: bool = False) -> Calibration:
-        """Calibrate from one image of the grid; on request the true principal point is given."""
+        """Return the calibration from one image of the grid, if wanted with the true principal point."""
         rng = np.random.default_rng([self.seed, 1])
         index = np.stack(np.meshgrid(np.arange(21), np.arange(21)), axis=-1).reshape(-1, 2)
         xyz = np.column_stack([(index - 10) * 0.5, np.zeros(len(index))])

@@ -184,7 +184,7 @@ finally:
 
 
 def resident_kb(folder: Path, *words: object) -> dict[str, list[int]]:
-    """Run `dic` as a program of its own; return its resident memory after each image and each row."""
+    """Run `dic` as a separate program; return its resident memory, kB, after each image and table row."""
     record = folder / "resident.json"
     argv = ["dic", *map(str, words)]
     script = WATCHED.format(argv=argv, record=str(record))

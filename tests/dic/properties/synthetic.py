@@ -33,7 +33,7 @@ def with_plateau(strain, e_mpa, yield_mpa, plateau, hardening_mpa):
 
 
 def with_toe(strain, toe):
-    """The strain at which the specimen is really loaded: grips settle over the strain `toe`."""
+    """Return the specimen's true strain for a measured strain, if the grips settle at the beginning."""
     return np.where(strain < 2 * toe, strain**2 / (4 * toe), strain - toe)
 
 
@@ -79,7 +79,7 @@ def with_yield_point():
 
 @dataclass(frozen=True)
 class PowerLaw:
-    """A bar whose true stress is K times a power n of true plastic strain, with Poisson's ratio and r."""
+    """A bar with the true stress K εⁿ at the true plastic strain ε, Poisson's ratio nu and strain ratio r."""
 
     e_mpa: float = 70e3
     k_mpa: float = 500.0
@@ -88,7 +88,7 @@ class PowerLaw:
     r: float = 1.6
 
     def record(self):
-        """Return engineering strain along and across and engineering stress, up to the break."""
+        """Return the engineering strains along and across the bar, and the engineering stress."""
         plastic = np.concatenate(
             [[0.0], np.geomspace(1e-12, 1e-3, 700), np.linspace(1.05e-3, 1.3 * self.n, 3000)]
         )

@@ -36,7 +36,7 @@ OFFSET_MPA = {"sharp corner": CORNERED, "plateau": YIELD_MPA, "Ramberg-Osgood": 
 
 
 def found(law, loaded_mpa, stretched, noise=0.0, seed=0):
-    """Evaluate points at given stresses, and then at so many steps of strain."""
+    """Evaluate a record with points at the given stresses, and then at the strains `stretched` beyond."""
     grid = np.linspace(0.0, 0.006, 200_001)
     loaded = np.interp(loaded_mpa, LAWS[law](grid), grid)
     strain = np.concatenate([loaded, loaded[-1] + stretched])

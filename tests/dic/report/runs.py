@@ -102,7 +102,10 @@ def tension_run(bias: float = 0.001, **info: Any) -> RunResult:
 
 
 def rotation_run(angle_deg: float, peak: float, **info: Any) -> RunResult:
-    """Two cameras; the off-axis one (panned) sees a false εxx of `peak` at 180°, half of it elsewhere."""
+    """Return a rotation run with two cameras.
+
+    The off-axis camera has a false εxx: `peak` at 180°, and half of it at the other angles.
+    """
     angles = [90.0, 180.0, 270.0]
     steps = [RunStep(2 + k, "rotation", a, np.nan, np.nan, a + 0.001, 10.0 * k) for k, a in enumerate(angles)]
     on_axis = camera("on_axis", steps, [turn(a) for a in angles])

@@ -22,7 +22,7 @@ class Terminal:
         self.stream = os.fdopen(theirs, "w")
 
     def attach(self) -> None:
-        """Not before the test runs: pytest puts its own streams back after the fixtures."""
+        """Replace standard error; call this within the test, because pytest resets streams after fixtures."""
         self._monkeypatch.setattr(sys, "stderr", self.stream)
         self._monkeypatch.setenv("TERM", "xterm")
 

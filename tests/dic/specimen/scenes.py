@@ -125,7 +125,7 @@ def whole_picture(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, np.
 
 
 def ruler_and_glare(canvas: Canvas, rng: np.random.Generator) -> tuple[Camera, np.ndarray]:
-    """A specimen seen at an angle beside a ruler, a printed label and shining reflections; a JPEG file."""
+    """Draw an oblique specimen beside a ruler, a printed label and reflections, for a JPEG file."""
     height, width = canvas.shape
     canvas.fill(uneven(rng, canvas.shape, 50, 0.1, 0.45))
     left = width * 0.03

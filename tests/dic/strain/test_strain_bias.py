@@ -17,7 +17,7 @@ STRAIN = 0.008
 
 @pytest.fixture(scope="module")
 def strained():
-    """Fine blobs, interpolated by the cubic spline: a bias of 10 mpx and no noise."""
+    """The field of a strained pattern of fine blobs, without noise; the cubic spline has a bias of 10 mpx."""
     speckle = Speckle(seed=6, shape=(260, 300), sigma_px=(0.6, 0.8), density=0.22)
     still = speckle.draw().astype(np.float32)
     # The material that is now at x was at x / (1 + strain).

@@ -1,4 +1,4 @@
-"""Image sets with known truth, by renderers that share no code with the study, and their true errors."""
+"""Sets of images with known motion, drawn without code of the study, and the true errors of settings."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -18,16 +18,17 @@ from simulators.scene.texture import Speckle as Sprayed
 from tests.conftest import SpecklePattern
 
 Field = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
-"""Displacements u, v and their derivatives u_x, u_y, v_x, v_y at places of the reference."""
+"""Type of a function of places (x, y) in the reference that returns u, v, u_x, u_y, v_x, v_y."""
 
 STAR_PERIOD_PX, STAR_HALF_WIDTH_PX = 100.0, 150
 
 
 @dataclass(frozen=True)
 class ImageSet:
-    """Pairs of images with noise, the true field, and what a study is told about it.
+    """Pairs of noisy images, the true displacement field, and the arguments of a study of these images.
 
-    `told` are arguments of `dic.study_settings`; `components` are those of exx and eyy whose errors count.
+    `told` are arguments of `dic.study_settings`. `components` selects the errors that count: 0 for u and exx,
+    1 for v and eyy.
     """
 
     name: str
@@ -39,9 +40,9 @@ class ImageSet:
     used: Callable[[np.ndarray, np.ndarray], np.ndarray] = lambda x, y: np.ones(x.shape, bool)
 
     def true_errors(self, sweep: Sweep) -> dict[tuple[object, ...], tuple[float, float]]:
-        """Return the errors of displacement and strain of all settings, as root mean squares over all pairs.
+        """Return for all settings the root mean square errors of displacement and strain, over all pairs.
 
-        Only points with a whole subset and a complete strain window count, 6 px from the image's edge.
+        Only points whose subset and strain window are complete count, at least 6 px from the image's edge.
         """
         found: dict[tuple[object, ...], list[np.ndarray]] = {}
         for shape, subset, step in product(sweep.shapes, sweep.subsets_px, sweep.steps_px):
@@ -80,13 +81,13 @@ class ImageSet:
 
 
 def key_of(each: StudiedSettings) -> tuple[object, ...]:
-    """Return the four settings that a study varies."""
+    """Return the values of the four settings that a study varies."""
     own = each.correlation
     return own.shape, own.subset_px, own.step_px, each.strain.window_points
 
 
 def predicted(study: Study, components: tuple[int, ...]) -> dict[tuple[object, ...], tuple[float, float]]:
-    """Return the predicted errors of displacement and strain, over some components."""
+    """Return for all settings the predicted errors of displacement and strain, over some components."""
     return {
         key_of(each): (
             _total(each.noise_px, each.bias_px, components),
@@ -102,7 +103,7 @@ def _total(noise: tuple[float, float], bias: tuple[float, float], components: tu
 
 
 def wave(period_px: float, amplitude: float, phase: float = 0.7) -> Field:
-    """Return a wave of strain along each axis."""
+    """Return the field of a strain wave along each axis."""
     k = 2 * np.pi / period_px
 
     def at(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -115,7 +116,7 @@ def wave(period_px: float, amplitude: float, phase: float = 0.7) -> Field:
 
 
 def cells(period_px: float, amplitude: float, stretch: float) -> Field:
-    """Return strain that varies in both directions, in cells, beside a uniform stretch along y."""
+    """Return the field of a strain that varies along both axes, plus a uniform strain along y."""
     k = 2 * np.pi / period_px
 
     def at(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -134,7 +135,7 @@ def cells(period_px: float, amplitude: float, stretch: float) -> Field:
 
 
 def origin(truth: Field, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the places in the reference of what a deformed image shows at (x, y)."""
+    """Return the reference positions of the material that a deformed image shows at (x, y)."""
     X, Y = x, y
     for _ in range(40):
         u, v = truth(X, Y)[:2]
@@ -143,7 +144,7 @@ def origin(truth: Field, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def of_dots(pairs: int = 3, shape: tuple[int, int] = (360, 380)) -> ImageSet:
-    """Gaussian dots of the tests, noise of 2 grey levels, strain of ±0.5 % and 100 px."""
+    """Return images of `SpecklePattern`: noise 2 grey levels, strain wave of ±0.5 % with a period of 100."""
     truth, pattern = wave(100.0, 0.005), SpecklePattern(seed=11, shape=shape)
     clean = pattern.draw(), pattern.draw(lambda x, y: origin(truth, x, y))
     drawn = _noisy(clean, 2.0, pairs)
@@ -151,7 +152,7 @@ def of_dots(pairs: int = 3, shape: tuple[int, int] = (360, 380)) -> ImageSet:
 
 
 def of_short_waves(pairs: int = 3) -> ImageSet:
-    """Blobs of the benchmarks, noise of 1 grey level, strain of ±1 % and 60 px."""
+    """Return images of blobs: noise 1 grey level, strain wave of ±1 % with a period of 60 px."""
     truth = wave(60.0, 0.01)
     clean = _blobs(Speckle(21, (400, 400)), truth)
     drawn = _noisy(clean, 1.0, pairs)
@@ -159,7 +160,7 @@ def of_short_waves(pairs: int = 3) -> ImageSet:
 
 
 def of_coarse_speckles(pairs: int = 3) -> ImageSet:
-    """Coarse blobs, noise of 4 grey levels, strain of ±0.2 % and 220 px, and an image at rest."""
+    """Return images of coarse blobs: noise 4 grey levels, wave of ±0.2 % and 220 px, and an image at rest."""
     truth, speckle = wave(220.0, 0.002), Speckle(22, (480, 480), (2.4, 3.6), 0.012)
     clean = _blobs(speckle, truth)
     rest = noisy(speckle.draw(lambda x, y: (0 * x + 0.06, 0 * y - 0.04)), 4.0, 99)
@@ -169,7 +170,7 @@ def of_coarse_speckles(pairs: int = 3) -> ImageSet:
 
 
 def of_simulated_camera(pairs: int = 3) -> ImageSet:
-    """The simulators' sprayed pattern, integrated over pixels, by a sensor of 8 bit with photon noise."""
+    """Return images of the simulators' pattern and 8-bit sensor with photon noise; wave of ±0.4 %, 150 px."""
     truth, sensor = wave(150.0, 0.004), Sensor(8, 9000.0, 12.0, 1000.0)
     size, per_mm, order = 420, 55.0, 4
     nodes, weights = np.polynomial.legendre.leggauss(order)
@@ -189,7 +190,7 @@ def of_simulated_camera(pairs: int = 3) -> ImageSet:
 
 
 def of_sharp_speckles(pairs: int = 3) -> ImageSet:
-    """Sharp blobs, which the correlation smooths, noise of 3 grey levels, strain of ±0.3 % and 130 px."""
+    """Return images of sharp blobs, which the correlation smooths: noise 3 grey levels, ±0.3 %, 130 px."""
     truth = wave(130.0, 0.003)
     clean = _blobs(Speckle(77, (360, 360), (0.7, 1.0), 0.08), truth)
     told = {"period_px": 130.0, "strain_amplitude": 0.003}
@@ -197,7 +198,7 @@ def of_sharp_speckles(pairs: int = 3) -> ImageSet:
 
 
 def of_much_noise(pairs: int = 3) -> ImageSet:
-    """Blobs with a noise of 9 grey levels, strain of ±2 % and 90 px."""
+    """Return images of blobs: noise 9 grey levels, strain wave of ±2 % with a period of 90 px."""
     truth = wave(90.0, 0.02)
     clean = _blobs(Speckle(78, (360, 360)), truth)
     told = {"period_px": 90.0, "strain_amplitude": 0.02}
@@ -205,7 +206,7 @@ def of_much_noise(pairs: int = 3) -> ImageSet:
 
 
 def of_star(folder: Path) -> ImageSet:
-    """The part of the star images of the DIC Challenge 2.0 with periods near 100 px; u is 0."""
+    """Return the part of the star images (DIC Challenge 2.0) with periods near 100 px; the true u is 0."""
     growth, middle = 290.0 / 4000.0, 250.0
     centre = round((STAR_PERIOD_PX - 10.0) / growth)
     left = centre - STAR_HALF_WIDTH_PX
@@ -227,7 +228,7 @@ def of_star(folder: Path) -> ImageSet:
 
 
 def of_measured_field(pairs: int = 3) -> ImageSet:
-    """Strain in cells beside a uniform stretch; the study estimates its wave from a deformed image."""
+    """Return images of `cells`; here the study estimates the strain wave from a deformed image."""
     truth, speckle = cells(180.0, 0.006, 0.004), Speckle(24, (520, 520))
     drawn = _noisy(_blobs(speckle, truth), 2.0, pairs)
     return ImageSet("field of a deformed image", drawn, truth, {}, [drawn[0][1]])

@@ -1,4 +1,4 @@
-"""The pieces of a study: wave, sweep, parts, pattern without noise, and strain of complete windows."""
+"""Tests of the parts of a study: wave, sweep, noise and bias, pattern without noise, complete windows."""
 
 from dataclasses import replace
 

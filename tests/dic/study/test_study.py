@@ -1,4 +1,4 @@
-"""What a study predicts, against the true errors of images whose deformation is known."""
+"""The predictions of a study are compared with the true errors on images of known deformation."""
 
 from functools import cache
 
@@ -12,7 +12,7 @@ from tests.dic.study import image_sets
 from tests.dic.study.image_sets import ImageSet, key_of, predicted
 
 PREDICTION, CHOICE = 0.15, 1.05
-"""Largest relative difference of predicted and true error, and of the recommended settings' and the least."""
+"""Largest relative error of a predicted error, and largest ratio of recommended to smallest true error."""
 
 DRAWN = ("of_dots", "of_short_waves", "of_coarse_speckles", "of_simulated_camera", "of_measured_field")
 
@@ -25,7 +25,7 @@ def studied(images: ImageSet, sweep: dic.Sweep) -> dic.Study:
 
 
 def compare(images: ImageSet, sweep: dic.Sweep) -> tuple[np.ndarray, float, dic.Study]:
-    """Return predicted / true strain error of all settings, and the recommended / the least true error."""
+    """Return predicted / true strain error of all settings, and recommended / smallest true error."""
     study, true = studied(images, sweep), images.true_errors(sweep)
     found = predicted(study, images.components)
     assert len(found) > sweep.combinations / 2

@@ -1,4 +1,4 @@
-"""Calibration targets drawn by formulas, and seen by the simulators' camera: exact truth without `dic`."""
+"""Draw calibration targets by formulas, as the simulators' camera sees them, without code of `dic`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from simulators.scene.render import render
 from simulators.scene.scene import Surface
 from simulators.scene.texture import LineGrid
 
-# A pixel that an edge cuts is divided into so many parts along each side.
+# Number of parts along each side into which a pixel at an edge is divided, and pixels computed at once.
 _PER_SIDE, _PIXELS_AT_ONCE = 20, 2000
 SIZE_PX = 560
 FOCAL_PX = 1560.0
@@ -23,7 +23,7 @@ FOCAL_PX = 1560.0
 
 @dataclass(frozen=True)
 class Drawing:
-    """A texture of two reflectances with sharp edges, given by a formula of x and y in mm."""
+    """A texture with two reflectances and sharp edges: dark where a formula of x and y (mm) is true."""
 
     formula: Callable[[np.ndarray, np.ndarray], np.ndarray]
     quadrature_order: ClassVar[int] = 4
@@ -54,7 +54,7 @@ def dots(dots: tuple[int, int], pitch_mm: float, radius_mm: float) -> Drawing:
 
 
 def asymmetric_places(dots: tuple[int, int], pitch_mm: float) -> np.ndarray:
-    """Return the places of the dots (rows, dots in a row, 2), mm: OpenCV's formula, with its y axis down.
+    """Return the positions of the dots (rows, dots in a row, 2), mm, by OpenCV's formula, but with y up.
 
     OpenCV's tutorial on calibration places dot j of row i at ``((2 j + i % 2) s, i s)``, with the size s of a
     square, which is half of the distance between the dots of a row.
@@ -79,7 +79,7 @@ def asymmetric_dots(
 
 @dataclass(frozen=True)
 class HollowDots:
-    """A plate of dots as DICe and VIC use it: three dots are rings, at the origin, on X and on Y.
+    """A plate of dots as for DICe and VIC: three dots are rings, at the origin, on X and on Y.
 
     The origin of x and y is the origin mark. `low` and `high` are the first and the last column and row.
     """
@@ -123,9 +123,9 @@ def charuco(target: CharucoTarget, legacy: bool = False) -> Drawing:
 def area_sampled(camera: PinholeCamera, surface: Surface) -> np.ndarray:
     """Return the mean reflectance in each pixel of a surface with sharp edges, shape (height, width).
 
-    A Gauss point is dark or bright, so that 4 × 4 of them put the share of a cut pixel off by 0.04 rms, and
-    in steps where an edge runs along the pixels. Pixels whose corners differ are therefore divided into 20 ×
-    20 squares, which leaves 0.003.
+    Each Gauss point is either dark or bright. So with 4 × 4 points, the dark share of a pixel at an edge has
+    an rms error of 0.04, which changes in steps along the edge. Pixels whose corners differ are therefore
+    divided into 20 × 20 squares, which reduces the error to 0.003.
     """
 
     def light(px: np.ndarray) -> np.ndarray:
@@ -161,7 +161,7 @@ class View:
         shift_mm: tuple[float, float] = (0.0, 0.0),
         **camera: float,
     ) -> "View":
-        """Turn the target by `roll_deg`, shift it, and look at it from pan_deg and tilt_deg."""
+        """Return a view of a target turned by `roll_deg` and shifted; `camera` holds pan_deg and tilt_deg."""
         pose = Pose.turned(np.array([0.0, 0.0, 1.0]), roll_deg, np.zeros(3))
         moved = Pose(pose.rotation, np.array([*shift_mm, 0.0]))
         return cls(PinholeCamera(*size_px, focal_px=focal_px, **camera), Surface(texture, moved))
@@ -169,9 +169,10 @@ class View:
     def image(
         self, noise: float = 2.0, blur_px: float = 0.8, seed: int = 8, glare: float = 0.0
     ) -> np.ndarray:
-        """Return grey levels 0 to 255. `glare` is the height of a reflection; from 75 on it saturates.
+        """Return grey levels from 0 to 255; `glare` is the height of a reflection, which saturates from 75.
 
-        The blur acts on whole pixels. On edges along the pixels' rows it is therefore not quite a lens's.
+        The blur is applied to whole pixels. So at edges parallel to the rows it differs slightly from the
+        blur of a lens.
         """
         smooth = isinstance(self.surface.texture, LineGrid)
         light = 200 * (render if smooth else area_sampled)(self.camera, self.surface)
@@ -185,7 +186,7 @@ class View:
         return np.clip(np.rint(blurred + rng.normal(0, noise, light.shape)), 0, 255).astype(np.float32)
 
     def project(self, xy_mm: np.ndarray) -> np.ndarray:
-        """Return where points of the target (n, 2), mm, are in the image, px."""
+        """Return the image positions, px, of points (n, 2), mm, of the target."""
         return self.camera.project(self.surface.world(xy_mm))
 
     def errors_px(self, grid: GridPoints) -> np.ndarray:
@@ -204,11 +205,12 @@ def seen(
 
 
 def bound_px(view: View, radius_mm: float, xy_mm: np.ndarray, blur_px: float, noise: float) -> float:
-    """Return the Cramér-Rao bound of the 2-D rms error of dots' centres, if all but the centres were known.
+    """Return the Cramér-Rao bound of the 2-D rms error of dots' centres, if all other values are known.
 
-    An edge of contrast C with a blur of standard deviation s has the information ``C²/(2√π s σ²)`` per px of
-    its length about its place across: the integral of the squared slope of the edge, divided by the variance
-    σ² of the noise. A pixel's area adds 1/12 px² to s², and rounding 1/12 to σ².
+    Take an edge with the contrast C and a blur of standard deviation s. Each px of its length gives the
+    Fisher information ``C²/(2√π s σ²)`` about the position across the edge. This is the integral of the
+    squared slope of the edge, divided by the variance σ² of the noise. The area of a pixel adds 1/12 px² to
+    s², and rounding adds 1/12 to σ².
     """
     angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)
     circle = radius_mm * np.stack([np.cos(angle), np.sin(angle)], axis=-1)

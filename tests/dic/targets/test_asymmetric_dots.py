@@ -1,4 +1,4 @@
-"""Asymmetric grids of dots: rows shifted by half a pitch, placed by OpenCV's formula."""
+"""Tests of asymmetric grids of dots, drawn by OpenCV's formula."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ TARGET = AsymmetricDotTarget((4, 11), 2.0)
 
 
 def _in_opencvs_order(grid: GridPoints) -> np.ndarray:
-    """Return the places that OpenCV's formula gives to the points of a grid, mm."""
+    """Return the positions, mm, that OpenCV's formula gives for the points of a grid."""
     column, row_from_top = grid.index[:, 0], grid.lines[1] - 1 - grid.index[:, 1]
     return asymmetric_places(grid.lines, grid.pitch_mm)[row_from_top, column]
 
@@ -123,7 +123,7 @@ def test_too_few_dots_are_refused() -> None:
 
 @dataclass(frozen=True)
 class _Plate:
-    """A view of 1280 × 1024 px in which the whole grid is seen, and what is needed to judge it."""
+    """A view of 1280 × 1024 px that shows a whole grid, with the target and the radius of its dots."""
 
     target: AsymmetricDotTarget
     radius_mm: float
@@ -131,7 +131,7 @@ class _Plate:
 
     @classmethod
     def any(cls, rng: np.random.Generator, number: int) -> "_Plate":
-        """Return a grid of 30 to 90 dots, bright or dark, seen 0 to 45° off-axis, turned in any direction."""
+        """Return a random grid of 30 to 91 dots, bright or dark, 0 to 45° off-axis, turned by any angle."""
         counts = ((4, 11), (3, 10), (6, 9), (5, 8), (5, 13), (7, 12))[number % 6]
         off_deg, towards = rng.uniform(0, 45), rng.uniform(0, 2 * np.pi)
         radius, roll_deg, focal_px = rng.uniform(0.18, 0.27), rng.uniform(-180, 180), rng.uniform(3300, 3700)

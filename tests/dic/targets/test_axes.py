@@ -1,4 +1,4 @@
-"""Which way X points and where the origin lies: by a mark, by an option, or by the image's directions."""
+"""Tests of the direction of X and of the origin: from a mark, an option, or the image's directions."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,4 +1,4 @@
-"""Checkerboards out of focus are measured, or refused."""
+"""Blurred checkerboards are either measured or refused."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ SQUARES = (9, 7)
 
 
 def _blurred_wave(x_px: np.ndarray, edges_px: np.ndarray, blur_px: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return 1 between the outermost edges, and ±1 between neighbouring edges in turn, both blurred."""
+    """Return two blurred waves: 1 between the outermost edges, and ±1 alternating between the edges."""
     steps = (1 + erf((x_px[..., None] - edges_px) / (np.sqrt(2) * blur_px))) / 2
     between = steps[..., :-1] - steps[..., 1:]
     return between.sum(axis=-1), between @ (-1.0) ** np.arange(len(edges_px) - 1)
@@ -20,8 +20,8 @@ def _blurred_wave(x_px: np.ndarray, edges_px: np.ndarray, blur_px: float) -> tup
 def _board(blur_px: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the image of a board of 9 × 7 squares of 50 px, and its corners (n, 2), px.
 
-    The blur of a pattern f(x) g(y) by a normal distribution is the product of the blurred f and the blurred
-    g, in any direction of x and y.
+    If a pattern f(x) g(y) is blurred by a normal distribution, the result is the product of the blurred f and
+    the blurred g, for any directions of x and y.
     """
     y, x = np.mgrid[:480, :560]
     centre, turn = np.array([283.3, 238.3]), np.deg2rad(12.0)

@@ -1,4 +1,4 @@
-"""ChArUco boards as laboratories have them: small, drawn by older programs, covered, seen obliquely."""
+"""Tests of ChArUco boards that are small, drawn by older programs, partly covered, or seen obliquely."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Checkerboards, ChArUco boards and dots, drawn here and seen by the simulators' camera."""
+"""Tests of checkerboards, ChArUco boards and dots, drawn as the simulators' camera sees them."""
 
 import cv2
 import numpy as np

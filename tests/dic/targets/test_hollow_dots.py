@@ -1,4 +1,4 @@
-"""Plates of dots with three hollow marks, whose lattice is larger than the picture."""
+"""Tests of plates of dots with three hollow marks, whose lattice is larger than the image."""
 
 import cv2
 import numpy as np
@@ -15,7 +15,7 @@ SHIFT_MM = (-4.5, -2.5)
 
 
 def _whole_dots(view: View, plate: HollowDots, size_px: tuple[int, int]) -> int:
-    """Count the dots whose circles lie in the picture."""
+    """Return the number of dots that lie completely in the image."""
     spans = [np.arange(first, last + 1) for first, last in zip(plate.low, plate.high, strict=True)]
     index = np.stack(np.meshgrid(*spans), axis=-1).reshape(-1, 1, 2)
     angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
@@ -72,7 +72,7 @@ def test_a_reflection_costs_dots_but_not_accuracy() -> None:
 
 
 def _any_view(rng: np.random.Generator, number: int) -> tuple[View, HollowDots]:
-    """Return a view of 1280 × 1024 px: dots of 17 to 28 px radius, 140 to 270 in view, 0 to 45° off-axis."""
+    """Return a random view, 0 to 45° off-axis, of 140 to 270 dots with radii of 17 to 28 px."""
     radius_mm = rng.uniform(0.22, 0.34)
     hole_mm = rng.uniform(0.4, 0.6) * radius_mm
     plate = HollowDots((-8, -8), (17, 14), 1.0, radius_mm, hole_mm, bright_dots=number % 4 == 3)
@@ -93,7 +93,7 @@ def _any_view(rng: np.random.Generator, number: int) -> tuple[View, HollowDots]:
 def _measured(
     rng: np.random.Generator, number: int, blur_px: tuple[float, float], glare: tuple[float, ...]
 ) -> tuple[float, float]:
-    """Return the 2-D rms error of the dots of a view, and its Cramér-Rao bound, px; inf if none is found."""
+    """Return the 2-D rms error of the dots in a view (inf if not found), and its Cramér-Rao bound, px."""
     view, plate = _any_view(rng, number)
     blur, height = rng.uniform(*blur_px), float(rng.choice(glare))
     try:

@@ -1,4 +1,4 @@
-"""The outline of the points found, around which the calibrated area ends."""
+"""Tests of the outline of the found points, which is the edge of the calibrated area."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from dic.targets.points import GridPoints
 
 
 def _points(index: list[tuple[int, int]]) -> GridPoints:
-    """Points that lie in the image where they lie on the target, turned upside down."""
+    """Return points with the given indices at 10 px per pitch in the image, with y down."""
     numbers = np.array(index)
     return GridPoints.on_lattice(numbers, numbers * [10.0, -10.0], (4, 3), 0.5)
 

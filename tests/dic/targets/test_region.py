@@ -1,4 +1,4 @@
-"""Two targets in one image: the image is refused, and a region chooses one of them."""
+"""An image with two targets is refused; a region selects one of them."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What an image shows is named if it does not show the target that was asked for."""
+"""If an image shows another target than the given one, the error message names the shown target."""
 
 import cv2
 import numpy as np

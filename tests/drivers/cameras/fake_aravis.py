@@ -1,6 +1,6 @@
 """A simulated Aravis library for the tests of the driver, with a camera that films on the virtual clock.
 
-Each picture's grey level is its number.
+All pixels of a picture have the picture's number as grey level.
 """
 
 from typing import Any
@@ -15,10 +15,11 @@ MISSING_PACKETS = 3  # of ArvBufferStatus; compared with the library's own in te
 
 
 class FakeLibrary:
-    """Behaves as Aravis does.
+    """Simulates the functions of the Aravis library that the driver calls.
 
-    `keeps` says which settings come back otherwise, `status` what a frame's is, `waiting` which frames come
-    first and `dated` their stamps, where these are of a date that has been set since.
+    `keeps` holds settings that read back with another value. `status` holds the status of frames by number.
+    `waiting` lists the frames that come first. `dated` holds timestamps of frames from before the system's
+    date was changed.
     """
 
     def __init__(self, clock: VirtualClock) -> None:

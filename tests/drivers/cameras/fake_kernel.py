@@ -1,6 +1,6 @@
 """A simulated kernel with a camera, for the interface `drivers.cameras.v4l2.node`, with all possible faults.
 
-It films on the virtual clock. Each picture shows its own number, so that a test can see which frames it got.
+The camera films on the virtual clock. Each picture shows its number, so that a test can identify the frames.
 """
 
 import errno
@@ -25,7 +25,7 @@ from drivers.clock import VirtualClock
 
 @dataclass
 class FakeControl:
-    """One control. `keeps` returns the value that the camera keeps when a value is written."""
+    """One camera control. If `keeps` is given, the camera keeps this value when another value is written."""
 
     name: str
     value: int
@@ -38,7 +38,7 @@ class FakeControl:
 
 
 def uvc_controls() -> dict[int, FakeControl]:
-    """The controls of a usual USB camera after it was plugged in. All automatic controls are on."""
+    """Return the controls of a usual USB camera after plugging in, with all automatic controls on."""
     return {
         ControlId.AUTO_WHITE_BALANCE: FakeControl("White Balance, Automatic", 1),
         ControlId.GAIN: FakeControl("Gain", 20, 0, 100),
@@ -55,11 +55,11 @@ def uvc_controls() -> dict[int, FakeControl]:
 class FakeCamera:
     """A plugged-in camera and its kernel driver. The attributes set its faults.
 
-    `frame_faults` maps the number of a picture to what happens to it: ``lost``, ``damaged``, ``short`` or
-    ``unpadded``, without the last row's padding;
-    with ``uncounted`` three frames' time passes besides, with ``repeat`` the counter does not grow, with
-    ``broken`` the stream reports an input/output error, with ``late`` the stamp is almost a frame time late.
-    `errors` maps a request to errors that its next calls raise.
+    `frame_faults` maps the number of a picture to its fault. The faults are ``lost``, ``damaged``, ``short``,
+    and ``unpadded`` (without the padding of the last row). With ``uncounted``, the time of three more frames
+    passes without frames. With ``repeat``, the counter does not increase. With ``broken``, the stream reports
+    an input/output error. With ``late``, the timestamp is late by almost one frame time. `errors` maps a
+    request to the errors that the next calls of this request raise.
     """
 
     clock: VirtualClock
@@ -105,7 +105,7 @@ class FakeCamera:
         return 1 if self.code == "GREY" else 2
 
     def picture(self, number: int) -> bytes:
-        """Return the picture with a number. Its rows have one grey level, and the padding has other bytes."""
+        """Return the bytes of a picture, with one grey level in all rows and other bytes in the padding."""
         level = (number * 37 + 11) & self.level_mask
         if self.code == "YUYV":
             row = bytes([level & 0xFF, 128] * self.width)
@@ -296,7 +296,7 @@ def _mapped(camera: FakeCamera, index: int) -> object:
 
 @dataclass
 class FakeSystem:
-    """A machine with these cameras at its sockets."""
+    """A computer to which the given cameras are connected."""
 
     cameras: list[FakeCamera]
 

@@ -26,7 +26,7 @@ BROKEN_WIRE = 0x7FFF
 
 
 class Module(InputModule):
-    """A module that counts the requests that could change something."""
+    """A simulated module that counts the requests that could change its state."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -39,7 +39,7 @@ class Module(InputModule):
 
 @pytest.mark.parametrize("line", LINES)
 class Lines(InterlockContract, ABC):
-    """The contract tests on one line. The subclasses choose the input that is read."""
+    """The contract tests on one kind of line. The subclasses choose the input that is read."""
 
     settings: ClassVar[dict[str, object]]
     values: tuple[float, ...]

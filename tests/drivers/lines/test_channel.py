@@ -12,7 +12,7 @@ from simulators.wire.tcp_server import TcpServer
 
 @pytest.fixture
 def address():
-    """Of a peer that listens and says nothing."""
+    """The address of a server that accepts a connection and sends nothing."""
     server = TcpServer(lambda connection: connection.recv(1) and None, "127.0.0.1", 0)
     yield server.address
     server.close()

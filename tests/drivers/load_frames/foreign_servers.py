@@ -1,7 +1,7 @@
 """Modbus servers of other authors (pyModbusTCP, modbus-tk, libmodbus) that serve the simulated machine.
 
-Everything on the wire is theirs, the parsing of requests and the making of answers too; `answer` only says
-what stands in the registers, or that the machine refuses.
+The other authors' code parses all requests and builds all answers on the wire. The function `answer` of the
+simulated machine only gives the content of the registers, or refuses a request.
 """
 
 import ctypes
@@ -22,14 +22,14 @@ REGISTERS = 1024
 
 
 class RefusedError(Exception):
-    """The machine answers with an exception code."""
+    """The simulated machine has answered with a Modbus exception code."""
 
     def __init__(self, code: int) -> None:
         self.code = code
 
 
 class ForeignServer(ABC):
-    """A server whose machine can be changed while it runs."""
+    """A server of another author. Its function `answer` of the machine can be replaced while it runs."""
 
     address: str
     answer: Answer
@@ -54,7 +54,7 @@ class ForeignServer(ABC):
 
 
 class PtyPair:
-    """Two serial ports joined by a cable."""
+    """Two pseudo-terminals that are connected with each other, like two serial ports with a cable."""
 
     def __init__(self) -> None:
         pairs = [os.openpty() for _ in range(2)]
@@ -84,7 +84,7 @@ class PtyPair:
 
 
 class PyModbusTcpServer(ForeignServer):
-    """pyModbusTCP's server."""
+    """A Modbus TCP server by pyModbusTCP."""
 
     def __init__(self) -> None:
         from pyModbusTCP.server import DataHandler, ModbusServer
@@ -118,7 +118,7 @@ class PyModbusTcpServer(ForeignServer):
 
 
 class _TkServer(ForeignServer):
-    """Base class of modbus-tk's servers. Their memory is read from the machine."""
+    """Base class of the servers by modbus-tk, whose register memory is read from the machine."""
 
     def _begin(self, server) -> None:
         from modbus_tk import defines, hooks, modbus
@@ -170,7 +170,7 @@ class _TkServer(ForeignServer):
 
 
 class TkTcpServer(_TkServer):
-    """modbus-tk's server on TCP."""
+    """A Modbus TCP server by modbus-tk."""
 
     def __init__(self) -> None:
         from modbus_tk import modbus_tcp
@@ -190,7 +190,7 @@ class TkTcpServer(_TkServer):
 
 
 class TkRtuServer(_TkServer):
-    """modbus-tk's server on a serial line."""
+    """A Modbus RTU server by modbus-tk, on a pseudo-terminal."""
 
     def __init__(self) -> None:
         import serial
@@ -216,7 +216,7 @@ class _Mapping(ctypes.Structure):
 
 
 def libmodbus() -> ctypes.CDLL | None:
-    """The library, or None where it is not installed."""
+    """Return the library libmodbus, or None if it is not installed."""
     name = ctypes.util.find_library("modbus")
     if name is None:
         return None
@@ -227,7 +227,7 @@ def libmodbus() -> ctypes.CDLL | None:
 
 
 class _LibmodbusServer(ForeignServer):
-    """Base class of libmodbus' servers, which answers one request."""
+    """Base class of the servers by libmodbus. The method `_respond` answers one request."""
 
     trailer = 0
 
@@ -274,7 +274,7 @@ class _LibmodbusServer(ForeignServer):
 
 
 class LibmodbusTcpServer(_LibmodbusServer):
-    """libmodbus on TCP."""
+    """A Modbus TCP server by libmodbus."""
 
     def __init__(self) -> None:
         library = libmodbus()
@@ -308,7 +308,7 @@ class LibmodbusTcpServer(_LibmodbusServer):
 
 
 class LibmodbusRtuServer(_LibmodbusServer):
-    """libmodbus on a serial line."""
+    """A Modbus RTU server by libmodbus, on a pseudo-terminal."""
 
     trailer = 2
 

@@ -26,7 +26,7 @@ COMMANDS = {"hold", "displacement", "load", "tare"}
 
 
 class Machine:
-    """The simulated machine behind any server: its device, its registers, what was commanded."""
+    """The simulated machine behind a server: its device, its registers, and the number of its motions."""
 
     def __init__(self, map_name: str) -> None:
         self.clock = VirtualClock()
@@ -124,7 +124,7 @@ class TestOnServersByOthers(LoadFrameContract):
 
     @pytest.fixture(autouse=True)
     def nothing_is_left_open(self) -> None:
-        """Not of ours, that is: their threads end in their own time."""
+        """Check nothing here, because the threads of other authors' servers may end later."""
 
     @pytest.fixture
     def bench(self, foreign: tuple[foreign_servers.ForeignServer, str]) -> Iterator[LoadFrameBench]:

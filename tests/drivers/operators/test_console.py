@@ -21,7 +21,7 @@ DEADLINE_S = 20.0
 
 @dataclass
 class Asked(threading.Thread):
-    """A question that waits on a thread of its own, as in a run."""
+    """A question that waits for its answer on a separate thread, as in a run."""
 
     operator: ConsoleOperator
     action: OperatorAction
@@ -48,7 +48,7 @@ class Asked(threading.Thread):
 
 
 class Person:
-    """Somebody at a terminal, who reads what is shown and types."""
+    """A simulated person at a terminal, who reads the shown text and types."""
 
     def __init__(self, screen: int, keyboard: int, operator: ConsoleOperator) -> None:
         self._screen, self._keyboard = screen, keyboard
@@ -80,7 +80,7 @@ def _pipe() -> Iterator[tuple[int, int]]:
 
 @pytest.fixture
 def person(monkeypatch) -> Iterator[Person]:
-    """A person at a pseudo-terminal; what the program shows arrives through a pipe."""
+    """A person who types at a pseudo-terminal, and reads the program's text from a pipe."""
     keyboard, terminal = pty.openpty()
     with _pipe() as (screen, shown), open(shown, "w", closefd=False) as stderr:
         monkeypatch.setattr("drivers.terminal.question.sys", SimpleNamespace(stderr=stderr))

@@ -9,7 +9,7 @@ from simulators.wire.tcp_server import TcpServer
 
 @contextmanager
 def flood(data: bytes) -> Iterator[str]:
-    """Give the address of one that sends `data` again and again to whoever connects."""
+    """Yield the address of a server that sends `data` again and again to each client."""
 
     def converse(connection: socket.socket) -> None:
         while True:

@@ -1,4 +1,4 @@
-"""A stage driver with its simulated line, so that one test can be used for every driver."""
+"""Stage drivers with their simulated lines, so that the same test can be used for every driver."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,15 +13,18 @@ from simulators.stage.device import StageDevice
 
 Answer = Callable[[], bytes]
 Tamper = Callable[[str, Answer], bytes]
-"""Given a command, and what carries it out and returns the answer, return what is sent instead."""
+"""Type of a function that gets a command and a function `Answer`, and returns the bytes to send.
+
+The function `Answer` executes the command and returns the regular answer.
+"""
 
 
 @dataclass(frozen=True)
 class StageKit:
-    """How a driver is opened, and its simulator on a pty and on TCP.
+    """Functions that open a driver, and that start its simulator on a pseudo-terminal and on TCP.
 
-    `settings` takes the port and what shall differ from the usual; `line` has `received`, `motions()` and a
-    `tamper` to be set.
+    `settings` takes the port and changed settings. The object that `line` returns has the received commands
+    in `received`, the motion commands in `motions()`, and a replaceable function `tamper`.
     """
 
     open_stage: Callable[[Any, OpenContext, StopTimes], RotationStage]
@@ -36,7 +39,7 @@ class StageKit:
 
 
 stops_end_soon = pytest.mark.parametrize("stop_times", [StopTimes(deadline_s=0.3)], ids=["soon"])
-"""In this test a stop that is not confirmed has failed after 0.3 s."""
+"""In tests with this mark, the deadline of an unconfirmed stop is 0.3 s."""
 
 
 def untampered(command: str, answer: Answer) -> bytes:
@@ -44,7 +47,7 @@ def untampered(command: str, answer: Answer) -> bytes:
 
 
 def arrive(stage: RotationStage, clock: VirtualClock) -> float:
-    """Wait in simulated time and return the angle."""
+    """Wait in simulated time until the stage stands still, and return its angle."""
     for _ in range(10_000):
         state = stage.read()
         if not state.moving:

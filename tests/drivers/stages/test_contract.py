@@ -44,7 +44,7 @@ MOTION = re.compile(rb"\b(home|move)\b|^\d(OR|PA(?!\?)|PR|MV)")
 
 @dataclass(frozen=True)
 class FaultyBench(StageBench):
-    """A bench whose line can have any of the simulator's faults."""
+    """A bench with the simulator's faults of the line."""
 
     panel: FaultPanel = field(default_factory=lambda: FaultPanel(STAGE))
 

@@ -17,7 +17,7 @@ from tests.drivers.stages.zaber.zaber_line import ZABER
 
 
 def for_each(names: str, zaber: tuple[object, ...], esp301: tuple[object, ...]) -> pytest.MarkDecorator:
-    """Run the test for each driver, with what is its own under `names`."""
+    """Return a mark that repeats the test for each driver, with the driver's own values for `names`."""
     kits = [pytest.param(ZABER, *zaber, id="zaber"), pytest.param(ESP301, *esp301, id="esp301")]
     return pytest.mark.parametrize(f"kit, {names}".split(", "), kits)
 

@@ -1,4 +1,4 @@
-"""Grids that something hides in part, under light that is not even: never a wrong index."""
+"""The intersections of partly hidden grids in uneven light never get a wrong index."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,12 +11,12 @@ from dic.errors import CalibrationError
 from dic.targets.line_grid.find import find_grid
 
 Draw = Callable[..., Any]
-# where the outermost lines of `lines` lines at 0.5 mm lie
+# position of the outermost lines of a grid of 21 lines with a pitch of 0.5 mm
 END_MM = 5.0
 
 
 def _placed(picture: Any, xy_mm: list[tuple[float, float]]) -> np.ndarray:
-    """Where grid positions appear, by the homography of the picture's own truth."""
+    """Return the image positions of grid positions, by a homography from the picture's true intersections."""
     homography, _ = cv2.findHomography(picture.xy_mm, picture.uv_px)
     return cv2.perspectiveTransform(np.array(xy_mm, float)[:, None], homography)[:, 0]
 

@@ -1,4 +1,4 @@
-"""How precisely intersections are found: the simulators' camera and grid are the truth."""
+"""Tests of the accuracy of found intersections, compared with the simulators' camera and grid."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from simulators.scene.render import render
 from simulators.scene.scene import Surface
 from simulators.scene.texture import LineGrid
 
-# 2-D rms in px allowed at a standard deviation of so many grey levels.
+# Allowed 2-D rms error, px, for each standard deviation of the noise, grey levels.
 LIMIT_PX = {1: 0.01, 2: 0.01, 4: 0.018, 6: 0.025}
 
 

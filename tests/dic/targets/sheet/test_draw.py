@@ -1,4 +1,4 @@
-"""Targets drawn for printing: the finders find them, exactly where they were drawn."""
+"""The finders find the targets of printed sheets exactly where they were drawn."""
 
 import re
 from pathlib import Path

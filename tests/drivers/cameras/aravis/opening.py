@@ -6,7 +6,7 @@ from drivers.interfaces import OpenContext
 from tests.drivers.cameras.fake_aravis import HEIGHT, INTERVAL_S, WIDTH, FakeLibrary
 
 DEADLINE_S = 20.0
-"""Deadline in s of the system's clock for work on other threads. Only a failing test waits so long."""
+"""Deadline in s of real time for work on other threads. Only a failing test waits for so long."""
 
 
 def settings(**changes: object) -> AravisSettings:

@@ -12,7 +12,7 @@ from tests.drivers.cameras.fake_aravis import INTERVAL_S, FakeLibrary
 
 
 def given_up_and_slow_to_open(library: FakeLibrary, camera: AravisCamera) -> threading.Event:
-    """Let a camera stop sending frames, so that it is reopened. Reopening takes until the event is set."""
+    """Make a camera stop sending frames, so that it is reopened; reopening lasts until the event is set."""
     library.silent = True
     with pytest.raises(DeviceTimeout, match="got none"):
         camera.grab(0.5)

@@ -17,7 +17,7 @@ from tests.drivers.load_frames.modbus.watched_port import settings
 
 @dataclass(frozen=True)
 class Guarded:
-    """A guard, the driver that it watches, and whether the driver's requests pass through the guard."""
+    """A guard and the driver of the same machine; it tells whether requests pass through the guard."""
 
     guard: ModbusGuard
     frame: ModbusLoadFrame

@@ -1,4 +1,4 @@
-"""A load frame behind a port at which a test can see, change, lose or delay every message."""
+"""A simulated load frame on a port at which a test can read, change, lose or delay each message."""
 
 import struct
 from collections.abc import Callable
@@ -14,7 +14,7 @@ Answer = Callable[[], bytes | None]
 
 
 class Port(LoadFrameServer):
-    """A load frame whose every message a test may see, change, lose or delay."""
+    """A Modbus server of a load frame. A test can read, change, lose or delay each message."""
 
     def __init__(self, device: LoadFrameDevice) -> None:
         self.commands: list[tuple[int, int]] = []
@@ -41,7 +41,7 @@ def settings(address: str, **changes: object) -> ModbusLoadFrameSettings:
 
 
 def wait(frame: ModbusLoadFrame, clock: VirtualClock) -> float:
-    """Wait for standstill in simulated time and return the seconds it took."""
+    """Wait in simulated time for standstill, and return the duration in seconds."""
     start_s = clock.now_s()
     while frame.read().moving:
         clock.sleep(0.1)

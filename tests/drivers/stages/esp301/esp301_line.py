@@ -10,7 +10,7 @@ from tests.tcp_servers import newport_on_tcp
 
 
 class EspLine(NewportServer):
-    """A controller on a pty whose every message a test may see, change or lose."""
+    """A simulated controller on a pseudo-terminal. A test can read, change or lose each message."""
 
     def __init__(self, device: StageDevice, clock: VirtualClock) -> None:
         self.received: list[str] = []

@@ -12,7 +12,7 @@ from tests.drivers.stages.stage_kit import Answer, stops_end_soon, untampered
 
 
 def swallow_first_position(line: EspLine) -> threading.Event:
-    """The first position asked for is never answered; the event tells that it was asked for."""
+    """Make the line lose the first answer to a question for the position; this sets the returned event."""
     polled = threading.Event()
 
     def swallow_first(command: str, answer: Answer) -> bytes:

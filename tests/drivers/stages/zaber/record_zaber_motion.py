@@ -2,9 +2,10 @@
 
     python -m tests.drivers.stages.zaber.record_zaber_motion INTERPRETER
 
-INTERPRETER is one that has the package zaber-motion, best in an environment of its own. The transcript is
-kept in `data` beside it, one message in each line, byte for byte, ``>`` from the client, ``<`` from the
-stage; the tests need neither the client nor this program.
+INTERPRETER is a Python interpreter with the package zaber-motion, preferably in a separate virtual
+environment. The transcript is written to the folder `data` beside this file. Each line has one message, byte
+for byte: ``>`` marks a message of the client, and ``<`` marks a message of the stage. The tests need neither
+the client nor this program.
 """
 
 import subprocess
@@ -17,7 +18,7 @@ from tests.tcp_servers import zaber_on_tcp
 
 TRANSCRIPT = Path(__file__).parent / "data" / "zaber-motion.txt"
 
-# Runs in the other interpreter: the client ends its whole process on some errors.
+# This code runs in a separate process, because the client ends its process after some errors.
 CLIENT = """
 import sys
 from zaber_motion import Library, __version__
@@ -51,7 +52,7 @@ print(__version__)
 
 
 def record(interpreter: str) -> list[str]:
-    """Return the lines of the conversation."""
+    """Run the client on a simulated stage, and return the lines of the transcript."""
     device = StageDevice(SystemClock(), speed_deg_s=200.0, acceleration_deg_s2=5000.0)
     server = zaber_on_tcp(device)
     lines: list[str] = []

@@ -26,7 +26,7 @@ def test_the_conversation_is_one_of_questions_and_answers():
 
 @pytest.fixture
 def replayed():
-    """A port to a stage that has only the recorded answers, and gives each to the recorded question alone."""
+    """A port to a stage that knows only the recorded answers, and only for the recorded questions."""
     heard: list[bytes] = []
 
     def converse(connection: socket.socket) -> None:

@@ -10,7 +10,7 @@ from tests.tcp_servers import zaber_on_tcp
 
 
 class ZaberLine(ZaberServer):
-    """A stage on a pty whose every message a test may see, change, lose or delay."""
+    """A simulated stage on a pseudo-terminal. A test can read, change, lose or delay each message."""
 
     def __init__(self, device: StageDevice) -> None:
         self.received: list[str] = []
@@ -32,7 +32,7 @@ def settings(port: str, **changes: object) -> ZaberSettings:
 
 
 def lose(lost: str) -> Tamper:
-    """The stage acts on commands that begin so, but its answer is lost."""
+    """Return a function `Tamper`: the stage executes commands that begin with `lost`, without an answer."""
 
     def tamper(command: str, answer: Answer) -> bytes:
         reply = answer()
@@ -42,7 +42,7 @@ def lose(lost: str) -> Tamper:
 
 
 def answered(reply: bytes, words: str) -> bytes:
-    """The same answer with other words after the id, and the checksum they need."""
+    """Return the answer with other words after its id, and with the right checksum."""
     body = " ".join([*reply.decode()[1:].split()[:3], words])
     return f"@{body}:{lrc(body)}\r\n".encode()
 

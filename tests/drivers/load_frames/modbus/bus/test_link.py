@@ -19,7 +19,7 @@ LONG_S, SHORT_S = 10.0, 0.2
 
 @contextmanager
 def served(device: Device, reply_timeout_s: float = LONG_S) -> Iterator[ModbusLink]:
-    """A link to a server that hands every request, MBAP header included, to `device` and sends its answer."""
+    """Yield a link to a server; the function `device` answers requests, which include the MBAP header."""
 
     def converse(connection: socket.socket) -> None:
         while request := connection.recv(300):
@@ -35,7 +35,7 @@ def served(device: Device, reply_timeout_s: float = LONG_S) -> Iterator[ModbusLi
 
 
 def reply(request: bytes, pdu: bytes) -> bytes:
-    """Header of the Messaging on TCP/IP guide: the request's transaction, protocol 0, length, unit."""
+    """Return an answer: the MBAP header (the request's transaction, protocol 0, length, unit) and `pdu`."""
     return request[:4] + struct.pack(">HB", len(pdu) + 1, request[6]) + pdu
 
 

@@ -23,7 +23,7 @@ LONG_S, SHORT_S = 10.0, 0.2
 
 
 class Slave:
-    """The other end of a serial line, which answers as a test wants. A frame arrives in one piece."""
+    """A device on a serial line, whose answers a function of the test gives. Frames arrive in one piece."""
 
     def __init__(self, answer: Callable[[bytes], bytes]) -> None:
         self.answer = answer
@@ -152,7 +152,7 @@ def test_an_answer_of_another_unit_function_or_length_is_not_believed(slave, has
 
 
 def answers_one_late(times: int) -> Callable[[bytes], bytes]:
-    """Send each answer only after the next request, for a number of times. Then send all answers in time."""
+    """Return a function that sends answers one request too late, for the given number of requests."""
     late: list[bytes] = []
     left = iter(range(times))
 
@@ -260,7 +260,7 @@ def test_a_baud_rate_over_tcp_is_told():
 
 
 class ScriptedWire:
-    """A line with given answers that have no numbers. It records the requests."""
+    """A connection with given answers, which have no transaction numbers. It records the requests."""
 
     numbered = False
 
@@ -316,7 +316,7 @@ def test_connecting_never_takes_as_long_as_an_answer_may(monkeypatch):
 
 
 class Babble:
-    """A channel that delivers a number of pieces. With each piece the clock advances by 10 ms."""
+    """A channel that delivers the given number of bytes, one by one, with 10 ms between them."""
 
     def __init__(self, pieces: int) -> None:
         self.pieces = pieces
