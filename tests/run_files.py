@@ -1,4 +1,4 @@
-"""Run files for tests: a small good one, and the same file damaged or made by somebody who means harm."""
+"""Run files for tests: a small good file, and damaged or malicious versions of this file."""
 
 from collections.abc import Callable
 from contextlib import closing
@@ -30,14 +30,14 @@ CAMERAS = {name: CameraInfo("v", "m", "s", width_px=32, height_px=24, bits=8) fo
 
 
 def take(camera: CameraInfo, number: int) -> Frame:
-    """An image that no other number gives."""
+    """Return a frame whose image depends on the number, so that each number gives a different image."""
     noise = np.random.default_rng(number)
     image = noise.integers(0, 255, (camera.height_px, camera.width_px), np.uint8)
     return Frame(image, float(number), number + 0.1, START, number, 0, 900.0, 1.0)
 
 
 def write_run(path: Path, loads: int = 4) -> Path:
-    """A completed run with a grid, a reference and some loads."""
+    """Write the file of a completed run with a grid step, a reference step and some load steps."""
     recorder = Recorder(path, HEADER, CAMERAS, load_frame=DeviceInfo("v", "m", "s"))
     kinds = ["grid", "reference", *["load"] * loads]
     with closing(_Closing(recorder)):
@@ -175,11 +175,11 @@ HOSTILE: dict[str, Change] = {
     "a format that is no text": _attribute,
     "no attribute": lambda file: file["entry"].attrs.clear(),
 }
-"""What a run file can be changed to that no reader may follow."""
+"""Malicious or damaging changes of a run file, which a reader must refuse."""
 
 
 def changed(good: Path, change: Change, path: Path) -> Path:
-    """A copy of a run file with a change."""
+    """Write a copy of a run file with a change."""
     path.write_bytes(good.read_bytes())
     with h5py.File(path, "r+") as file:
         change(file)

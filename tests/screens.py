@@ -1,4 +1,4 @@
-"""A program on a pseudo-terminal, whose screen a test reads as a person sees it."""
+"""Programs on a pseudo-terminal, with the text of the screen as a person sees it."""
 
 import codecs
 import fcntl
@@ -29,13 +29,13 @@ class Screen:
     ----------
     columns : int
     rows : int
-        Lines above so many are scrolled away.
+        Number of lines of the terminal; older lines are scrolled away.
 
     Attributes
     ----------
     seen : list of str
-        Every screen, with its newest line complete: before the cursor goes back to draw another. How a
-        terminal divides the output into pieces therefore does not matter.
+        The text of every screen, recorded when its newest line is complete and the cursor goes back. So the
+        result does not depend on how the terminal divides the output into pieces.
     """
 
     def __init__(self, columns: int, rows: int = ROWS) -> None:
@@ -46,7 +46,7 @@ class Screen:
         self.seen: list[str] = []
 
     def feed(self, text: str) -> None:
-        """Show what a program writes."""
+        """Process text that a program has written."""
         text = self._rest + text
         self._rest = ""
         position = 0
@@ -66,14 +66,14 @@ class Screen:
 
     @property
     def lines(self) -> list[str]:
-        """The lines that the terminal shows now, the oldest scrolled away."""
+        """The lines that the terminal shows now, without the lines that are scrolled away."""
         return ["".join(line).rstrip() for line in self._lines[-self._rows :]]
 
     def __str__(self) -> str:
         return "\n".join(self.lines).rstrip()
 
     def note(self) -> None:
-        """Keep the screen as it is now, unless it was kept already."""
+        """Append the present screen to `seen`, unless it is equal to the last element."""
         if not self.seen or self.seen[-1] != str(self):
             self.seen.append(str(self))
 
@@ -119,7 +119,7 @@ class Screen:
 
 
 class TerminalProgram:
-    """A program that runs on a terminal of its own, which a test reads and types on.
+    """A program on its own pseudo-terminal. A test reads the screen and types.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ class TerminalProgram:
         return str(self.screen)
 
     def end(self) -> int:
-        """Read to the end of the program, and return its exit status."""
+        """Read the output to the end of the program, and return its exit status."""
         while self._read(60.0):
             pass
         self.screen.note()
@@ -173,7 +173,7 @@ class TerminalProgram:
         os.close(self._ours)
 
     def _read(self, timeout_s: float) -> bool:
-        """Read what comes next; return False at the end."""
+        """Read the next piece of output; return False at the end of the output."""
         assert select.select([self._ours], [], [], timeout_s)[0], f"nothing comes any more:\n{self.screen}"
         try:
             received = os.read(self._ours, 10_000)
@@ -185,23 +185,23 @@ class TerminalProgram:
 
 
 class Watched:
-    """A terminal in this process, whose screens are kept."""
+    """A terminal for commands in this process, whose screens are recorded."""
 
     def __init__(self, columns: int) -> None:
         self._screen = Screen(columns, rows=1000)
 
     @property
     def seen(self) -> list[str]:
-        """Every screen, as `Screen.seen`."""
+        """The text of every screen; see `Screen.seen`."""
         return self._screen.seen
 
     @property
     def lines(self) -> list[str]:
-        """The lines that the terminal shows now, without lines that it has broken."""
+        """The lines that the terminal shows now."""
         return str(self._screen).splitlines()
 
     def read(self, descriptor: int) -> None:
-        """Show what comes from a descriptor, up to its end."""
+        """Process all text from a descriptor, up to its end."""
         # A character may be cut by the end of a piece.
         decoder = codecs.getincrementaldecoder("utf-8")()
         try:
@@ -215,7 +215,7 @@ class Watched:
 
 @contextmanager
 def terminal(columns: int) -> Iterator[tuple[TextIO, Watched]]:
-    """Give a stream that is a terminal, and what it shows; complete when the block has ended."""
+    """Yield a stream to a terminal, and its recorded screens, which are complete after the block."""
     ours, theirs = _terminal(columns)
     watched = Watched(columns)
     reader = threading.Thread(target=watched.read, args=(ours,))
@@ -229,7 +229,7 @@ def terminal(columns: int) -> Iterator[tuple[TextIO, Watched]]:
 
 
 def _terminal(columns: int) -> tuple[int, int]:
-    """Return our side of a new terminal and the side of the program."""
+    """Return the descriptors of both sides of a new pseudo-terminal: the test's and the program's."""
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, columns, 0, 0))
     return ours, theirs

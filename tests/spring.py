@@ -1,4 +1,4 @@
-"""The load string of tests that need none of a specimen's yielding: a spring."""
+"""A spring as load string, for tests in which the specimen need not yield."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Whole virtual experiments, from protocol files to strains: the paper's results, and their cause."""
+"""Complete virtual experiments, from protocol files to strains, reproduce the paper's results."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ MICRO = 1e6
 
 
 def experiment(folder, protocol, rig, increment=None, aligned=None):
-    """Run an example protocol on an example rig, each with one line changed if one is given; measure it."""
+    """Run an example protocol on an example rig, each with at most one changed line, and measure the run."""
     files = [folder / "protocol.toml", folder / "rig.toml"]
     for path, name, change in zip(files, (protocol, rig), (increment, aligned), strict=True):
         path.write_text(example(name, *([change] if change else [])))
@@ -26,13 +26,13 @@ def experiment(folder, protocol, rig, increment=None, aligned=None):
 
 
 def calibrated(camera):
-    """Return (steps, 3) calibrated exx, eyy, exy in µε."""
+    """Return the calibrated exx, eyy, exy of all steps, µε, shape (steps, 3)."""
     means = [m.calibrated_mean for m in camera.measurements]
     return MICRO * np.array([[m.exx, m.eyy, m.exy] for m in means])
 
 
 def corrected(corrections):
-    """Return (steps, 3) corrected exx, eyy, exy in µε; NaN where a correction was declined."""
+    """Return the corrected exx, eyy, exy of all steps, µε, shape (steps, 3); NaN if declined."""
     return MICRO * np.array(
         [[np.nan] * 3 if c.declined else [c.mean.exx, c.mean.eyy, c.mean.exy] for c in corrections]
     )

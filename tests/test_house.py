@@ -1,4 +1,4 @@
-"""Rules of the tree that no linter knows: what stands where, how large it may be, what tests may patch."""
+"""Rules of this project that no linter knows: places and sizes of modules, and patches in tests."""
 
 import ast
 import importlib
@@ -37,7 +37,7 @@ def functions(path: Path) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
 
 
 def arguments(function: ast.FunctionDef | ast.AsyncFunctionDef) -> list[str]:
-    """Return what a caller may give, without the object itself."""
+    """Return the names of a function's arguments, without `self` and `cls`."""
     given = function.args
     every = [*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg, given.kwarg]
     return [each.arg for each in every if each is not None and each.arg not in ("self", "cls")]

@@ -1,4 +1,4 @@
-"""From a run file to results: whole runs, killed ones, and files that are no runs."""
+"""Tests of `dic process` with complete runs, killed runs, and files that are no runs."""
 
 import csv
 import re
@@ -26,7 +26,7 @@ from tests.places import EXAMPLES, example
 from tests.screens import terminal
 
 BAR = r"correlating [━╸╺ ]+(\d+/\S+)? ?([-\d:]+)?"
-"""The bar, of which a screen may have received only the beginning."""
+"""The progress bar, possibly cut off at its end."""
 
 COARSE = CorrelationSettings(step_px=40)
 

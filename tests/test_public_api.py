@@ -1,4 +1,4 @@
-"""What importing a package gives to a Python user."""
+"""Tests of the public names of all packages."""
 
 import ast
 import doctest
@@ -14,7 +14,7 @@ EXAMPLES_NEED_NO_FILES = ("drivers", "simulators")
 
 
 def imported_for_types(path: Path) -> set[str]:
-    """The names that type checkers see."""
+    """Return the names that a package imports for type checkers only."""
     (block,) = (
         node
         for node in ast.parse(path.read_text()).body

@@ -1,4 +1,4 @@
-"""Every command as a person sees it: on a terminal, behind a pipe, and with an output that nobody reads.
+"""Test the output of every command on a terminal, in a pipe, and with a closed output.
 
 The screens on a terminal of 80 columns are kept in `tests/screens_as_text`. After a change of what a command
 prints, write them again with `python -m tests.test_screens`, and look at them.
@@ -28,7 +28,7 @@ from tests.screens import terminal
 KEPT = ROOT / "tests" / "screens_as_text"
 CAMERA = 'driver = "simulated-camera"'
 BAR = re.compile(r"\w+ +[━╸╺ ]+(\d+/\S+)? ?([-\d:]+)?")
-"""A bar, of which a screen may have received only the beginning."""
+"""A progress bar, possibly cut off at its end."""
 
 COMMANDS = {
     "quality": "dic quality reference.png",
@@ -60,7 +60,7 @@ COMMANDS = {
     "refused-run": "rig run none.toml --rig rig.toml",
 }
 DRAWING = ("correlate", "quality-of-a-series", "run", "jog")
-"""Commands that draw on the terminal; with the others, the terminal alone decides where a line is broken."""
+"""Commands that draw on the terminal. The lines of all other commands are broken by the terminal only."""
 
 GAUGES = """
 [[gauge]]
@@ -130,7 +130,7 @@ def make_files(folder: Path) -> None:
 
 
 def typed(name: str) -> list[str]:
-    """Return a command as a person types it; a run never replaces an earlier one, so take that away."""
+    """Return the words of a command; delete the earlier run file, which `rig run` would not replace."""
     if name == "run":
         Path("run.h5").unlink(missing_ok=True)
     return COMMANDS[name].split()
@@ -138,7 +138,7 @@ def typed(name: str) -> list[str]:
 
 @cache
 def piped(name: str) -> tuple[int, str, str]:
-    """Return the status of a command, and what it prints where there is no terminal."""
+    """Return the exit status of a command, and its output and error text without a terminal."""
     out, err = io.StringIO(), io.StringIO()
     status = run_both(*typed(name), out=out, err=err)
     return status, out.getvalue(), err.getvalue()
@@ -159,14 +159,14 @@ def _in_folder(folder, monkeypatch):
 
 
 def on_terminal(name: str, columns: int) -> tuple[int, list[str], list[str]]:
-    """Return the status of a command, its last screen as lines, and every screen."""
+    """Return the exit status of a command on a terminal, the lines of its last screen, and every screen."""
     with terminal(columns) as (stream, watched):
         status = run_both(*typed(name), out=stream, err=stream)
     return status, watched.lines, watched.seen
 
 
 def masked(text: str) -> str:
-    """Hide numbers, whose last digits differ from one processor to another, and the spaces before them."""
+    """Replace numbers by #, because their last digits depend on the processor, and join spaces."""
     return re.sub(r"\s+", " ", re.sub(r"-?\d[\d.:e+-]*", "#", text))
 
 
@@ -226,7 +226,7 @@ def test_program_in_a_shell_ends_with_its_status_and_no_traceback(script, status
 
 
 def write_screens() -> None:
-    """Write the screens anew, to be looked at."""
+    """Write the screens of all commands to `tests/screens_as_text`; look at them afterwards."""
     os.environ["TERM"] = "xterm"
     KEPT.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as place, chdir(place):

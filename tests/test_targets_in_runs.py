@@ -1,4 +1,4 @@
-"""Runs on the virtual rig with other calibration targets than the line grid, from the protocol to strains."""
+"""Runs on the virtual rig with calibration targets other than the line grid give the right strains."""
 
 import pytest
 

@@ -140,7 +140,7 @@ class Bench:
         opened.callback(self.device.close)
 
     def latency_s(self, pool: ThreadPoolExecutor) -> float:
-        """Let one thread wait for an answer that does not come, and stop in this one."""
+        """Stop the device while another thread waits for an answer; return the time until the stop came."""
         self._asked.clear()
         self._stopped_s.clear()
         self._mute.set()

@@ -12,7 +12,7 @@ from tests.engine_matrix.faults import RunFault
 from tests.engine_matrix.runs import Moment, Run, run_at
 
 WATCHDOG_S = 3.0
-"""Time after which a load frame that nobody reads holds by itself, with some to spare."""
+"""Time in s, with a margin, after which the watchdog holds a load frame that is not read any more."""
 LONGEST_S = 240.0
 """Longest simulated time of a run in s, which is eight times that of a run without a fault."""
 
@@ -63,7 +63,7 @@ def _outcome(execute: Callable[[], Outcome], cell: Cell) -> Outcome | None:
 
 
 def _check_machine(run: Run, cell: Cell) -> None:
-    """Judge by the true state of the devices: nothing moves, and nothing was overloaded."""
+    """Check by the true state of the simulated devices that nothing moves, and check the run's duration."""
     clock, frame, stage = run.virtual.clock, run.virtual.load_frame, run.virtual.stage
     if cell.unsafe:
         clock.sleep(WATCHDOG_S)

@@ -1,4 +1,4 @@
-"""What can go wrong at a moment of a run: faults of devices, lines, drivers and disk, and a person."""
+"""Faults at a moment of a run: of devices, lines, drivers and the disk, and the abort by a person."""
 
 import resource
 from collections.abc import Callable
@@ -66,7 +66,7 @@ def _switched_on(form: str) -> Callable[[Run], None]:
 
 
 _QUICK = {"delay": "delay:0.02:1", "delay:0.5:1": "delay:0.8:1"}
-"""Delays are real time: the shorter one is far below the reply timeout, the longer one beyond it."""
+"""Replaced delays in real time: the shorter one is far below the reply timeout, the longer one above."""
 _AS_FAST = {"drifting-load": "drifting-load:500"}
 """Replaced rate of the load's drift, because a run of the matrix is ten times as fast as a usual run."""
 _UNSEEN = {"drifting-load:500"}

@@ -8,7 +8,7 @@ from tests.engine_matrix.matrix import broken, documented, places, table, try_al
 from tests.engine_matrix.runs import MOMENTS
 
 SAMPLE = 11
-"""Every so many cells are tried in the test command; these are cells of every column."""
+"""The quick test tries one of this number of cells; the tried cells belong to all columns."""
 
 
 def test_every_fault_of_the_rig_has_a_row_and_every_moment_a_column():

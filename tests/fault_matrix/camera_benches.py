@@ -32,7 +32,7 @@ from tests.fault_matrix.faulty_cameras import (
 
 IMAGE_S = 1.5
 SERIES_S = 2.5
-"""How long a stream is looked at: beyond the silence after which a camera counts as stalled."""
+"""Duration in s of a stream, longer than the time after which a silent camera counts as lost."""
 LEAST_FRAMES = 40
 """Smallest number of frames in `SERIES_S`, for all simulated cameras."""
 STREAM_CAPACITY = 1000
@@ -285,7 +285,7 @@ class SimulatedCameraBench(CameraBench):
         self._rig.close()
 
     def judge(self, frame: Frame, asked_s: float) -> None:
-        """Look at its number: the camera's own noise hides which picture it is."""
+        """Check the frame's number, because the noise of this camera would hide a number in the picture."""
         before, self._sequence = self._sequence, frame.sequence
         if before is not None and frame.sequence != before + 1:
             raise ReportedFault((f"{frame.sequence - before - 1} frame lost",))

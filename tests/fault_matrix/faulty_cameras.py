@@ -154,7 +154,7 @@ class GatedClock(VirtualClock):
         self._until_s = self.now_s()
 
     def let_pass(self, duration_s: float) -> bool:
-        """Let time pass; return, once the thread has used it or is gone, whether it is still there."""
+        """Allow more time, and wait until a stream's thread has used it or ended; return True if it runs."""
         with self._news:
             self._until_s = self.now_s() + duration_s
             self._waiting = False

@@ -54,7 +54,7 @@ MUST_WORK = {"split:1", "split", "delay", "duplicate:1", "duplicate"}
 AT_A_TIME = 7
 _OWN_TABLE = (INTERLOCK, CAMERA)
 DEADLINE_S = 5.0
-"""A call that takes longer hangs: the longest are a few reply times, or the deadline of a stop."""
+"""A longer call counts as hanging. The longest calls take a few reply times, or a stop's deadline."""
 SIGNS = {DeviceTimeout: "T", LinkLost: "L", DeviceFault: "F", DeviceError: "E"}
 
 
@@ -85,7 +85,7 @@ class Cell:
 
 
 def forms(fault: Fault) -> list[str]:
-    """Return how a fault is tried: once and lasting, and a delay below and beyond the deadline."""
+    """Return the tried forms of a fault: once and permanently; for a delay, below and above the deadline."""
     if fault.name == "delay":
         return ["delay", "delay:0.5:1"]
     if not fault.counted:

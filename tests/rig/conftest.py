@@ -1,4 +1,4 @@
-"""A rig of simple simulated devices on a virtual clock, which have no faults unless a test sets them."""
+"""Fixtures with a rig of simple simulated devices on a virtual clock; faults are set by the tests."""
 
 import tomllib
 from collections.abc import Callable, Iterator
@@ -191,7 +191,7 @@ class FakeOperator:
 
 @dataclass
 class FakeRig:
-    """Everything a test needs to run a protocol and to see what happened."""
+    """A protocol, simple simulated devices, and records of their calls and of the engine's states."""
 
     protocol: Protocol
     path: Path
@@ -204,7 +204,7 @@ class FakeRig:
     configuration: str = ""
     call_timeout_s: float = CALL_TIMEOUT_S
     leaving_s: float = 60.0
-    """Real time, in s, for listeners to hear the last news; a busy computer may take long."""
+    """Real time in s for listeners to handle the last reports; long enough for a busy computer."""
 
     def __post_init__(self) -> None:
         self.cameras = {"on_axis": FakeCamera(self.clock), "off_axis": FakeCamera(self.clock)}
@@ -251,7 +251,7 @@ class FakeRig:
         return engine
 
     def events(self) -> list[str]:
-        """What the run file says that happened."""
+        """Return the messages of all events in the run file."""
         with h5py.File(self.path) as file:
             return [message.decode() for message in file["entry/events/message"][()]]
 
@@ -261,7 +261,7 @@ class FakeRig:
 
 
 def in_real_time(rotation_table: dict, path: Path) -> FakeRig:
-    """Return a quick rotation rig on the system's clock, which gives each call more time than a test has."""
+    """Return a quick rotation rig in real time, with a call deadline longer than the limit of a test."""
     protocol = RotationProtocol.model_validate(rotation_table)
     rig = FakeRig(protocol, path, clock=SystemClock(), call_timeout_s=100.0)
     rig.stage.homed, rig.stage.speed_deg_s = True, 1e4
@@ -290,7 +290,7 @@ def rotation(rotation_table: dict, tmp_path: Path) -> FakeRig:
 
 @pytest.fixture
 def on_frame_state() -> Callable:
-    """Make a frame report something else from its nth reading on."""
+    """A function that changes values of a load frame's state from the reading number `first` on."""
 
     def script(first: int, **changes) -> Callable[[int, LoadFrameState], LoadFrameState]:
         return lambda count, state: replace(state, **changes) if count >= first else state
@@ -300,9 +300,9 @@ def on_frame_state() -> Callable:
 
 @pytest.fixture
 def at_step(monkeypatch) -> Callable[[int | None, Callable[[], None]], None]:
-    """`at_step(index, act)` calls `act` when that step has been handed to the recorder.
+    """A function `at_step(index, act)`: `act` is called after the engine has given a step to the recorder.
 
-    In the engine's own thread: a listener is told some moment later, when the rig may be anywhere.
+    The engine's own thread calls `act`. A listener would be called later, at an unknown state of the run.
     """
     record_step = Recorder.step
 
@@ -320,6 +320,6 @@ def at_step(monkeypatch) -> Callable[[int | None, Callable[[], None]], None]:
 
 @pytest.fixture
 def start() -> Iterator[Callable[..., Program]]:
-    """`start(*arguments)` starts `rig` as a program, which ends with the test."""
+    """A function `start(*arguments)` that starts `rig` as a program; the program ends with the test."""
     with ExitStack() as programs:
         yield lambda *arguments, **how: programs.enter_context(closing(Program(*arguments, **how)))

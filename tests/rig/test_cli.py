@@ -1,4 +1,4 @@
-"""The commands through their entry point, on the virtual rig with small cameras."""
+"""Tests of the commands of `rig` through their entry point, on the virtual rig with small cameras."""
 
 import os
 import signal

@@ -53,7 +53,7 @@ poll_s = 1.0
 
 
 def _run(folder: Path, hours: int) -> tuple[Path, int]:
-    """Run a rotation that dwells an hour at each step; return the run file and the memory it took at most."""
+    """Run a rotation with a dwell of one hour at each step; return the run file and the largest memory."""
     (folder / "rig.toml").write_text(RIG)
     protocol = folder / f"{hours}.toml"
     # the grid and the reference are steps, too

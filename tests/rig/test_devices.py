@@ -94,7 +94,7 @@ def test_device_that_does_not_open_closes_those_before_it():
 
 @pytest.fixture
 def hang_at() -> Iterator[Callable[[str], Callable[[str], None]]]:
-    """Let one opening or closing hang, until the test is over or `hang_at.over` is set."""
+    """A function that makes one opening or closing hang until the end of the test or until `over` is set."""
     over = threading.Event()
 
     def at(which: str) -> Callable[[str], None]:

@@ -1,7 +1,7 @@
 """If a call of a third party's driver never returns, the machine stops and the program ends.
 
-`rig simulate` is the machine, in a program of its own; its log says when the machine stood. The times are
-those of the campaign, which the long test asserts: 1 s from the hang to standstill.
+`rig simulate` simulates the machine in a separate program, and its log gives the time of standstill. The long
+test requires that at most 1 s passes from the hang to the standstill.
 """
 
 import json
@@ -60,7 +60,7 @@ MOVED = {"stage": "angle_deg", "load_frame": "displacement_mm"}
 
 @pytest.fixture
 def files(tmp_path, monkeypatch) -> Path:
-    """A folder with the package of the third party installed, as far as entry points need it."""
+    """A folder with the third party's package, installed so that its entry points are found."""
     metadata = tmp_path / "packages" / "hanging_drivers-1.0.dist-info"
     metadata.mkdir(parents=True)
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: hanging-drivers\nVersion: 1.0\n")
@@ -81,7 +81,7 @@ def simulation(start, files) -> Program:
 
 
 def run(start, files: Path, device: str, hang_in: str, hang_at: int) -> Program:
-    """Start a run in which one call of a device hangs."""
+    """Start a run in which the call number `hang_at` of the method `hang_in` of a device hangs."""
     use = (files / "use.toml").read_text()
     keys = f'hang_in = "{hang_in}"\nhang_at = {hang_at}\nhung = "{files / "hung"}"\n'
     driver = f'driver = "{DRIVER_OF[device]}"\n'

@@ -52,7 +52,7 @@ def rigs() -> Iterator[list[VirtualRig]]:
 
 
 def files_in(folder: Path) -> tuple[Path, Path, Path]:
-    """A protocol, a rig file with a door and an oven, and the place of a run file."""
+    """Write a protocol and a rig file with a door and an oven; return their paths and a run file's path."""
     small = ('driver = "simulated-camera"', 'driver = "simulated-camera"\nwidth_px = 64\nheight_px = 64')
     (folder / "p.toml").write_text(example("tension"))
     (folder / "r.toml").write_text(example("rig-virtual-tension").replace(*small) + DOOR + OVEN)
@@ -121,7 +121,7 @@ def test_a_name_that_is_no_name_of_a_group_is_a_mistake_in_the_rig_file(files):
 
 @pytest.fixture(scope="module")
 def hot(tmp_path_factory) -> Path:
-    """A run that an oven ended at 41 °C under load; before, the oven was at 20 °C."""
+    """The file of a run that ended under load, because the oven became hotter: 41 °C instead of 20 °C."""
     files = files_in(tmp_path_factory.mktemp("hot"))
     with opened_rigs() as rigs:
 
@@ -136,7 +136,7 @@ def hot(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def recorded(hot, tmp_path) -> Path:
-    """A copy of the run, which a test may change."""
+    """A copy of the run file, which a test can change."""
     copy = tmp_path / "copy.h5"
     copy.write_bytes(hot.read_bytes())
     return copy

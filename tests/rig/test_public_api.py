@@ -1,4 +1,4 @@
-"""What `import rig` gives to a Python user; `tests/test_public_api.py` looks at all packages."""
+"""Tests of the public names of the package `rig`; `tests/test_public_api.py` tests all packages."""
 
 import re
 

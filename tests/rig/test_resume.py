@@ -34,9 +34,9 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
 
 @pytest.fixture
 def interrupt_at(at_step, monkeypatch) -> Callable[[int | None], None]:
-    """`interrupt_at(index)` lets a signal end the run when that step has been handed to the recorder.
+    """A function `interrupt_at(index)`: a signal ends the run after this step was given to the recorder.
 
-    With None, no step is interrupted any more.
+    After `interrupt_at(None)`, no step is interrupted any more.
     """
     abort, told = Engine.abort, threading.Event()
 
@@ -164,7 +164,7 @@ def test_a_completed_run_is_refused(tmp_path):
 
 @pytest.fixture
 def stopped(tmp_path) -> FakeRig:
-    """A tension test on fakes that was aborted on the way to its third increment of load, at 4.9 kN."""
+    """A tension test on simple simulated devices, aborted in its third load increment, at 4.9 kN."""
     definition = example("tension")
     path = tmp_path / "protocol.toml"
     path.write_text(definition)

@@ -18,7 +18,7 @@ SMALL = ('driver = "simulated-camera"', 'driver = "simulated-camera"\nwidth_px =
 
 @pytest.fixture
 def files(tmp_path) -> tuple[Path, Path]:
-    """A short protocol and a rig with small cameras."""
+    """A folder with a short protocol and a rig file with small cameras."""
     protocol, rig_path = tmp_path / "protocol.toml", tmp_path / "rig.toml"
     protocol.write_text((EXAMPLES / "rotation.toml").read_text().replace(*SHORT))
     rig_path.write_text((EXAMPLES / "rig-virtual-rotation-10.toml").read_text().replace(*SMALL))
@@ -27,7 +27,7 @@ def files(tmp_path) -> tuple[Path, Path]:
 
 @pytest.fixture
 def replaced_once_open(monkeypatch) -> Callable[[Path], list[Path]]:
-    """Replace a file by another one as soon as it is opened. The open file still has the first content."""
+    """A function that replaces a file as soon as it is opened; the open file keeps the old content."""
     open_path = Path.open
 
     def arrange(path: Path) -> list[Path]:

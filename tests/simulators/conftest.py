@@ -1,4 +1,4 @@
-"""A simulation that runs, the log of its truth, and its rig opened by the rig file it writes."""
+"""Fixtures with a running simulation, the log of its true state, and the rig opened from its rig file."""
 
 import threading
 

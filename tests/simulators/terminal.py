@@ -1,4 +1,4 @@
-"""The other end of a simulated device on a terminal."""
+"""Open the pseudo-terminal of a simulated device, and read from it."""
 
 import os
 import select
@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def terminal_of(address: str) -> Iterator[int]:
-    """Open a device's terminal, as a descriptor."""
+    """Open a device's pseudo-terminal, and yield its descriptor."""
     terminal = os.open(address, os.O_RDWR | os.O_NOCTTY)
     try:
         yield terminal
@@ -17,7 +17,7 @@ def terminal_of(address: str) -> Iterator[int]:
 
 
 def listen(terminal: int, size: int) -> bytes:
-    """Return what comes, `size` bytes and whatever follows them; fewer if nothing comes for 10 s."""
+    """Return `size` received bytes and any further bytes; fewer bytes if none come for 10 s."""
     received = b""
     while select.select([terminal], [], [], 10.0 if len(received) < size else 0.05)[0]:
         received += os.read(terminal, 300)

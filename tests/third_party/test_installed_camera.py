@@ -1,4 +1,4 @@
-"""A third party's camera, in a package of its own, is found, checked, used and held to the contract."""
+"""A third party's camera in a separate package is found, checked, used, and passes the contract tests."""
 
 import json
 import os
@@ -21,7 +21,7 @@ CAMERA = {"driver": "swan", "serial": "S-0042"}
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory) -> Path:
-    """A folder with the package installed."""
+    """A folder in which the third party's package is installed."""
     source, folder = tmp_path_factory.mktemp("source") / "swan", tmp_path_factory.mktemp("packages")
     shutil.copytree(PACKAGE, source)
     command = [sys.executable, "-m", "pip", "install", *OFFLINE, "--target", str(folder), str(source)]
@@ -49,7 +49,7 @@ def run(installed, tmp_path):
 
 @pytest.fixture
 def rig_file(tmp_path) -> Path:
-    """A virtual rig whose one camera is the third party's."""
+    """The rig file of a virtual rig with the third party's camera as its only camera."""
     text = (EXAMPLES / "rig-virtual-rotation-30.toml").read_text()
     before, stage = text[: text.index("[cameras.")], text[text.index("[stage]") :]
     path = tmp_path / "rig.toml"

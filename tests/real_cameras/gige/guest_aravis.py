@@ -1,4 +1,4 @@
-"""The GigE Vision driver against Aravis' own fake camera, alone in a network (`test_gige_camera`)."""
+"""Tests of the GigE Vision driver with Aravis' fake camera, in a separate network (`test_gige_camera`)."""
 
 import statistics
 import subprocess
@@ -25,7 +25,7 @@ EXPOSURE_US = 10_000.0
 
 @contextmanager
 def plugged(*options: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Aravis' fake camera as a process of its own."""
+    """Aravis' fake camera, running in a separate process."""
     command = ["arv-fake-gv-camera-0.8", "-i", "127.0.0.1", "-s", "GV77", *options]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
@@ -36,7 +36,7 @@ def plugged(*options: str) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def opened(**changes: Any) -> AravisCamera:
-    """Open it as soon as it listens."""
+    """Open the fake camera as soon as it answers."""
     values = {
         "camera": "127.0.0.1",
         "width_px": 256,

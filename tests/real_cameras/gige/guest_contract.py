@@ -1,4 +1,4 @@
-"""The contract of cameras on Aravis' own fake camera, alone in a network (`test_gige_camera`)."""
+"""The contract tests of cameras with Aravis' fake camera, in a separate network (`test_gige_camera`)."""
 
 import signal
 import subprocess

@@ -1,4 +1,4 @@
-"""The GigE Vision driver against another maker's camera: runs `guest_*.py` in a network of its own."""
+"""Run `guest_*.py`, which test the GigE Vision driver with Aravis' fake camera, in a separate network."""
 
 import ctypes
 import shutil
@@ -24,7 +24,7 @@ SETTINGS = AravisSettings(
 
 
 def lacking() -> str | None:
-    """Why the test cannot run here."""
+    """Return the reason why the test cannot run on this computer, or None."""
     if shutil.which("arv-fake-gv-camera-0.8") is None:
         return "install aravis-tools for a GigE Vision camera to test against"
     try:

@@ -1,4 +1,4 @@
-"""What the tests inside the virtual machine share: hands on the kernel's cameras, and a watch for leaks."""
+"""Helpers of the tests inside the virtual machine: access to the kernel's cameras, and a check for leaks."""
 
 import fcntl
 import os
@@ -14,15 +14,18 @@ from drivers.interfaces import OpenContext
 
 CLOCK = SystemClock()
 AT_START = {"timestamp_source": 1}
-"""Lets vivid stamp a frame when it begins it; otherwise its stamps lie in the future."""
+"""A control that makes the kernel's camera vivid timestamp the start of a frame.
+
+Otherwise the timestamps of vivid lie in the future.
+"""
 
 
 OPENED: list[V4l2Camera] = []
-"""To be closed by the end of a test that failed."""
+"""Opened cameras, which are closed at the end of a failed test."""
 
 
 def opened(device: str = "/dev/video0", **changes: Any) -> V4l2Camera:
-    """Open a camera of the kernel; by default vivid's small picture at 30 Hz."""
+    """Open a camera of the kernel; by default the camera vivid, with small pictures at 30 Hz."""
     values = {"device": device, "width_px": 320, "height_px": 180, "rate_hz": 30.0, "controls": AT_START}
     settings = V4l2Settings.model_validate(values | changes)
     camera = open_camera(settings, OpenContext("camera", CLOCK))
@@ -31,9 +34,10 @@ def opened(device: str = "/dev/video0", **changes: Any) -> V4l2Camera:
 
 
 def turn(knob: str, value: int = 0, camera: V4l2Camera | None = None, path: str = "/dev/video0") -> None:
-    """Set one of the kernel's controls, named as the kernel does.
+    """Set a control of a camera, which has the kernel's name `knob`.
 
-    Through the file of the `camera` that films: the driver claims it, and no other may touch it then.
+    If `camera` is filming, the control is set through the driver's file, because the driver lets no other
+    file change the camera.
     """
     if camera is not None and camera._session is not None:
         _turn(camera._session._node._file, knob, value)  # type: ignore[attr-defined]
@@ -54,7 +58,7 @@ def _turn(file: int, knob: str, value: int) -> None:
 
 
 def watched(camera: V4l2Camera) -> list[Filled]:
-    """The buffers that the kernel gives the driver from now on, in their order."""
+    """Return a list to which the buffers are added that the kernel gives to the driver from now on."""
     session = camera._session
     assert session is not None
     assert session._buffers is not None
@@ -70,7 +74,7 @@ def watched(camera: V4l2Camera) -> list[Filled]:
 
 
 def left_open() -> list[str]:
-    """Descriptors and mappings of video nodes that this process holds."""
+    """Return the open descriptors and memory mappings of video nodes in this process."""
     files = [str(path.readlink()) for path in Path("/proc/self/fd").iterdir() if path.is_symlink()]
     maps = Path("/proc/self/maps").read_text().splitlines()
     return [name for name in (*files, *maps) if "/dev/video" in name]

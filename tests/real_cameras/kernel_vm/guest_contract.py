@@ -1,4 +1,4 @@
-"""The contract of cameras on the kernel's virtual camera, in the virtual machine (`test_kernel_cameras`)."""
+"""The contract tests of cameras with the kernel's virtual camera, in the virtual machine."""
 
 from collections.abc import Iterator
 from contextlib import closing

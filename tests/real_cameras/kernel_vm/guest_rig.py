@@ -1,6 +1,6 @@
-"""Whole runs in real time with two of the kernel's cameras, in the virtual machine (`test_kernel_cameras`).
+"""Complete runs in real time with two cameras of the kernel, in the virtual machine.
 
-The stage is a simulated one behind a pseudo-terminal: what `rig simulate` serves.
+The stage is simulated by `rig simulate`, on a pseudo-terminal.
 """
 
 import contextlib
@@ -77,7 +77,7 @@ def simulation() -> Iterator[Simulation]:
 
 @pytest.fixture
 def files(simulation: Simulation, tmp_path: Path) -> tuple[Path, Path, Path]:
-    """Protocol, rig file, and the run file to be."""
+    """The paths of the protocol, the rig file and the future run file."""
     protocol, rig_file = tmp_path / "protocol.toml", tmp_path / "rig.toml"
     protocol.write_text(PROTOCOL)
     cameras = [CAMERA.format(name=name, number=number) for number, name in enumerate(CAMERAS)]
@@ -86,7 +86,7 @@ def files(simulation: Simulation, tmp_path: Path) -> tuple[Path, Path, Path]:
 
 
 STEPS = ("grid", "reference", "rotation", "rotation")
-"""The grid's image, the reference at 0 degrees, and two turns by one degree."""
+"""The steps of the run: the grid image, the reference at 0°, and two rotations by 1°."""
 
 
 def test_a_run_logs_fresh_images_of_both_cameras(files: tuple[Path, Path, Path]) -> None:

@@ -1,6 +1,6 @@
-"""The camera driver on the kernel's own `uvcvideo`, fed by a USB camera of the tests' over USB/IP.
+"""Tests of the camera driver with the kernel's `uvcvideo`, and a simulated USB camera on USB/IP.
 
-Its pictures say which one they are and when their exposure began, on this machine's clock: that is the truth.
+Each picture contains its number and the true start of its exposure on this machine's clock.
 """
 
 import json
@@ -26,7 +26,7 @@ DEADLINE_S = 40.0
 
 
 class UsbCamera:
-    """A camera in its socket; `unplug` tells what it did."""
+    """A simulated USB camera that is plugged in. `unplug` returns its record of faults and settings."""
 
     def __init__(self, port: int = 0) -> None:
         self._process = subprocess.Popen(
@@ -58,7 +58,7 @@ def usb() -> Iterator[UsbCamera]:
 
 
 def found(**changes: Any) -> V4l2Camera:
-    """Open the camera as soon as the kernel has found it."""
+    """Open the USB camera as soon as the kernel has found it."""
     values: dict[str, Any] = {
         "device": f"serial:{SERIAL}",
         "width_px": 320,
@@ -78,14 +78,14 @@ def found(**changes: Any) -> V4l2Camera:
 
 
 def written(frame: Frame) -> tuple[int, float]:
-    """The number and the begin of exposure that a picture shows."""
+    """Return the number and the start of exposure that are written in a picture."""
     bits = frame.image[:2] > frame.image[0].max() // 2
     number = sum(1 << bit for bit in range(NUMBER_BITS) if bits[0, bit])
     return number, sum(1 << bit for bit in range(TIME_BITS) if bits[1, bit]) * 1e-6
 
 
 def grab_on(camera: V4l2Camera, timeout_s: float) -> None:
-    """Take frames until an error ends it."""
+    """Grab frames without end, until the camera raises an error."""
     while True:
         camera.grab(timeout_s)
 

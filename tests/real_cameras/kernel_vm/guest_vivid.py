@@ -1,4 +1,4 @@
-"""The camera driver on the kernel's virtual camera, inside the virtual machine (`test_kernel_cameras`)."""
+"""Tests of the camera driver with the kernel's virtual camera vivid, in the virtual machine."""
 
 import itertools
 import statistics

@@ -2,10 +2,10 @@
 
     python -m tests.real_cameras.kernel_vm.machine COMMAND…
 
-runs COMMAND in it, with this machine's files to read (what is written there is forgotten) and this folder
-as the working one, and returns its status. Kernel and modules are fetched once and kept in
-~/.cache/offaxis/kernel-vm.
-Needs no rights; booting takes some seconds, even where the processor can only be emulated.
+This program runs COMMAND in the virtual machine and returns its exit status. COMMAND can read this computer's
+files, starts in this folder, and its written files are lost at the end. Kernel and modules are downloaded
+once and kept in ~/.cache/offaxis/kernel-vm. The program needs no administrator rights. Booting takes some
+seconds, even if the processor is emulated.
 """
 
 import lzma
@@ -34,23 +34,23 @@ BASE = f"base-{zlib.crc32(repr(MODULES).encode()):08x}.cpio"
 
 
 class CannotRunError(Exception):
-    """There can be no virtual machine here, for the reason given."""
+    """The virtual machine cannot run on this computer; the message gives the reason."""
 
 
 def cache_folder() -> Path:
-    """Where kernel and modules are kept."""
+    """Return the folder in which kernel and modules are kept."""
     caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return caches / "offaxis" / "kernel-vm"
 
 
 def missing_packages() -> list[str]:
-    """The Debian packages that would have to be installed first."""
+    """Return the Debian packages that must be installed first."""
     search = os.environ.get("PATH", "") + ":/usr/sbin:/sbin"
     return [package for tool, package in PACKAGES.items() if shutil.which(tool, path=search) is None]
 
 
 def prepare() -> Path:
-    """Fetch kernel and modules if they are not there yet, and return their folder.
+    """Download kernel and modules if they are missing, and return their folder.
 
     Raises
     ------
@@ -76,14 +76,14 @@ def prepare() -> Path:
 
 
 def run(command: list[str], *, timeout_s: float = DEADLINE_S) -> tuple[int, str]:
-    """Run a command in the machine.
+    """Run a command in the virtual machine.
 
     Returns
     -------
     status : int
-        The command's; 125 if the machine failed, 124 if it did not end in time.
+        Exit status of the command; 125 if the virtual machine failed, 124 if it did not end in time.
     output : str
-        What it wrote to standard output and error.
+        The text that the command wrote to standard output and standard error.
     """
     folder = prepare()
     with tempfile.TemporaryDirectory() as scratch:
@@ -148,7 +148,7 @@ def _qemu(folder: Path, initrd: Path, output: Path, status: Path) -> list[str]:
 
 
 def _build(folder: Path) -> None:
-    """Make the kernel and the first file system in a folder."""
+    """Write the kernel and the initial file system to a folder."""
     unpacked = folder / "unpacked"
     # linux-image-amd64 depends on the newest one; the kernel for clouds has no cameras
     words = _output(["apt-cache", "depends", "linux-image-amd64"]).split()
@@ -168,7 +168,7 @@ def _build(folder: Path) -> None:
 
 
 def _pack(unpacked: Path, version: str, image: Path, archive: Path) -> None:
-    """Pack the modules, in the order of loading, and the tools to load them."""
+    """Pack the kernel modules, in the order of loading, and the programs that load them."""
     (image / "modules").mkdir(parents=True)
     (image / "bin").mkdir()
     _sbin("depmod", "-b", str(unpacked), version)

@@ -1,4 +1,4 @@
-"""The camera driver against the real kernel: boots a virtual machine and runs `guest_*.py` in it."""
+"""Boot a virtual machine, and run `guest_*.py` in it, which test the camera driver with a real kernel."""
 
 import platform
 import sys
@@ -15,7 +15,7 @@ BOOTS = {
     },
     "uvc": {"guest_uvc.py": "USB camera, fresh frame at 30 Hz"},
 }
-"""What runs in the machine, and what each part must have printed."""
+"""The programs that run in the virtual machine, and the text that each of them must print."""
 
 
 @pytest.mark.long

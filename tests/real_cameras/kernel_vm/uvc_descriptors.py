@@ -1,4 +1,4 @@
-"""What the tests' USB camera says of itself.
+"""The USB descriptors of the simulated USB camera.
 
 Sources: USB 2.0 specification, chapter 9.6; USB Video Class 1.0, chapters 3 and 3.9; USB Video Payload
 Uncompressed, chapter 3.
@@ -13,24 +13,24 @@ PAYLOAD_BYTES = 16384
 ENDPOINT = 0x81
 STRINGS = ("", "Optics of the test", "Mono UVC camera", SERIAL)
 FORMATS = ("Y800", "Y12 ")
-"""By their number in the descriptor, from 1: GREY and Y12 as Linux calls them."""
+"""Pixel formats by their number in the descriptor, from 1; GREY and Y12 are the names in Linux."""
 BYTES_PER_PIXEL = (1, 2)
 _VIDEO, _CONTROL, _STREAMING, _INTERFACE = 0x0E, 1, 2, 0x24
 
 
 def device() -> bytes:
-    """The device descriptor; the numbers of vendor and product are those of nobody."""
+    """Return the device descriptor; its numbers of vendor and product belong to no real device."""
     return struct.pack("<BBHBBBBHHHBBBB", 18, 1, 0x0200, 0xEF, 2, 1, 64, 0xFFF0, 0x0042, 0x0107, 1, 2, 3, 1)
 
 
 def string(index: int) -> bytes:
-    """A string descriptor; number 0 lists the languages."""
+    """Return a string descriptor; number 0 lists the languages."""
     text = struct.pack("<H", 0x0409) if index == 0 else STRINGS[index].encode("utf-16-le")
     return struct.pack("<BB", len(text) + 2, 3) + text
 
 
 def configuration() -> bytes:
-    """The configuration with all interfaces, units, formats and the endpoint."""
+    """Return the configuration descriptor with all interfaces, units, formats and the endpoint."""
     body = struct.pack("<BBBBBBBB", 8, 11, 0, 2, _VIDEO, 3, 0, 0)
     body += struct.pack("<BBBBBBBBB", 9, 4, 0, 0, 0, _VIDEO, _CONTROL, 0, 0) + _units()
     body += struct.pack("<BBBBBBBBB", 9, 4, 1, 0, 1, _VIDEO, _STREAMING, 0, 0) + _formats()

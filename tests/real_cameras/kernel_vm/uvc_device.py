@@ -1,9 +1,10 @@
-"""A USB camera in a process of its own, plugged into the kernel through USB/IP (`vhci-hcd`).
+"""A simulated USB camera in a separate process, connected to the kernel by USB/IP (`vhci-hcd`).
 
-It films speckles that get brighter with exposure time and gain, and writes into each picture which one it is
-and when its exposure began. Commands come as lines on standard input: ``lose N``, ``damage N``, ``cut N``
-spoil the next N pictures, ``stall 1`` and ``stall 0`` stop and go on, ``refuse 1`` refuses settings.
-At the end of input it is unplugged; then it prints, as JSON, which pictures were spoilt and its settings.
+The camera films speckles, which become brighter with exposure time and gain. It writes its number and the
+start of its exposure into each picture. Commands are lines on standard input. ``lose N``, ``damage N`` and
+``cut N`` spoil the next N pictures. ``stall 1`` stops the camera, and ``stall 0`` lets it continue. ``refuse
+1`` makes it refuse settings. At the end of the input the camera is unplugged. The program then prints the
+spoilt pictures and the settings as JSON.
 
 Sources: Linux Documentation/usb/usbip_protocol.rst; USB Video Class 1.0, chapter 4 and 2.4.3.
 """
@@ -30,7 +31,7 @@ HEADER = 12
 NUMBER_BITS, TIME_BITS = 32, 64
 PERIOD_S = 1 / usb.RATE_HZ
 LATEST_S = 0.025
-"""A camera's first packet follows its exposure within a bound; a picture that is later is not sent."""
+"""Largest delay in s of the first packet of a picture after the exposure; a later picture is not sent."""
 SET_CUR = 0x01
 GET_CUR, GET_MIN, GET_MAX, GET_RES, GET_LEN, GET_INFO, GET_DEF = range(0x81, 0x88)
 AUTO_MODE, EXPOSURE, GAIN = (usb.CAMERA_UNIT, 2), (usb.CAMERA_UNIT, 4), (usb.PROCESSING_UNIT, 4)
@@ -39,7 +40,7 @@ OUT_OF_RANGE = b"\x04"
 
 
 class Knob:
-    """A control: its size in bytes and its values."""
+    """A control of the camera: its size in bytes, and its present, lowest, highest and default value."""
 
     def __init__(self, size: int, minimum: int, maximum: int, default: int, resolution: int = 1) -> None:
         self.size, self.value = size, default
@@ -47,7 +48,7 @@ class Knob:
 
 
 class UvcDevice:
-    """The camera behind one socket to the kernel."""
+    """The simulated camera on one USB/IP connection to the kernel."""
 
     def __init__(self, link: socket.socket) -> None:
         self._link = link
@@ -71,11 +72,11 @@ class UvcDevice:
         self._scene = np.kron(speckles, np.ones((4, 4)))
 
     def settings(self) -> list[int]:
-        """The values of all controls: mode, its priority, exposure, backlight, gain, power line."""
+        """Return the values of mode, priority, exposure, backlight, gain and power line, in this order."""
         return [knob.value for knob in self._knobs.values()]
 
     def serve(self) -> None:
-        """Film and answer until the input ends or the kernel hangs up."""
+        """Film and answer requests until the input ends or the kernel closes the connection."""
         while True:
             wait_s = max(0.0, self._begin_s + self._exposed_s() - time.monotonic())
             ready, _, _ = select.select([self._link, sys.stdin], [], [], wait_s)
@@ -181,7 +182,7 @@ class UvcDevice:
         return parts
 
     def _control(self, setup: bytes, data: bytes) -> bytes | None:
-        """Answer a request to endpoint 0; None for one that is not known."""
+        """Return the answer to a request to endpoint 0, or None for an unknown request."""
         kind, request, value, index, _ = struct.unpack("<BBHHH", setup)
         if kind & 0x60 == 0:
             return self._standard(kind, request, value)
@@ -232,7 +233,7 @@ class UvcDevice:
 
 
 def main() -> None:
-    """Plug the camera in, serve until the end of input, unplug it."""
+    """Plug the camera in, serve it until the end of the input, and unplug it."""
     port = int(sys.argv[1]) if len(sys.argv) > 1 else 0
     ours, kernels = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     (VHCI / "attach").write_text(f"{port} {kernels.fileno()} {0x10002 + port} {HIGH_SPEED}")

@@ -1,4 +1,4 @@
-"""`rig check` on pictures whose speckles, light and focus are known, and on the virtual rig."""
+"""Tests of `rig check` on images with known speckles, light and focus, and on the virtual rig."""
 
 import threading
 
@@ -21,7 +21,7 @@ SIGMA_PX = 1.5
 
 
 def speckles(mean: float, std: float, sigma_px: float = SIGMA_PX) -> np.ndarray:
-    """Gaussian blobs: 3.33 sigma wide, edges blurred by no more than sigma."""
+    """Return an image of Gaussian blobs: 3.33 sigma wide, with edges that are blurred by at most sigma."""
     rng = np.random.default_rng(1)
     texture = gaussian_filter(rng.normal(size=(200, 220)), sigma_px)
     return np.clip(mean + std * texture / texture.std() + rng.normal(size=texture.shape), 0, 255).astype(
@@ -171,7 +171,7 @@ def test_goes_on_after_an_interlock_that_cannot_be_opened(check):
 
 
 class SpeckledCamera:
-    """A camera that shows good speckles."""
+    """A simulated camera whose images show good speckles."""
 
     info = CameraInfo("v", "m", "s", width_px=220, height_px=200, bits=8)
 

@@ -17,7 +17,7 @@ def fail(*_: object) -> Outcome:
 
 @pytest.fixture
 def no_experiment(monkeypatch):
-    """No experiment is run."""
+    """Replace the experiments of the demo, so that none is executed."""
     monkeypatch.setattr(demo, "run_protocol", fail)
 
 

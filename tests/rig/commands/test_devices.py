@@ -26,7 +26,7 @@ VISION = "GigE Vision and USB3 Vision cameras"
 
 @pytest.fixture(autouse=True)
 def finders(monkeypatch) -> dict[str, Finder | None]:
-    """What the drivers find on this machine: one camera, and no port by themselves."""
+    """Replace the drivers' search functions: they find one camera, and list no serial ports."""
     replaced: dict[str, Finder | None] = {
         "v4l2": Finder("V4L2 cameras", listed=lambda: [Found("a camera", {"device": "/dev/video7"})]),
         "aravis": Finder(VISION, answering=list),
@@ -184,14 +184,14 @@ def test_a_camera_cannot_write_into_the_rig_file_by_its_name(finders):
 
 
 class TheirSettings(Settings):
-    """What a rig file says about a third party's stage."""
+    """Rig-file settings of a third party's stage."""
 
     port: str
     gear: int
 
 
 class Asked:
-    """Drivers of stages that note in `order` who asks at which port."""
+    """Stage drivers of a third party that record in `order` which driver queries which port."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.order: list[tuple[str, str]] = []

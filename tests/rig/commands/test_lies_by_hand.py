@@ -18,12 +18,12 @@ LIES = ("zero-load", "tenth-load", "reversed-load", "stuck-load")
 LOADED_N = 5000.0
 TARGET_N = 4000.0
 NOISE_N = 10.0
-"""Five standard deviations of the simulated load cell."""
+"""Tolerance in N: five standard deviations of the simulated load cell."""
 
 
 @dataclass
 class Machine:
-    """A virtual rig whose specimen carries a load before the motion by hand begins."""
+    """A virtual rig for one motion by hand, whose specimen carries a load before the motion begins."""
 
     path: Path
     loaded_n: float = 0.0
@@ -48,14 +48,14 @@ class Machine:
             rig.faults.switch_on(f"load_frame.{self.lie}")
 
     def on_reading(self, _reading: object) -> None:
-        """Note the true load, and make the load cell lie when its time has come."""
+        """Record the true load, and switch the wrong load reading on when `lies_when` is true."""
         true_n = self.rigs[0].load_frame.load_n()
         self.truth_n.append(true_n)
         if self.lie and not self.rigs[0].faults.active and self.lies_when(true_n):
             self.rigs[0].faults.switch_on(f"load_frame.{self.lie}")
 
     def moved(self, wish: Wish) -> Moved:
-        """Execute one motion."""
+        """Execute one motion, and return its result."""
         done = move(self.path, wish, lambda motion, reading: None, self.on_reading)
         self.truth_n.append(self.rigs[0].load_frame.load_n())
         return done
@@ -137,7 +137,7 @@ def test_an_honest_load_cell_ends_no_motion(machine, loaded_n, wish):
 
 
 def drawn(machine: Machine, seed: int) -> tuple[random.Random, Case]:
-    """Give the machine a specimen and grips at random, all declared in the rig file within a quarter."""
+    """Give the machine a random specimen and grips, declared in the rig file with an error of up to 25 %."""
     rng = random.Random(f"by hand {seed}")
     case = draw(rng)
     area_mm2 = case.width_mm * case.thickness_mm

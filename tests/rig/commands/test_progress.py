@@ -77,7 +77,7 @@ def test_the_second_line_says_what_ctrl_c_does_on_this_rig():
 
 
 class Terminal(io.StringIO):
-    """A terminal that records what is written."""
+    """A terminal that records the written text."""
 
     def isatty(self) -> bool:
         return True

@@ -29,7 +29,7 @@ def good(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def cut_off(tmp_path) -> Path:
-    """What a killed program leaves: a copy of a file while it is written."""
+    """A run file as a killed program leaves it: a copy that was made during the recording."""
     recorder = Recorder(tmp_path / "recorded.h5", HEADER, CAMERAS)
     for index, kind in enumerate(["grid", "reference"]):
         frames = {name: (recorder.frame(name, take(info, index)), 1) for name, info in CAMERAS.items()}

@@ -18,7 +18,7 @@ TORN = re.compile(r"step \d+ \(.*step \d+ \(|settled at .*MOVES")
 
 @pytest.fixture
 def simulated_rig(start, tmp_path):
-    """A rig file for a simulated tension rig with a person as its operator, and the log of the truth."""
+    """A rig file for a simulated tension rig with a person as operator, and the log of its true state."""
     rig_file, use, log = tmp_path / "simulated.toml", tmp_path / "use.toml", tmp_path / "truth.jsonl"
     small = f"{CAMERA}\nwidth_px = 64\nheight_px = 48"
     rig_file.write_text(example("rig-virtual-tension", (CAMERA, small)))

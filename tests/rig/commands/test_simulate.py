@@ -1,4 +1,4 @@
-"""`rig simulate` as a program: started, used through its rig file, and ended."""
+"""Tests of the program `rig simulate`: start, use through the written rig file, and end."""
 
 import json
 import os

@@ -19,7 +19,7 @@ from tests.places import example
 
 
 class Terminal:
-    """A pseudo-terminal; standard output and standard error of the program are on it."""
+    """A pseudo-terminal for standard output and standard error of a program."""
 
     def __init__(self) -> None:
         self._screen, self._line = os.openpty()
@@ -27,17 +27,17 @@ class Terminal:
         self._reading = threading.Thread(target=self._read)
 
     def stall(self) -> None:
-        """Do what Ctrl-S does: each write to the terminal blocks from now on."""
+        """Stop the terminal's output as Ctrl-S does, so that each write to the terminal blocks."""
         termios.tcflow(self._line, termios.TCOOFF)
 
     def let_go(self) -> None:
-        """Do what Ctrl-Q does, and read what was written."""
+        """Continue the terminal's output as Ctrl-Q does, and read the written text."""
         if not self._reading.is_alive():
             self._reading.start()
         termios.tcflow(self._line, termios.TCOON)
 
     def read_up_to(self, text: bytes) -> None:
-        """Read what is written, up to a text."""
+        """Read the written text up to and including `text`."""
         seen = b""
         while text not in seen:
             seen += os.read(self._screen, 4096)
@@ -65,7 +65,7 @@ def terminal() -> Iterator[Terminal]:
 
 @contextmanager
 def news_on(terminal: Terminal) -> Iterator[dict[str, list]]:
-    """Give the listeners of `rig run` on this terminal, whose output is let go at the end of the block."""
+    """Yield the listeners of `rig run` for this terminal, and let the output continue after the block."""
     with redirect_stdout(terminal.stream), redirect_stderr(terminal.stream), run_screen() as screen:
         assert sys.stderr.isatty()
         yield {"on_status": [screen.on_status], "on_step": [screen.on_step]}

@@ -26,11 +26,11 @@ SOURCES = (
     "rig/engine/imaging.py",
 )
 STRIDE = 421
-"""Every so many lines are interrupted in the test command, and many more in the long campaign."""
+"""Distance of the interrupted lines in the quick test; the long test interrupts many more lines."""
 
 
 class Lines:
-    """Counts the lines that run in `SOURCES`, and calls `at_line` with the number of each."""
+    """Counts the executed lines of the files in `SOURCES`, and calls `at_line` with each number."""
 
     def __init__(self, at_line: Callable[[int], None]) -> None:
         self._at_line = at_line

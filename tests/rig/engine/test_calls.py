@@ -18,7 +18,7 @@ LONG = Deadline(60.0)
 
 @pytest.fixture
 def hang() -> Iterator[Callable[[], None]]:
-    """A call of a driver that does not return as long as the test goes on."""
+    """A driver's call that does not return before the end of the test."""
     over = threading.Event()
     yield lambda: over.wait() and None
     over.set()

@@ -17,7 +17,7 @@ BIG = CameraInfo("fakes", "camera", "3", simulated=True, width_px=300, height_px
 
 @dataclass
 class Pictures(FakeCamera):
-    """A camera with noise, whose pictures a test can spoil."""
+    """A simulated camera with noise, whose images a test can change by the function `spoil`."""
 
     info: CameraInfo = BIG
     spoil: object = lambda count, image: image
@@ -31,7 +31,7 @@ class Pictures(FakeCamera):
 
 
 def with_images(rig, **settings):
-    """Give a fake rig one camera with real pictures, and settings for its images."""
+    """Give a fake rig one camera with a textured image, and settings of its images; return the camera."""
     rig.cameras = {"off_axis": Pictures(rig.clock)}
     rig.protocol = rig.protocol.model_copy(update={"images": Images(**settings)})
     return rig.cameras["off_axis"]
@@ -132,7 +132,7 @@ def test_a_motion_during_the_exposure_is_seen(rotation):
 
 
 class Loose(Pictures):
-    """A camera whose handle is dead once the cable was pulled; a new one works again after a time."""
+    """A camera that fails after its cable was pulled; a reopened camera works after some time."""
 
     def __init__(self, clock, cable) -> None:
         super().__init__(clock)

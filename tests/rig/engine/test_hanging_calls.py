@@ -18,7 +18,7 @@ LONG_S = 1e6
 
 
 def hang_in(rig: FakeRig, device: Any, call: str, at: int) -> list[float]:
-    """Have the `at`th call hang; return the list that its time will be put in."""
+    """Make call number `at` of a method hang; return a list to which the time of this call is added."""
     called, hung_s, made = 0, [], getattr(device, call)
 
     def hanging(*arguments: Any) -> Any:
@@ -104,7 +104,7 @@ def test_camera_that_hangs_is_given_up_and_the_frame_is_watched_meanwhile(tensio
 
 
 def take_time(rig: FakeRig, busy: dict[str, float]) -> Callable[..., Any]:
-    """A slow call: it takes a minute of the rig's time."""
+    """Return a function that takes 4 s of the rig's time, and records its start and end in `busy`."""
 
     def slowly(*arguments: Any) -> Any:
         busy["from_s"] = rig.clock.now_s()

@@ -21,7 +21,7 @@ WIDTH, HEIGHT, PERIOD_PX, MEAN, SWING = 400, 404, 16, 100.0, 50.0
 
 
 def waves() -> np.ndarray:
-    """A wave in x and one in y, whose sharpness is known."""
+    """An image of a wave along x and a wave along y, whose sharpness is known."""
     x, y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
     turn = 2.0 * np.pi / PERIOD_PX
     return MEAN + SWING / 2.0 * (np.sin(turn * x) + np.sin(turn * y))
@@ -34,7 +34,7 @@ def seen(image: np.ndarray, sequence: int = 1, **changes) -> Frame:
 
 @pytest.fixture
 def checks() -> ImageChecks:
-    """Checks to which the waves are the picture of the reference step."""
+    """Image checks whose reference image is the image of waves."""
     made = ImageChecks(CameraInfo("a", "b", "c", width_px=WIDTH, height_px=HEIGHT), Images())
     frame = seen(grey(waves()))
     made.accept(frame, made.measure(frame), reference=True)
@@ -122,7 +122,7 @@ def test_a_camera_that_was_opened_again_counts_anew(checks: ImageChecks) -> None
 
 @pytest.fixture
 def simulated():
-    """A simulated camera, its faults, and checks to which its first picture is the reference."""
+    """A simulated camera, its faults, and image checks whose reference is the camera's first image."""
     clock = VirtualClock()
     rig = VirtualRig(clock=clock)
     faults = PictureFaults(clock)

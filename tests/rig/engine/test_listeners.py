@@ -12,7 +12,7 @@ from rig.recorder import Recorder
 
 
 def failing(at: State, error: BaseException):
-    """A listener that raises in a state, and the states it was told of."""
+    """Return a listener that raises an error in the state `at`, and the list of its received states."""
     told = []
 
     def listener(status) -> None:

@@ -14,7 +14,7 @@ from rig.facts import RigFacts
 from rig.limit_settings import RigLimits
 
 LOADED_MM = 0.4
-"""The fake specimen carries 5833 N here."""
+"""Displacement in mm at which the simulated specimen carries 5833 N."""
 
 
 def rig_of(fakes) -> Rig:
@@ -146,7 +146,7 @@ LIES = {
 
 
 def lie(fakes, name: str, first: int, clean_n: float = 0.0) -> None:
-    """Make the load cell lie from its reading number `first` on; the readings have a noise of 1 N."""
+    """Make the load cell wrong from its reading number `first` on, with an alternating error of `clean_n`."""
     stuck: list[float] = []
 
     def on_read(count, state):

@@ -25,7 +25,7 @@ def fake(tmp_path, phases: str) -> FakeRig:
 
 
 def tear(rig: FakeRig) -> None:
-    """Let a quarter of the load be lost from a displacement on."""
+    """Reduce the load readings by a quarter at displacements above `DROP_MM`."""
 
     def torn(count, state):
         return replace(state, load_n=0.75 * state.load_n) if state.displacement_mm > DROP_MM else state
@@ -105,11 +105,11 @@ def continued(rig: FakeRig) -> Engine:
 
 
 def aborted(rig: FakeRig, when) -> None:
-    """Run, and abort at the first reading of the frame in a status for which `when` is true."""
+    """Execute the run, and abort it at the first reading of the load frame at which `when` is true."""
     engine, on_read = rig.engine(), rig.load_frame.on_read
 
     def abort(count, state):
-        # While the engine waits for the reading: a listener is told some moment later.
+        # Abort here, while the engine waits for the reading, because a listener would be called later.
         if engine.status.step is not None and when(engine.status):
             engine.abort("the abort button")
         return on_read(count, state)

@@ -8,7 +8,7 @@ from tests.places import example
 
 SMALL = ('driver = "simulated-camera"', 'driver = "simulated-camera"\nwidth_px = 32\nheight_px = 24')
 ASKING_S = 60.0
-"""How long the simulated operator takes by default."""
+"""Default duration in s of an action of the simulated operator."""
 
 
 def datasets(path) -> dict[str, np.ndarray]:

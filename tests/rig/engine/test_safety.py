@@ -8,13 +8,13 @@ from rig.engine.safety import SafeState
 
 @pytest.fixture
 def both(tension, rotation) -> Rig:
-    """A rig with a load frame and a stage; each keeps its own list of calls."""
+    """A rig with a load frame and a stage; each of the two has its own list of calls."""
     return Rig(tension.clock, tension.operator, tension.cameras, rotation.stage, tension.load_frame)
 
 
 @pytest.fixture
 def never():
-    """A command that returns only when the test is over."""
+    """A command that does not return before the end of the test."""
     over = threading.Event()
     yield over.wait
     over.set()

@@ -19,7 +19,7 @@ SPEED = {"speed_deg_s": 10.0, "firmware": "7.38", "axis": 1, "always_checksum": 
 
 
 class Reporting:
-    """Reports one table of settings after another; the last one again and again."""
+    """A function `read_settings` that returns the given tables one after the other, and repeats the last."""
 
     def __init__(self, *tables: object) -> None:
         self.tables = list(tables)
@@ -165,7 +165,7 @@ def test_an_interlock_may_report_settings(rotation: FakeRig):
 
 
 def changed(rig: FakeRig, **asked: object) -> None:
-    """Change the file of a finished run: what it says about its stage."""
+    """Replace the recorded settings of the stage in the file of a finished run."""
     with h5py.File(rig.path, "r+") as file:
         group = file["entry/instrument/stage"]
         del group["settings"]

@@ -11,7 +11,7 @@ from rig.engine.status import State
 
 
 def signalling(engine: Engine, number: signal.Signals = signal.SIGINT) -> Callable[[], None]:
-    """Return a function that sends a signal and returns when the engine has been told to abort."""
+    """Return a function that sends a signal, and returns when the engine's `abort` was called."""
     abort, told = engine.abort, threading.Event()
 
     def note(reason: str) -> None:

@@ -17,7 +17,7 @@ def watch(tension_table) -> Watch:
 
 
 def see(watch: Watch, *loads_n: float) -> int:
-    """Return how many loads were let pass."""
+    """Check readings with the given loads, and return their number."""
     for load_n in loads_n:
         watch.check(Reading(0.0, load_n, 1.0), "step 3")
     return len(loads_n)

@@ -10,9 +10,10 @@ from tests.rig.guardian.stopping import Bench, bench
 
 @pytest.fixture(scope="module")
 def bench_on(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Bench]]:
-    """`bench_on(stage, load_frame)` returns the bench on these lines; only the latest one is open.
+    """A function `bench_on(stage, load_frame)` that returns the bench on these lines, and closes others.
 
-    Two benches at a time would disturb the times, because a simulation logs every 2 ms.
+    Two benches at the same time would disturb the measured times, because a simulation writes its log every 2
+    ms.
     """
     with ExitStack() as opened:
         latest: dict[tuple[str, str], Bench] = {}

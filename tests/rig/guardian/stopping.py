@@ -104,7 +104,7 @@ poll_s = 0.1
 
 @dataclass(frozen=True)
 class Machine:
-    """A machine, the protocol that moves it, and where the log has its motion."""
+    """A machine: its name, the protocol that moves it, the command that begins the motion, the log's key."""
 
     name: str
     protocol: str
@@ -118,7 +118,7 @@ STAGE = Machine("stage", ROTATION, "move 576000", "angle_deg")
 
 @dataclass
 class Times:
-    """From the event to standstill, in milliseconds."""
+    """Measured times in ms from an event to the standstill of a machine."""
 
     machine: str
     event: str
@@ -132,7 +132,7 @@ class Times:
 
 
 def _wait_for_end(pid: int) -> None:
-    """Wait until a killed process, no child of this one, has ended and has given up its ports."""
+    """Wait until a killed process has ended and has released its ports; it is no child of this process."""
     end_s = time.monotonic() + DEADLINE_S
     while time.monotonic() < end_s:
         try:
@@ -146,11 +146,11 @@ def _wait_for_end(pid: int) -> None:
 
 
 TAIL_BYTES = 1 << 16
-"""More than the longest line of the log."""
+"""Number of bytes, larger than the longest line of the log."""
 
 
 class Bench:
-    """A simulation in a process of its own, and one run after the other on it."""
+    """A simulated rig in a separate process, on which runs are executed one after the other."""
 
     def __init__(self, folder: Path, stage: str, load_frame: str) -> None:
         self.folder = folder
@@ -168,7 +168,7 @@ class Bench:
         self.simulation.close()
 
     def entries(self) -> Iterator[dict]:
-        """Yield the entries of the log as they come; it is the truth."""
+        """Yield the entries of the simulation's log, which has the true state, as they are written."""
         end_s, rest = time.monotonic() + DEADLINE_S, b""
         while time.monotonic() < end_s:
             rest += self._log.readline()
@@ -180,9 +180,10 @@ class Bench:
         raise AssertionError("the log shows nothing more")
 
     def stand_after_ms(self, machine: Machine, event: Callable[[Program], float | None]) -> float:
-        """Return the time from an event in the middle of a motion until the machine stands for good.
+        """Return the time, ms, from an event during a motion to the final standstill of the machine.
 
-        `event` returns the time from which to count, or None for the time at which it was called.
+        The function `event` causes the event, and returns its time. If it returns None, the time of its call
+        counts.
         """
         with closing(self.started(machine)) as run:
             time.sleep(self._rng.uniform(0.1, 0.5))
@@ -195,7 +196,7 @@ class Bench:
         return 1000.0 * (stood_s - began_s)
 
     def started(self, machine: Machine) -> Program:
-        """Start a run on an unloaded rig; return once it has begun the motion that is to be stopped."""
+        """Start a run on an unloaded rig, and return it when the motion that is to be stopped has begun."""
         self.unload()
         run = Program(*self.command(machine))
         try:
@@ -220,16 +221,17 @@ class Bench:
             assert run.process.poll() is None, run.process.stderr.read()
 
     def _skip_to_end(self) -> None:
-        """Go to the end of the log's last complete line; the newest line may still be written."""
+        """Skip the log up to the end of its last complete line, because the newest line may be incomplete."""
         end = self._log.seek(0, os.SEEK_END)
         start = max(0, end - TAIL_BYTES)
         self._log.seek(start)
         self._log.seek(start + self._log.read(end - start).rfind(b"\n") + 1)
 
     def _wait_for_standstill(self, machine: Machine, began_s: float) -> float:
-        """Return when the machine stood: when its value last changed, and not before it was told to stop.
+        """Return the time of standstill: of the last change of the machine's value, but not before the stop.
 
-        The simulated crosshead moves in steps of 20 ms: it can stand still by chance before the hold arrives.
+        The simulated crosshead moves in steps of 20 ms, so it can stand still by chance before the hold
+        command arrives.
         """
         last, changed_s, told_s = None, began_s, None
         for entry in self.entries():
@@ -246,7 +248,7 @@ class Bench:
         raise AssertionError("unreachable")
 
     def stands(self, machine: Machine) -> bool:
-        """Whether a machine comes to rest within a second and a half."""
+        """Return True if a machine comes to rest within 1.5 s."""
         began_s = time.monotonic()
         return self._wait_for_standstill(machine, began_s) < began_s + 1.5
 
@@ -262,7 +264,7 @@ class Bench:
             _wait_for_end(guardian)
 
     def unload(self) -> None:
-        """Clear all faults, and bring the machine to rest without load."""
+        """Clear all faults, stop the machines, and unload the specimen."""
         self.simulation.type("clear")
         self.simulation.wait_for("on: ")
         with open_rig(read_rig(self.folder / "use.toml")) as rig:
@@ -280,7 +282,7 @@ def bench(folder: Path, stage: str = "stage", load_frame: str = "load_frame") ->
 
 
 def guardian_of(run: Program) -> int | None:
-    """Return the process of a run's guardian."""
+    """Return the process number of a run's guardian, or None if there is no guardian."""
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             command = (folder / "cmdline").read_bytes()
@@ -306,7 +308,7 @@ def hang(bench: Bench, machine: Machine) -> Callable[[Program], None]:
 
 
 def hanging_call(bench: Bench, machine: Machine) -> Callable[[Program], None]:
-    """A request is lost, and its answer is waited for a minute."""
+    """Return an event: a request to the machine is lost, so that the driver's call waits for its answer."""
     return lambda run: bench.simulation.type(f"fault {machine.name}.lose-request:1")
 
 
@@ -325,14 +327,14 @@ EVENTS = {
     "driver call hangs": (hanging_call, 1000.0),
 }
 FROZEN_MS = 2000.0 + 50.0
-"""The watchdog's time, and what the machine takes to notice: two and a half of its periods."""
+"""Limit in ms: the watchdog's time, and 2.5 control periods in which the machine notices its end."""
 
 
 def measure(bench: Bench, machine: Machine, name: str, count: int, bound_ms: float = math.inf) -> Times:
-    """Measure one event `count` times.
+    """Measure the stop time after an event `count` times.
 
-    With `bound_ms`, no more times are measured once the median of `count` times is certainly within the
-    bound: two times are enough for a median of three.
+    If `bound_ms` is given, the measurement ends as soon as the median of `count` times is certainly within
+    this bound. For a median of three, two times within the bound are enough.
     """
     make = all_frozen if name == "all frozen" else EVENTS[name][0]
     event, times = make(bench, machine), Times(machine.name, name)

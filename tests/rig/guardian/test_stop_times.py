@@ -1,7 +1,8 @@
 """Measure by the simulator's log how long a machine still moves after a signal, a hang or a kill.
 
-The times are real: the programs, the lines and the system's scheduling are what is measured. The test command
-takes the median of three, which a busy computer hardly moves; the long campaign takes the worst of thirty.
+The measured times are real times of the programs, the lines and the system's scheduling. The quick test
+checks the median of three times, which other programs hardly affect. The long test checks the largest of
+thirty times.
 """
 
 from statistics import median

@@ -26,12 +26,12 @@ MATERIALS = {
 }
 
 FRACTURE_BEYOND = 0.05
-"""A specimen breaks at its strain at the ultimate stress plus this strain."""
+"""Strain between the ultimate stress and the break of a specimen."""
 
 
 @dataclass
 class Case:
-    """One specimen in one machine, with a protocol that suits it."""
+    """A random specimen in a random machine, with a suitable protocol and rig file."""
 
     material: str
     width_mm: float
@@ -59,12 +59,12 @@ class Case:
         return self.length_mm / (MATERIALS[self.material][0] * area_mm2) + 1.0 / self.machine_n_mm
 
     def needed_mm(self, load_n: float) -> float:
-        """Return the displacement that a load needs on the first loading, from the theory of the specimen."""
+        """Return the displacement at a load of the first loading, by the virtual specimen's formulas."""
         slip_mm = self.slip_mm * (1.0 - exp(-load_n / self.slip_load_n))
         return load_n * self.compliance_mm_n + slip_mm + self._plastic(load_n) * self.length_mm
 
     def strain(self, load_n: float) -> float:
-        """Return the strain at a load of the first loading, from the theory of the specimen."""
+        """Return the strain at a load of the first loading, from the formulas of the virtual specimen."""
         modulus = MATERIALS[self.material][0]
         return load_n / (modulus * self.width_mm * self.thickness_mm) + self._plastic(load_n)
 
@@ -75,7 +75,7 @@ class Case:
 
     @property
     def survives(self) -> bool:
-        """True if an increment is clearly plastic before the specimen breaks."""
+        """True if an increment of load is clearly plastic before the specimen breaks."""
         stiffest_n_mm = 0.0
         for number in range(1, self.increments + 4):
             load_n = number * self.increment_n
@@ -188,7 +188,7 @@ def draw(rng: random.Random) -> Case:
 
 @dataclass
 class Result:
-    """The machine's records: true load, true displacement, and the commands that it executed."""
+    """The result of a test: its outcome, the largest true load and displacement, and the last target."""
 
     outcome: Outcome
     increment_n: float
@@ -199,14 +199,17 @@ class Result:
 
     @property
     def over(self) -> float:
-        """True load above the last target, as a fraction of an increment, or NaN after load increments."""
+        """Overload: largest true load above the last target, as a fraction of an increment.
+
+        NaN if the test went on to displacement increments.
+        """
         return nan if self.stretched else (self.highest_n - self.target_n) / self.increment_n
 
 
 def drive(
     case: Case, folder: Path, monkeypatch, lie: str = "", when: Callable[[float], bool] = bool
 ) -> Result:
-    """Run a test. After the tare, the load cell becomes wrong when `when(true load)` is first true."""
+    """Execute a test. After the tare, the load cell becomes wrong when `when(true load)` is first true."""
     folder.mkdir(exist_ok=True, parents=True)
     (folder / "protocol.toml").write_text(case.protocol())
     (folder / "rig.toml").write_text(case.rig())

@@ -1,4 +1,4 @@
-"""A test of phases with the specimens and machines of `lies`: preload, cycles, holds, unloading."""
+"""Tests with phases (preload, cycles, holds, unloading) for the specimens and machines of `lies`."""
 
 import random
 import tomllib
@@ -16,7 +16,7 @@ class PhasedCase(Case):
     Attributes
     ----------
     only : tuple of str
-        What the phases do; all phases if it is empty.
+        The kinds of phases in the protocol; all kinds if empty.
     """
 
     only: tuple[str, ...] = ()
@@ -57,7 +57,7 @@ class PhasedCase(Case):
 
 
 def draw_phased(rng: random.Random) -> PhasedCase:
-    """Draw a specimen and a machine as `draw` does."""
+    """Return a random specimen and machine, in the same way as `draw`."""
     case = draw(rng)
     return PhasedCase(
         case.material,

@@ -26,7 +26,7 @@ def pull(
     seed: int = 0,
     stuck_from_n: float = math.inf,
 ) -> float:
-    """Pull through an increment at a constant rate of load, with noise. Return the highest true load in N."""
+    """Check noisy readings of a load increment; return the true load, N, at which an error stops it."""
     rng = np.random.default_rng(seed)
     for load_n in np.arange(0.0, 1.2 * increment_n, 0.003 * increment_n):
         shown_n = min(load_n, stuck_from_n) + NOISE_N * rng.standard_normal()
@@ -43,7 +43,7 @@ def linear(load_n: float) -> float:
 
 
 def bilinear(ratio: float, yield_n: float) -> Callable[[float], float]:
-    """Return the displacement of a specimen that keeps a fraction of its stiffness beyond a load."""
+    """Return the displacement function of a specimen that keeps `ratio` of its stiffness above `yield_n`."""
     return lambda load_n: linear(load_n) + max(load_n - yield_n, 0.0) * (1.0 / ratio - 1.0) / STIFFNESS_N_MM
 
 

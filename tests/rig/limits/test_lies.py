@@ -7,15 +7,15 @@ import pytest
 from tests.rig.limits.lies import LIES, Case, Result, draw, drive
 
 OVER_MAX = 0.10
-"""No specimen may see more than this part of an increment above the target."""
+"""Largest allowed true load above the target, as a fraction of an increment."""
 
 
 BEYOND_MAX = 0.03
-"""The crosshead must stop within this part of an increment beyond what a true load cell would have needed."""
+"""Largest allowed displacement beyond the needed one, as a fraction of an increment's displacement."""
 
 
 def faults_of(result: Result, case: Case) -> list[str]:
-    """Return what is wrong with the end of a test with a lying load cell."""
+    """Return one sentence for each violated limit at the end of a test with a wrong load cell."""
     found = []
     if result.outcome.status != "failed" or result.outcome.unsafe:
         found.append(f"{result.outcome}")
@@ -56,7 +56,7 @@ def test_a_load_cell_that_drifts_before_the_first_increment_moves_nothing(tmp_pa
 
 
 def drive_drifting(seed, begin_increments, tmp_path, monkeypatch):
-    """A test whose load cell drifts by a tenth of an increment per second from a load on."""
+    """Execute a test whose load cell drifts by 0.1 increments per second from a given load on."""
     case = draw(random.Random(seed))
     drift_n_s, begin_n = round(0.1 * case.increment_n), begin_increments * case.increment_n
     result = drive(case, tmp_path, monkeypatch, f"drifting-load:{drift_n_s}", lambda n: n >= begin_n)

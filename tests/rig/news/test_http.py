@@ -52,7 +52,7 @@ class Served:
         return self.ask("POST", "/v1/abort", **{"Authorization": token, **headers})[0]
 
     def raw(self, text: str) -> socket.socket:
-        """Send bytes and read no answer."""
+        """Send text to the interface, and return the connection without reading an answer."""
         line = socket.create_connection(("127.0.0.1", self.place.port), 60.0)
         line.sendall(text.replace("\n", "\r\n").encode())
         return line

@@ -22,7 +22,7 @@ FRAME = LoadFrameState(7001.2, 0.61234, False, True, True, 9, (), 3.0)
 
 @pytest.fixture
 def command(tmp_path) -> str:
-    """A command that records its argument, a variable and its standard input at each call."""
+    """A command that records its argument, an environment variable and its standard input at each call."""
     script = tmp_path / "note"
     script.write_text(
         f'#!/bin/sh\n{{ echo "$1"; echo "$OFFAXIS_STATUS"; cat; echo ---; }} >> \'{tmp_path}/notes\'\n'

@@ -54,7 +54,7 @@ poll_s = 0.05
 
 @pytest.fixture
 def files(tmp_path) -> Path:
-    """A folder with a run in real time that takes minutes, and a command that notes its calls."""
+    """A folder with the files of a run that takes minutes of real time, and a command that logs its calls."""
     (tmp_path / "rig.toml").write_text(RIG.format(real_time="true"))
     (tmp_path / "virtual.toml").write_text(RIG.format(real_time="false"))
     (tmp_path / "long.toml").write_text(PROTOCOL.format(total_deg=360.0))

@@ -60,7 +60,7 @@ def mistakes(tmp_path, phases: str, tables: str = PULLING) -> str:
 
 
 class Specimen:
-    """A specimen that is elastic at 20 kN/mm up to 7 kN, then 2 kN/mm; its load can be spoiled."""
+    """A specimen with a stiffness of 20 kN/mm up to 7 kN and then 2 kN/mm; a test can change its load."""
 
     def __init__(self) -> None:
         self.executed: list[ProtocolStep] = []
@@ -113,7 +113,10 @@ images.every_deg = 22.5
 
 
 def essence(step: ProtocolStep) -> tuple:
-    """What the engine does in a step; phases allow the time of the motion beyond the time limit."""
+    """Return the values of a step without its motion time, in order to compare two protocols.
+
+    Only phases allow the motion time in addition to the time limit.
+    """
     return tuple(replace(step, motion_s=0.0).__dict__.values())
 
 

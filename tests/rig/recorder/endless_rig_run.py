@@ -1,4 +1,4 @@
-"""`rig run` of many steps on a virtual rig, until somebody kills it; `test_killed_rig_runs` starts this.
+"""A `rig run` of many steps on a virtual rig, which `test_killed_rig_runs` starts and kills.
 
 The protocol and the rig file are in the folder of the run file.
 """
@@ -63,14 +63,14 @@ def write_files(folder: Path) -> None:
 
 
 def run(path: Path) -> None:
-    """Do what the command line does."""
+    """Execute `rig run` for the run file `path`, in the same way as the command line."""
     files = (path.parent / "protocol.toml", "--rig", path.parent / "rig.toml", "-o", path)
     sys.argv = ["rig", "run", *map(str, files)]
     rig.cli.main()
 
 
 def main() -> None:
-    """Import all that `rig run` needs, then serve."""
+    """Import all modules of `rig run`, and then serve."""
     for name in rig.__all__:
         getattr(rig, name)
     serve(run)

@@ -1,4 +1,4 @@
-"""Record a run that never ends, until somebody kills it; `test_kills` starts this program."""
+"""Record a run without an end; `test_kills` starts and kills this program."""
 
 import os
 from pathlib import Path
@@ -17,7 +17,7 @@ STEPS_MAX = 100_000
 
 
 def number_of(index: int, camera: int, frame: int) -> int:
-    """Return the number that an image shows, by step, camera and place in the step."""
+    """Return the number that an image shows, from its step, its camera and its number within the step."""
     return (index * len(CAMERAS) + camera) * FRAMES + frame
 
 

@@ -1,4 +1,4 @@
-"""One run after the other, each in a process of its own that is killed; the programs record, the tests kill.
+"""Start recording programs in separate processes one after the other, and kill each of them.
 
 A program imports everything once. For each line of standard input, the path of a run file, it forks a child
 that records there, prints the child's number, and waits for the end of the child. The child prints a line
@@ -20,7 +20,7 @@ _DEADLINE_S = 100.0
 
 
 def serve(record: Callable[[Path], None]) -> None:
-    """Fork a child for each path; this is what a program does."""
+    """Fork a child that calls `record` for each path on standard input; the programs call this function."""
     for line in sys.stdin:
         child = os.fork()
         if child == 0:
@@ -33,7 +33,7 @@ def serve(record: Callable[[Path], None]) -> None:
 
 
 class ForkedRuns:
-    """A program that calls `serve`, and the means to kill its children.
+    """A running program that calls `serve`, with a method that kills its children.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class ForkedRuns:
                 self._lines.put(line.strip())
 
     def killed(self, path: Path, steps: int, then_s: float) -> int:
-        """Start a run, kill it `then_s` after so many steps; return the number of acknowledged steps."""
+        """Start a run, kill it `then_s` after `steps` steps, and return the number of acknowledged steps."""
         assert self._program.stdin is not None
         self._program.stdin.write(f"{path}\n")
         child, acknowledged = 0, 0

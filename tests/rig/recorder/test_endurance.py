@@ -1,4 +1,4 @@
-"""The two figures of the recorder that take real time; the benchmarks print more of them."""
+"""Two tests of the recorder in real time, with functions of the benchmarks."""
 
 from pathlib import Path
 

@@ -28,8 +28,11 @@ CAMERAS = {
     name: CameraInfo("v", "m", "s", width_px=width_px, height_px=height_px, bits=8)
     for name, width_px, height_px in ((WIDE, 1280, 1280), ("left", 128, 56), ("right", 128, 56))
 }
-"""The wide camera takes one image, which is larger than what the recorder reserves when it creates the file.
-So the last 64 kB are those of the other images, and not those of the reservation."""
+"""The cameras of the tests.
+
+The wide camera takes one image, which is larger than the space that the recorder reserves when it creates the
+file. So the last 64 kB of the file belong to the other images, and not to the reserved space.
+"""
 PAGE_BYTES = 4096
 VOLUME_BYTES = 4 << 20
 LAST_BYTES = 64 << 10
@@ -40,7 +43,7 @@ frame_of = cache(take)
 
 
 def record(path: Path) -> tuple[int, str]:
-    """Record until the end or the first error; return the number of acknowledged steps, and the error."""
+    """Record a run to its end or to the first error; return the acknowledged steps and the error."""
     try:
         recorder = Recorder(path, HEADER, CAMERAS)
     except RecordingError as error:
@@ -65,7 +68,7 @@ def record(path: Path) -> tuple[int, str]:
 
 
 def check_recording(path: Path, steps: int, reason: str) -> None:
-    """The error is one sentence, and the file is closed with everything that was acknowledged."""
+    """Check that the error is one sentence, and that the closed file has all acknowledged data."""
     assert "\n" not in reason
     assert bool(reason) == (steps < STEPS)
     assert reason == "" or "check free space" in reason
@@ -98,7 +101,10 @@ def no_file_larger_than(size: int) -> Iterator[None]:
 
 
 def check_limit(path: Path, size: int) -> int | None:
-    """Return the number of acknowledged steps; None if the limit was too small to create the file."""
+    """Record with a limited file size, and check the file; return the number of acknowledged steps.
+
+    The result is None if the limit was too small to create the file.
+    """
     path.unlink(missing_ok=True)
     with no_file_larger_than(size):
         steps, reason = record(path)
@@ -110,7 +116,7 @@ def check_limit(path: Path, size: int) -> int | None:
 
 @pytest.fixture(scope="module")
 def enough(tmp_path_factory) -> int:
-    """The least limit on the size of files with which the run is completed."""
+    """The smallest limit of the file size, in bytes, with which the run is completed."""
     folder = tmp_path_factory.mktemp("enough")
     low, high = CLOSING_BYTES, 4 * CLOSING_BYTES
     while low < high:
@@ -166,7 +172,7 @@ def test_file_whose_writes_failed_is_left_as_it_is(tmp_path):
 
 @pytest.fixture(scope="module")
 def volume(tmp_path_factory) -> Iterator[Path]:
-    """A volume of 4 MiB."""
+    """The path of a mounted volume of 4 MiB."""
     folder = tmp_path_factory.mktemp("volume")
     command = ["mount", "-t", "tmpfs", "-o", f"size={VOLUME_BYTES}", "tmpfs", str(folder)]
     try:
@@ -191,7 +197,7 @@ def check_free_space(volume: Path, pages: int) -> None:
 
 @pytest.fixture(scope="module")
 def enough_pages(volume) -> int:
-    """The least number of free pages with which the run is completed."""
+    """The smallest number of free memory pages of the volume with which the run is completed."""
     low, high = 1, VOLUME_BYTES // PAGE_BYTES
     while low < high:
         middle = (low + high) // 2

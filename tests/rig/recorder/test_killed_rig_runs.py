@@ -1,7 +1,7 @@
 """After kill -9 of `rig run` at a random moment, the file opens after `rig repair` with all reported data.
 
-A run tells of a finished step twice: by a line on standard output, and by a line in its file of events. The
-virtual rig gives the same images in every run, so a changed image differs from that of another run.
+A run reports a finished step by a line on standard output and by a line in its file of events. The virtual
+rig gives the same images in every run. So a changed image differs from the same image of another run.
 """
 
 import json
@@ -22,12 +22,12 @@ from tests.rig.recorder.endless_rig_run import write_files
 from tests.rig.recorder.forked_runs import ForkedRuns
 
 OPENING_S = 0.4
-"""About as long as a run takes from its beginning to its first step."""
+"""Approximate time in s from the beginning of a run to its first step."""
 STEP_S = 0.06
-"""A little longer than a step takes."""
+"""Time in s that is slightly longer than the duration of a step."""
 
 Digests = dict[tuple[str, int], str]
-"""The digest of each image that any run has told, by camera and row."""
+"""The digest of each image in the runs' files, by camera and row."""
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def runs() -> Iterator[ForkedRuns]:
 
 
 def events_of(path: Path) -> list[dict[str, Any]]:
-    """Return the events of a killed run. A last line that was cut off told nothing."""
+    """Return the complete events of a killed run. An incomplete last line is ignored."""
     if not events_path(path).exists():
         return []
     *lines, _ = events_path(path).read_text().split("\n")
@@ -45,7 +45,7 @@ def events_of(path: Path) -> list[dict[str, Any]]:
 
 
 def check_killed_run(path: Path, printed: int, digests: Digests) -> int:
-    """Repair the file of a killed run, and compare it with what was told; return its number of steps."""
+    """Repair the file of a killed run, compare it with the reported steps, and return its number of steps."""
     events = events_of(path)
     told = [event for event in events if event["event"] == "step"]
     begun = any(event["event"] == "state" for event in events)
@@ -78,7 +78,7 @@ def check_killed_run(path: Path, printed: int, digests: Digests) -> int:
 
 
 def check_random_kills(runs: ForkedRuns, folder: Path, moments: list[tuple[int, float]]) -> None:
-    """Kill a run at each moment: after a number of steps, and some time later."""
+    """Kill one run for each moment (number of steps, further time in s), and check each run file."""
     write_files(folder)
     digests: Digests = {}
     for number, (steps, then_s) in enumerate(moments):

@@ -23,7 +23,7 @@ def runs() -> Iterator[ForkedRuns]:
 
 
 def check_killed_run(path: Path, acknowledged: int) -> None:
-    """Repair a file, and compare it with what was acknowledged."""
+    """Repair the file of a killed run, and compare it with the acknowledged steps."""
     repair_run(path)
     steps = contents(path, acknowledged)
     cut_off, *others = verify_run(path).problems
@@ -32,7 +32,7 @@ def check_killed_run(path: Path, acknowledged: int) -> None:
 
 
 def contents(path: Path, acknowledged: int) -> int:
-    """Compare every acknowledged image with what was recorded; return the number of steps on file."""
+    """Compare every image in the file with the recorded image; return the number of steps in the file."""
     with RunFile(path) as run:
         assert len(run.steps) >= acknowledged
         for step in run.steps:

@@ -1,4 +1,4 @@
-"""The recorded run file holds exactly what docs/run-file.md lists: no name, type, unit or attribute else."""
+"""A recorded run file has exactly the names, types, units and attributes that docs/run-file.md lists."""
 
 import re
 from dataclasses import replace
@@ -26,7 +26,7 @@ LENGTHS = {"n": FRAMES, "m": READINGS, "k": STEPS, "e": EVENTS, "r": SETTINGS, "
 
 @pytest.fixture
 def recorded(tmp_path) -> Path:
-    """A run with all kinds of devices; each kind of table has a length of its own."""
+    """The file of a run with all kinds of devices, in which each kind of table has a different length."""
     path = tmp_path / "run.h5"
     recorder = Recorder(path, HEADER, CAMERAS, stage=DEVICE, load_frame=DEVICE, interlocks=DOOR)
     for _ in range(READINGS):
@@ -49,7 +49,7 @@ def recorded(tmp_path) -> Path:
 
 
 def documented() -> dict[str, tuple[str, set[str]]]:
-    """Type and attributes by path, as the page's table states them for the cameras of this test."""
+    """Return type and attributes of each path, from the page's table, for the cameras of this test."""
     rows = re.findall(r"^\| `(/.*?)` \| (.*?) \| (.*?) ?\| .*\|$", (DOCS / "run-file.md").read_text(), re.M)
     assert len(rows) > 50
     stated = {}
@@ -61,7 +61,7 @@ def documented() -> dict[str, tuple[str, set[str]]]:
 
 
 def kind_of(item: h5py.Group | h5py.Dataset, stated: str) -> str:
-    """The type of an object, in the words of the page; of a text without stated size any is right."""
+    """Return the type of an object in the words of the page, for a text with its size only if stated."""
     if isinstance(item, h5py.Group):
         return "group"
     if item.name.endswith("/data"):
@@ -86,7 +86,7 @@ def kind_of(item: h5py.Group | h5py.Dataset, stated: str) -> str:
 
 
 def attributes_of(item: h5py.Group | h5py.Dataset, stated: set[str]) -> set[str]:
-    """The attributes of an object, with their values where the page states them."""
+    """Return the attributes of an object, with values only if the page states the values."""
     valued = {part.partition(" = ")[0] for part in stated if " = " in part}
     found = (f"{key} = {value}" if key in valued else key for key, value in item.attrs.items())
     return set(", ".join(found).split(", "))

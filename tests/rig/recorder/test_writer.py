@@ -13,7 +13,7 @@ NEVER_S = 3600.0
 
 
 class Rows:
-    """A file in memory: the rows of each commit."""
+    """Replaces the run file, and records the rows of each commit in memory."""
 
     def __init__(self):
         self.commits = [[]]
@@ -32,7 +32,7 @@ class Rows:
 
 @pytest.fixture
 def start():
-    """`start(gather_s)` returns a file and its writer."""
+    """A function `start(gather_s)` that returns a file in memory and its writer."""
     writers = []
 
     def begin(gather_s):

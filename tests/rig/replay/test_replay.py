@@ -22,7 +22,7 @@ from tests.rig.protocol.test_phases import CYCLES, HOLD, MOVING, text
 
 
 def identical(path: Path, new: Path) -> None:
-    """Compare both files without any code of the replay; the order of rows differs by device warnings."""
+    """Compare two run files without code of the replay, except for the order of rows and device warnings."""
     with h5py.File(path) as ours, h5py.File(new) as theirs:
         tables = ["entry/steps", *(f"entry/instrument/{name}" for name in ours["entry/instrument"])]
         tables += [f"entry/interlocks/{name}" for name in ours.get("entry/interlocks", ())]

@@ -1,4 +1,4 @@
-"""A run on the virtual rig, its replay by the command, and the strains of both."""
+"""The strains of a run on the virtual rig are those of its replay by the command `rig replay`."""
 
 import json
 from dataclasses import fields

@@ -8,7 +8,7 @@ from tests.spring import STIFFNESS_N_MM, Spring
 
 
 class Yielding:
-    """Elastic, perfectly plastic: 5 kN/mm up to 4 kN, remembers its permanent stretch."""
+    """A load string of an elastic, perfectly plastic material: 5 kN/mm up to 4 kN."""
 
     def __init__(self) -> None:
         self.permanent_mm = 0.0

@@ -1,4 +1,4 @@
-"""What the faults of a load frame do to the machine itself, told by its own readings and by the truth."""
+"""Tests of the effects of a load frame's faults, on its readings and on its true state."""
 
 import math
 

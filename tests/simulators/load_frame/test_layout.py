@@ -1,4 +1,4 @@
-"""The simulators' registers beside the drivers' maps: written twice, by hand, so that a mistake shows."""
+"""The register layouts of the simulators agree with the drivers' maps, which were written separately."""
 
 import struct
 

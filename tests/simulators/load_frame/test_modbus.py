@@ -1,4 +1,4 @@
-"""An independent client: bytes on a socket, laid out by hand from the Modbus specification."""
+"""Tests with messages on a socket that were written by hand from the Modbus specification."""
 
 import socket
 import struct
@@ -28,7 +28,7 @@ def client(server):
 
 
 def exchange(client: socket.socket, request: str) -> bytes:
-    """Send a whole frame given in hexadecimal and return the whole answer."""
+    """Send a complete frame, given in hexadecimal, and return the complete answer."""
     client.sendall(bytes.fromhex(request))
     header = receive(client, 7)
     return header + receive(client, int.from_bytes(header[4:6], "big") - 1)
@@ -152,7 +152,7 @@ def test_closing_leaves_no_thread(clock):
 
 
 def outcome(client: socket.socket) -> tuple[int, ...]:
-    """Number and result of the last command."""
+    """Return the sequence number and the result of the last command."""
     return struct.unpack(">HH", exchange(client, "0002 0000 0006 01 04 0005 0002")[9:])
 
 

@@ -1,4 +1,4 @@
-"""The simulated load frame read and written by Modbus clients that others wrote: TCP, RTU, RTU over TCP."""
+"""Modbus clients of other authors read and write the simulated load frame on TCP, RTU and RTU over TCP."""
 
 import ctypes
 import ctypes.util
@@ -22,7 +22,7 @@ SERVERS = {"tcp": LoadFrameServer, "rtu": LoadFrameRtuServer, "rtu over tcp": lo
 
 @dataclass
 class Client:
-    """What a peer can do; 32-bit floats in the order of words it was made for."""
+    """The functions of another author's client; 32-bit floats have the word order of the device."""
 
     read_input_float: Callable[[int], float]
     read_float: Callable[[int], float]

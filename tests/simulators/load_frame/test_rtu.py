@@ -1,4 +1,4 @@
-"""Modbus RTU as bytes on a pty and on TCP, against the specification's own frames."""
+"""Tests of Modbus RTU on a pseudo-terminal and on TCP, with frames of the specification."""
 
 import os
 import socket
@@ -30,7 +30,7 @@ def terminal(device):
 
 
 def exchange(terminal: int, request: str, size: int) -> str:
-    """Send a message given in hexadecimal and return the answer of `size` bytes, and whatever follows."""
+    """Send a message, given in hexadecimal, and return the answer of `size` bytes and any further bytes."""
     os.write(terminal, bytes.fromhex(request))
     return listen(terminal, size).hex(" ")
 

@@ -19,7 +19,7 @@ SMALL = {"width_px": 80, "height_px": 60}
 
 
 class Bench:
-    """A scene whose stage turns steadily, and cameras before it."""
+    """A scene on a stage that turns at constant speed, and its cameras."""
 
     def __init__(self, speed_deg_s=0.0):
         self.clock = VirtualClock()

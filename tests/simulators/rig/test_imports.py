@@ -1,4 +1,4 @@
-"""What a program loads before it uses a simulated rig: `rig run` and `rig simulate` wait for it."""
+"""The imports of a simulated rig load no slow packages, because `rig run` would wait for them."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Where the simulation's servers are: the places somebody wants, and those that are taken or none."""
+"""Tests of the addresses of the simulation's servers: wanted, used by others, or malformed."""
 
 import socket
 import stat

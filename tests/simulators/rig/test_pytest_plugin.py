@@ -1,4 +1,4 @@
-"""The plugin as somebody else's test suite meets it: by being installed."""
+"""Tests of the pytest plugin in a test suite outside of this project."""
 
 import re
 

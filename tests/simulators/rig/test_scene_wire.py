@@ -1,4 +1,4 @@
-"""The simulation's cameras from another program: who else asks, talks nonsense or answers there."""
+"""Tests of the server for the simulation's cameras: several clients, bad requests, other servers."""
 
 import contextlib
 import math

@@ -1,4 +1,4 @@
-"""The simulated rig as another program meets it: through the rig file that it writes."""
+"""Tests of the simulated rig, which another program uses through the written rig file."""
 
 import json
 import threading

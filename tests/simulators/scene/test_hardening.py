@@ -1,4 +1,4 @@
-"""The virtual specimen's laws of hardening, against closed formulas."""
+"""The virtual specimen's laws of hardening are compared with explicit formulas."""
 
 from math import exp, log
 
@@ -19,7 +19,7 @@ def settings(**given):
 
 
 def curve(made, end_mm=30.0, step_mm=0.01):
-    """Strain, stress, width and thickness of a test at constant speed until the specimen breaks."""
+    """Return strain, stress, width and thickness of a test at constant speed until the specimen breaks."""
     specimen, rows = Specimen(made), []
     for displacement_mm in np.arange(0.0, end_mm, step_mm):
         load_n = specimen.stretch_to(displacement_mm)

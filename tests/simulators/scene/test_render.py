@@ -14,7 +14,7 @@ WHITE_GREY = 255 * 10 / 12
 
 @dataclass(frozen=True)
 class OneDot:
-    """A single smooth dot, 0.16 mm across."""
+    """A texture with a single smooth dot with a diameter of 0.16 mm."""
 
     centre_mm: tuple[float, float]
     quadrature_order: int = 2
@@ -30,7 +30,7 @@ def centroid(image):
 
 
 def projected_centroid(camera, surface):
-    """Centroid of the dot's image from the forward projection alone, by change of variables."""
+    """Return the centroid of the dot's image, from projected points alone, by a change of variables."""
     step_mm = 0.001
     axis = np.arange(-0.08, 0.08 + step_mm / 2, step_mm)
     X, Y = np.meshgrid(axis + surface.texture.centre_mm[0], axis + surface.texture.centre_mm[1])

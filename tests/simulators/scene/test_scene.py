@@ -24,7 +24,7 @@ def scene_with(angle_deg=0.0, displacement_mm=0.0, specimen=None, **misalignment
 
 
 def seen_in_the_grid_plane(camera, surface):
-    """Where a perfect calibration on z = 0 puts the specimen's points, (n, 2) mm."""
+    """Return the positions (n, 2), mm, that an exact calibration on z = 0 gives for the specimen's points."""
     return Surface(LineGrid()).material(*camera.ray(camera.project(surface.world(POINTS_MM))))
 
 

@@ -6,7 +6,7 @@ from simulators.scene.specimen import Specimen, SpecimenSettings
 
 
 def displacement_for(load_n, **settings):
-    """Displacement of a virgin specimen at which the load is reached, by bisection."""
+    """Return the displacement at which a new specimen reaches a load, by bisection."""
     low, high = 0.0, 20.0
     for _ in range(60):
         middle = (low + high) / 2

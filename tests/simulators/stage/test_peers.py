@@ -1,4 +1,4 @@
-"""The simulated stages driven by clients that their vendors or others wrote, each in a process of its own."""
+"""Clients of vendors and other authors drive the simulated stages, each in a separate process."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""What each fault does to the bytes on the line, told from outside."""
+"""Tests of the effect of each fault on the bytes that a client receives."""
 
 import os
 import socket
@@ -20,7 +20,7 @@ from tests.simulators.terminal import listen, terminal_of
 from tests.tcp_servers import zaber_on_tcp
 
 FIRST, SECOND = b"@01 0 00 OK IDLE WR 0:BE\r\n", b"@01 0 01 OK IDLE WR 0:BD\r\n"
-"""Answers to `get pos` with the ids 00 and 01; checksums from the vendor's way of counting."""
+"""Answers to `get pos` with the ids 00 and 01; the checksums follow from the vendor's rule."""
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def server(serve):
 
 
 def talk(server: ZaberServer, messages: list[bytes], sizes: list[int]) -> list[bytes]:
-    """Send messages one after the other and return what came after each: so many bytes and no more."""
+    """Send messages one after the other, and return the bytes received after each of them."""
     with terminal_of(server.address) as terminal:
         answers = []
         for message, size in zip(messages, sizes, strict=True):

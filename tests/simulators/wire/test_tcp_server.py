@@ -1,4 +1,4 @@
-"""The TCP port of every simulated device, when the system has no more to give."""
+"""Tests of the TCP port of simulated devices if the system has no free file descriptors."""
 
 import errno
 import socket
@@ -7,7 +7,7 @@ from simulators.wire.tcp_server import TcpServer
 
 
 class Exhausted:
-    """A listening socket whose process has no file descriptors left, once."""
+    """A listening socket that fails once, as if the process had no free file descriptors."""
 
     def __init__(self, listener: socket.socket) -> None:
         self._listener = listener

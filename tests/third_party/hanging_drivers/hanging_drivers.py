@@ -1,7 +1,8 @@
 """Drivers of a third party that work until a call of them never returns.
 
-Each driver is one of offaxis', with three more keys: which call hangs, at which of its calls (while the
-device moves, if the call reads), and the file that is given the time at which it began to hang.
+Each driver is a driver of offaxis with three more keys: the method that hangs, the number of the call at
+which it hangs (for reading, counted while the device moves), and the file to which the time of the hang is
+written.
 """
 
 import threading

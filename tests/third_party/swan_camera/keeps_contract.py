@@ -1,4 +1,4 @@
-"""The package's own test suite: its camera keeps the contract of cameras."""
+"""The test suite of the third party's package: its camera passes the contract tests."""
 
 from collections.abc import Iterator
 from contextlib import closing

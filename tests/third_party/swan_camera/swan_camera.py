@@ -1,6 +1,6 @@
-"""A third party's camera: a driver of one module, in a package of its own.
+"""A camera driver by a third party, in a separate package with one module.
 
-Instead of a sensor it has a random pattern of Gaussian speckles and white noise.
+The camera has no sensor. Its images show a random pattern of Gaussian speckles and white noise.
 """
 
 import threading
@@ -15,12 +15,12 @@ from drivers.registry import DriverSpec, Finder, Found
 from drivers.settings import Settings
 
 SERIALS = ("S-0042",)
-"""The cameras that are plugged in, as their maker's library would list them."""
+"""The cameras that are plugged in, as the maker's library would list them."""
 WIDTH_PX, HEIGHT_PX, BITS = 160, 120, 8
 
 
 class SwanSettings(Settings):
-    """What a rig file says about the camera."""
+    """Rig-file settings of the camera."""
 
     serial: str
     exposure_us: float = Field(default=5000.0, gt=0, le=1e6)
@@ -48,7 +48,7 @@ class SwanCamera:
         self._pattern = 120.0 + 35.0 * pattern / pattern.std()
 
     def grab(self, timeout_s: float) -> Frame:
-        """Expose a frame; `DeviceTimeout` if the exposure is longer than `timeout_s`."""
+        """Expose a frame. Raise `DeviceTimeout` if the exposure is longer than `timeout_s`."""
         with self._lock:
             if self._closed:
                 raise self._fault("grab", "an open camera", "a closed one", "open it again")
@@ -73,7 +73,7 @@ class SwanCamera:
             )
 
     def close(self) -> None:
-        """Refuse every later call; harmless when repeated."""
+        """Refuse every later call. A repeated call has no effect."""
         self._closed = True
 
     def _fault(self, step: str, expected: str, got: str, remedy: str) -> DeviceFault:
