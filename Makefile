@@ -42,6 +42,9 @@ laws: $(STAMP)
 compiled: $(STAMP)
 	$(BIN)/python -m tests.compile_kernel
 
+# The tests start hundreds of programs. Each compiles every module anew where the environment forbids bytecode files.
+test test-long: export PYTHONDONTWRITEBYTECODE =
+
 test: $(STAMP)
 	$(MAKE) --no-print-directory -j 2 types compiled lint laws
 # Three workers keep two processors busy while some tests wait; threads within a worker would only compete.

@@ -3,6 +3,8 @@
 from html.parser import HTMLParser
 from pathlib import Path
 
+import pytest
+
 from dic.pipeline.run_result import RunResult
 from dic.report import write_report
 
@@ -66,7 +68,14 @@ def number(text: str) -> float:
     return float(text.replace("−", "-").replace("\u202f", ""))
 
 
-def written(tmp_path: Path, *results: RunResult) -> str:
+def written(tmp_path: Path, *results: RunResult, fields: bool = True) -> str:
+    """Return the HTML of a report; without `fields`, the pictures of strain fields are not drawn.
+
+    Drawing these pictures takes more than half of the time of a report.
+    """
     path = tmp_path / "report.html"
-    write_report(results, path)
+    with pytest.MonkeyPatch.context() as patch:
+        if not fields:
+            patch.setattr("dic.report.page.field_pictures", lambda run: [])
+        write_report(results, path)
     return path.read_text(encoding="utf-8")
