@@ -114,7 +114,7 @@ def require_all(error: type[MeasurementError], source: str, checks: Iterable[Che
 
 
 def joined(errors: Sequence[MeasurementError]) -> MeasurementError:
-    """Return one error of the first error's class; its message holds the messages of all errors."""
+    """Return one error of the first error's class, with a message that contains all messages."""
     first, *others = errors
     remedy = ". ".join([first.remedy, *(str(error) for error in others)])
     return type(first)(first.source, first.step, first.expected, first.got, remedy)

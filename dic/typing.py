@@ -20,4 +20,4 @@ Indices = NDArray[np.int64]
 PathLike = str | Path
 
 ImageLike = NDArray[np.generic] | PathLike
-"""An image: grey levels of shape (height, width), or the file that holds them."""
+"""An image: grey levels of shape (height, width), or the path of an image file."""

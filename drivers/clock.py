@@ -49,7 +49,7 @@ class Event:
 
 
 class Activity(Protocol):
-    """Work of one thread, announced with `Clock.activity`. Simulated time stands still for it until `end`.
+    """Work of one thread, announced with `Clock.activity`. Simulated time stands still until its `end`.
 
     The thread that does the work uses the activity as a context manager.
     """

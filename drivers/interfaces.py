@@ -86,8 +86,8 @@ class Camera(Protocol):
 class StageState:
     """Position and status of a rotation stage.
 
-    `warnings` holds the warning flags that the stage reports. `time_s` is the time at which the state was
-    read from the stage, in seconds on the rig's clock.
+    `warnings` are the warning flags that the stage reports. `time_s` is the time at which the state was read
+    from the stage, in seconds on the rig's clock.
     """
 
     angle_deg: float
@@ -128,7 +128,7 @@ class LoadFrameState:
     Attributes
     ----------
     load_n, displacement_mm : float
-        Tensile load in N and crosshead displacement in mm. Both are positive in tension.
+        Tensile load in N and crosshead displacement in mm, which are both positive in tension.
     moving, at_target, holding : bool
         True if the machine is moving, has reached its target, or is holding its position.
     sample : int

@@ -26,7 +26,7 @@ from rig.threads import Bounded
 OPENING_S = 60.0
 """Longest real time in s for opening one device. A camera on a network may take 20 s."""
 CLOSING_S = 10.0
-"""Longest real time in s for closing one device. All motion has been stopped before."""
+"""Longest real time in s for closing one device. Before this, all motion has been stopped."""
 
 
 @dataclass(frozen=True)

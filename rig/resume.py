@@ -87,7 +87,7 @@ def read_earlier(path: Path, protocol: Protocol, definition: str, configuration:
         The file of the earlier run, which was aborted, failed, or was killed and repaired.
     protocol : Protocol
     definition, configuration : str
-        The text of the protocol file and of the rig file. Both must be those of the earlier run.
+        The text of the protocol file and of the rig file, which must be the same as in the earlier run.
 
     Raises
     ------

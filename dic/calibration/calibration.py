@@ -1,4 +1,4 @@
-"""Calibration of a camera: maps from image px to grid mm that hold within the area of the grid points."""
+"""Calibration of a camera: maps from image px to grid mm, valid within the area of the grid points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -168,7 +168,7 @@ class Calibration:
     def map(self, px: Float) -> Float:
         """Return grid coordinates (n, 2) in mm of image points (n, 2) in px; NaN stays NaN.
 
-        The map is reliable only within the calibrated area; `inside` tells which points lie there.
+        The map is reliable only within the calibrated area; `inside` returns the points in this area.
         """
         return self._in_use.map(px)
 

@@ -203,7 +203,7 @@ class Correlator:
     def _solve_lost_points(
         self, image: TurnableImage, quarters: int, solution: kernel.Solution, previous: Field | None
     ) -> bool:
-        """Search new start points among failed points, because these may lie on a second body.
+        """Search new start points among failed points, because failed points may lie on a second body.
 
         A second body can move in another way than the first. New start points ("seeds") are searched only
         among points that converged in the previous image. So points that have failed in many images of a

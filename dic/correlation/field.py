@@ -27,7 +27,7 @@ class Field:
         failed point is NaN.
     std : ndarray, shape (rows, columns, 6)
         Standard deviations of the first six warp parameters, from the noise of the images and the Hessian.
-        They do not contain the interpolation bias.
+        These standard deviations do not contain the interpolation bias.
     zncc : ndarray, shape (rows, columns)
         Correlation coefficient of each point (zero-mean normalised cross-correlation).
     iterations : ndarray of int, shape (rows, columns)
@@ -45,10 +45,10 @@ class Field:
         `std`.
     region : ndarray of bool, shape (height, width), or None
         True for pixels of the region of interest; local strain never reaches across its edge. None in a field
-        from a result file of an earlier version, which does not hold the region.
+        from a result file of an earlier version, in which the region is not stored.
     grid : PointGrid or None
         The points, and the pixels that their subsets used. None in a field from a result file of an earlier
-        version, which does not hold these pixels.
+        version, in which these pixels are not stored.
     smoothing_px : float
         Standard deviation of the Gaussian that smoothed both images; 0 if they were not smoothed.
     greatest_bias_px : tuple of float

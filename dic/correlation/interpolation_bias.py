@@ -21,10 +21,10 @@ Gao, X. Xu, X. Wu, "Fourier-based interpolation bias prediction in digital image
 23 (2015) 19242-19260. The bias of u is averaged over all sub-pixel parts of v, and the bias of v over all
 sub-pixel parts of u.
 
-The same formula holds for aliased waves (`dic.correlation.aliasing`): a camera records a wave above the
-Nyquist frequency as a wave of lower frequency. In the formula, ω is the true frequency of such a wave and
-lies above π, while D belongs to the recorded wave. The recorded wave moves in the wrong direction, so the
-bias of an aliased wave has the opposite sign.
+The same formula is valid for aliased waves (`dic.correlation.aliasing`): a camera records a wave above the
+Nyquist frequency as a wave of lower frequency. In the formula, ω is then the true frequency of the aliased
+wave, which is above π, while D belongs to the recorded wave. The recorded wave moves in the wrong direction,
+so the bias of an aliased wave has the opposite sign.
 """
 
 from functools import cache
@@ -36,7 +36,7 @@ from dic.correlation.transfer import COPIES, filter_transfer, interpolation_tran
 from dic.typing import Float
 
 Replica = tuple[int, int]
-"""A replica: how many sampling frequencies 2π its waves lie above the recorded waves, along y and along x."""
+"""A replica, given by two whole numbers: its shift in sampling frequencies 2π, along y and along x."""
 
 _SMALL = 0.01
 

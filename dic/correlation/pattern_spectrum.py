@@ -53,14 +53,14 @@ class PatternSpectrum:
     def without(self, noise_variance: float) -> "PatternSpectrum":
         """Return the spectrum without white noise of the given variance.
 
-        The power of a few tiles scatters, so some elements become negative. They must not be limited to 0,
-        because sums over many elements would then become too large.
+        The power of a few tiles scatters, so some elements become negative. Negative elements must not be
+        limited to 0, because sums over many elements would then become too large.
         """
         return PatternSpectrum(self.power - noise_variance)
 
 
 def pattern_spectrum(grey: Grey, region: Mask) -> PatternSpectrum | None:
-    """Return the mean power spectrum of tiles that lie in the region; None if the region holds no tile.
+    """Return the mean power spectrum of tiles that lie in the region; None if no tile fits in the region.
 
     Each tile is multiplied by a Hann window (P. D. Welch, IEEE Transactions on Audio and Electroacoustics 15
     (1967) 70-73). Tiles are 64 px wide, or 32 or 16 px in a narrow region.
@@ -80,7 +80,7 @@ def pattern_spectrum(grey: Grey, region: Mask) -> PatternSpectrum | None:
 
 
 def _tiles(grey: Grey, region: Mask, tile_px: int) -> list[Grey]:
-    """Return at most 25 tiles, spread over the part of the image in which tiles lie in the region."""
+    """Return at most 25 tiles of the image that lie in the region, spread evenly."""
     # Tiles start at multiples of half their width. Every fourth pixel is enough to estimate which share of a
     # tile lies in the region.
     half = tile_px // 2

@@ -253,7 +253,7 @@ class Series:
         Parameters
         ----------
         read : callable
-            Function that returns the image. It is called only if the image becomes a reference.
+            Function that returns the image. The function is called only if the image becomes a reference.
         fields : SeriesFields
             The result of `correlate_fields` of the first series for the image.
         """

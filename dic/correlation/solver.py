@@ -15,7 +15,7 @@ _TRIES = 3
 """Largest number of neighbours whose warps are tried as first guesses for a point beside a crack."""
 
 _BANDS = 16
-"""Number of bands of rows that are solved in parallel. It is large enough to keep several processors busy."""
+"""Number of bands of rows that are solved in parallel; this number keeps several processors busy."""
 
 
 def method_of(settings: CorrelationSettings, smoothing: tuple[float, ...] = (1.0,)) -> kernel.Method:

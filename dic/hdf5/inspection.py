@@ -67,7 +67,7 @@ def inspect(path: Path) -> None:
     Raises
     ------
     Refusal
-        If the file holds an object that files of this program do not hold.
+        If the file contains an object that files of this program never contain.
     Exception
         If the file is damaged. The type of the exception depends on the damage.
     """

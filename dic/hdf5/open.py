@@ -20,7 +20,7 @@ class NotReadable(Exception):
 
 
 def open_hdf5(path: Path) -> Any:
-    """Return an open file, `h5py.File`, that holds no links to other files.
+    """Return an open file, `h5py.File`, that contains no links to other files.
 
     A damaged file can crash HDF5, and with it the program that reads the file. So another process inspects
     the file first.

@@ -41,8 +41,8 @@ def read_netpbm(content: bytes) -> Container:
 def _as_decoded_unscaled(content: bytes, header: re.Match[bytes], value_bytes: int) -> bytes:
     """Return a text file that the decoder reads without scaling.
 
-    The decoder scales the 8-bit levels of a text file so that the declared highest level becomes 255. It also
-    fails if the file ends directly after the last number.
+    The decoder scales the 8-bit levels of a text file so that the declared highest level becomes 255. The
+    decoder also fails if the file ends directly after the last number.
     """
     first, last = header.span(3)
     brightest = b"255" if value_bytes == 1 else content[first:last]

@@ -51,13 +51,13 @@ def natural_key(path: PathLike) -> list[tuple[int, str]]:
 
 
 def list_images(*sources: PathLike) -> list[Path]:
-    """Return the names of the images that files, folders and patterns stand for, in order.
+    """Return the names of the images that files, folders and patterns give, in order.
 
-    A folder stands for its image files. A pattern such as ``img*.tif`` stands for the files that match it.
-    The files of a folder or pattern are in the natural order of their names (img2 before img10). A TIFF file
-    of several pages stands for all its pages, ``stack.tif#1``, ``stack.tif#2`` and so on, except smaller
-    copies of pages. A video stands for all its frames, ``test.avi#1`` and so on. A shell lists names in
-    alphabetical order (img1, img10, img2); given names in this order are also put in natural order.
+    A folder gives all its image files. A pattern such as ``img*.tif`` gives the files that match it. The
+    files of a folder or pattern are in the natural order of their names (img2 before img10). A TIFF file of
+    several pages gives all its pages, ``stack.tif#1``, ``stack.tif#2`` and so on, except smaller copies of
+    pages. A video gives all its frames, ``test.avi#1`` and so on. A shell lists names in alphabetical order
+    (img1, img10, img2); given names in this order are also put in natural order.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def list_images(*sources: PathLike) -> list[Path]:
     Raises
     ------
     ImageError
-        If a folder holds no image, or if no file matches a pattern.
+        If a folder contains no image, or if no file matches a pattern.
 
     Warns
     -----

@@ -36,7 +36,7 @@ Tags = Mapping[int, tuple[int, ...]]
 def read_tiff(content: FileContent, page: int = 1) -> Container:
     """Check a page of a TIFF file and read its tags; pages count from 1.
 
-    The container holds only this page and the tags that the decoder needs, because decoders print messages
+    The container has only this page and the tags that the decoder needs, because decoders print messages
     about other tags.
 
     Raises

@@ -159,7 +159,7 @@ class _Reader:
 
 _reading = threading.Lock()
 _last: _Reader | None = None
-"""The video that was read last. It stays open, so that its next frame can be decoded at once."""
+"""The video that was read last. This video stays open, so that its next frame can be decoded at once."""
 
 
 def _opened(path: str) -> Any:

@@ -23,8 +23,8 @@ _SMALL = 1e-6
 class Alignment:
     """The alignment of a rotation stage: slopes of the specimen and of the stage's axis.
 
-    All slopes are relative to the calibration grid. They depend on the fixture that holds the specimen, so
-    they can be used for other runs with the same fixture.
+    All slopes are relative to the calibration grid. The slopes depend on the fixture that holds the specimen.
+    So an alignment can be used for other runs with the same fixture.
 
     Attributes
     ----------
@@ -128,7 +128,7 @@ def load_alignment(path: PathLike) -> Alignment:
     Raises
     ------
     CalibrationError
-        If the file is missing, does not hold an alignment, or holds impossible values, such as slopes above
+        If the file is missing, contains no alignment, or contains impossible values, such as slopes above
         45°.
     """
     path = Path(path)

@@ -4,10 +4,11 @@ All models have the same linear equations, y = A θ + noise of unit variance. Th
 prior standard deviations of the parameters; a parameter with the prior standard deviation 0 is absent. The
 posterior probability of a model is its prior probability times its evidence. The evidence is the probability
 density of y under the model, integrated over all parameters (MacKay, *Bayesian interpolation*, 1992). A model
-with more freedom spreads its probability density over more possible values of y. Its density at the measured
-y is therefore smaller than that of a simpler model, if the simpler model explains y too. The estimates of the
-models are averaged with the posterior probabilities as weights (Hoeting et al., *Bayesian model averaging*,
-1999). So the uncertainty contains the differences between all models that the data do not exclude.
+with more freedom spreads its probability density over more possible values of y. At the measured y, the
+density of this model is therefore smaller than that of a simpler model that also explains y. The estimates of
+the models are averaged with the posterior probabilities as weights (Hoeting et al., *Bayesian model
+averaging*, 1999). So the uncertainty contains the differences between all models that the data do not
+exclude.
 """
 
 from dataclasses import dataclass

@@ -22,7 +22,7 @@ GAP_STD_MM = 0.3
 """Standard deviation of the distance between the specimen's surface and the grid's plane, mm."""
 
 CURVATURE_STD_PER_MM = 1e-5
-"""Standard deviation of the curvature if it is not measured. It corresponds to a radius of 100 m."""
+"""Standard deviation of the curvature if it is not measured, which corresponds to a radius of 100 m."""
 
 _TILTS = {TILT_STD / 100: 0.15, TILT_STD / 10: 0.25, TILT_STD: 0.6}
 """Levels of the tilt since the reference, and their prior probabilities."""

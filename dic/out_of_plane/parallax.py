@@ -161,7 +161,7 @@ class Heights:
         Heights of the points.
     across_mm : ndarray, shape (n,)
         Component, perpendicular to the parallax, of the difference between both cameras' calibrated
-        positions. It should only be noise.
+        positions. This component should contain only noise.
     parallax : ndarray, shape (n, 2)
         The parallax vector e of each point.
     """

@@ -41,8 +41,8 @@ class Steps:
     Attributes
     ----------
     motions : sequence of (ndarray, ndarray), shapes (n, 2)
-        Calibrated positions of the points of each step before and after the motion, mm. They are not kept in
-        memory.
+        Calibrated positions of the points of each step before and after the motion, mm. The positions are not
+        kept in memory.
     noise : ndarray, shape (steps, 4, 4)
         Covariance of the mean displacement gradient of each step that image noise causes.
     of_maps, of_centre : ndarray, shapes (steps, 4, q) and (3, q)

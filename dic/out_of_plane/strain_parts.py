@@ -42,8 +42,8 @@ class StrainParts:
     Attributes
     ----------
     parts : mapping of str to ndarray, shape (3,)
-        The standard deviations by their causes, with the keys `PART_NAMES`. Their root sum of squares is the
-        standard deviation of the strain.
+        The standard deviations by their causes, with the keys `PART_NAMES`. The root sum of squares of all
+        parts is the standard deviation of the strain.
     shared : ndarray, shape (3, 3)
         Covariance of exx, eyy, exy that all parts except "images" cause.
     """

@@ -2,7 +2,8 @@
 
 `dic.out_of_plane.tilt` separates the motion out of the plane from strain. The calibrated strain is not
 corrected if the models of the motion do not explain the displacements, or if the result would be less certain
-than the calibrated strain. Its standard deviation then contains the expected motion out of the plane.
+than the calibrated strain. The standard deviation of the calibrated strain then contains the expected motion
+out of the plane.
 """
 
 from dataclasses import replace

@@ -1,10 +1,11 @@
 """Separate strain from motion out of the plane in the displacement field that one camera measures.
 
-A tilt with the slopes a, b causes an apparent displacement whose linear part looks like strain. Its quadratic
-part (a x² + b x y, a x y + b y²)/Cz shows the tilt, because uniform strain has no quadratic part. Bending, a
-gradient of the strain and a curvature of the specimen have quadratic or cubic parts too. So the displacement
-field is reduced to a polynomial of third degree, and models of all these causes are fitted to its 20
-coefficients. The models are averaged by their evidence (`dic.out_of_plane.evidence`).
+A tilt with the slopes a, b causes an apparent displacement whose linear part looks like strain. The quadratic
+part of this displacement, (a x² + b x y, a x y + b y²)/Cz, shows the tilt, because uniform strain has no
+quadratic part. Bending, a gradient of the strain and a curvature of the specimen have quadratic or cubic
+parts too. So the displacement field is reduced to a polynomial of third degree, and models of all these
+causes are fitted to its 20 coefficients. The models are averaged by their evidence
+(`dic.out_of_plane.evidence`).
 """
 
 from collections.abc import Mapping, Sequence

@@ -20,8 +20,9 @@ from dic.typing import Float, Mask
 _SMOOTH_PX = 0.0004
 """Errors of the displacement due to interpolation, px, measured by benchmarks.order on rendered images.
 
-These errors contain the interpolation bias, which is also predicted from the pattern of each image. They
-change with the sub-pixel part of the displacement, so neighbouring points have similar errors.
+These errors contain the interpolation bias, which is also predicted from the pattern of each image.
+Interpolation errors change with the sub-pixel part of the displacement, so neighbouring points have similar
+errors.
 """
 
 _DETERMINED = 1e8
@@ -107,8 +108,8 @@ class Points:
 
         Interpolation errors depend on the sub-pixel part of the displacement. In a strained specimen, this
         sub-pixel part varies slowly over the field. So the errors are modelled as polynomials from first
-        degree to `degree`. They have the value `smooth_px` at the outermost points. The noise of the
-        displacements already contains the predicted interpolation bias, so the variance of the bias is
+        degree to `degree`. The polynomials have the value `smooth_px` at the outermost points. The noise of
+        the displacements already contains the predicted interpolation bias, so the variance of the bias is
         subtracted here.
 
         Parameters

@@ -29,7 +29,7 @@ def noise_of_one(grey: Grey, region: Mask) -> float:
     grey : ndarray, shape (height, width)
     region : ndarray of bool, shape (height, width)
         Pixels to use. The function leaves out pixels with the lowest or the highest grey level of the image,
-        because these levels may be clipped. It also leaves out the pixels around such pixels.
+        because these levels may be clipped. The function also leaves out the pixels around such pixels.
     """
     import cv2
 

@@ -113,7 +113,7 @@ def noise_floor(std_px: Float, share: float) -> float:
     std_px : ndarray, shape (n, 2)
         Standard deviations from `predicted_std`.
     share : float
-        Share of the points, from 0 to 1, relative to all points. Points without texture are counted as well.
+        Share of the points, from 0 to 1, relative to all points. Points without texture are counted too.
     """
     return float(np.percentile(std_px.max(axis=1), 100 * share, method="higher"))
 

@@ -1,1 +1,1 @@
-"""The layout and the reader of run files. A run file holds the images and the device readings of a test."""
+"""The layout and the reader of run files, which contain the images and the device readings of a test."""

@@ -124,8 +124,9 @@ def _prepare_streams() -> None:
 def _ending_like_ctrl_c() -> Iterator[None]:
     """Make SIGTERM and SIGHUP raise `KeyboardInterrupt`, except where they are ignored, as under `nohup`.
 
-    This holds only while the work runs. Afterwards the signals end the program at once. The program may then
-    be waiting for a terminal that accepts no output, and during such a wait Python runs no signal handlers.
+    The signals raise this exception only while the work runs. Afterwards the signals end the program at once.
+    The program may then be waiting for a terminal that accepts no output, and during such a wait Python runs
+    no signal handlers.
     """
     changed = [number for number in _ENDING if signal.getsignal(number) is signal.SIG_DFL]
     for number in changed:

@@ -15,7 +15,7 @@ _REFRESHES_PER_S = 10.0
 
 
 class Bar:
-    """A progress bar below the printed lines. It is shown only where `bottom_lines` may draw.
+    """A progress bar below the printed lines, which is shown only where `bottom_lines` may draw.
 
     All threads may use the same bar.
     """
@@ -27,7 +27,7 @@ class Bar:
 
     @cached_property
     def _bar(self) -> "Progress":
-        """The bar of the library Rich. It is made only if it is drawn, because Rich takes time to load."""
+        """The bar of the library Rich, made only when it is drawn, because Rich takes time to load."""
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
         columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()

@@ -1,9 +1,10 @@
 """Local texture of an image, computed at a reduced resolution.
 
 The texture is described by the structure tensor: the means of fx², fx fy and fy² over a window, where fx
-and fy are the slopes of the grey levels. Its smaller eigenvalue is large only if the grey levels change in
-every direction, so a window with one straight edge has a small value (J. Bigün, G. H. Granlund, "Optimal
-orientation detection of linear symmetry", International Conference on Computer Vision 1987, 433-438).
+and fy are the slopes of the grey levels. The smaller eigenvalue of this tensor is large only if the grey
+levels change in every direction, so a window with one straight edge has a small value (J. Bigün, G. H.
+Granlund, "Optimal orientation detection of linear symmetry", International Conference on Computer Vision
+1987, 433-438).
 
 Half of the resolution is enough, because speckles that can be measured are at least 3 px wide. The smoothing
 before the reduction also removes most of the noise. For coarser speckles the resolution is reduced further:
@@ -130,7 +131,7 @@ def _strength(maps: TextureMaps) -> float:
 def _maps_at(grey: Grey, ripples: Grey, subset_px: int, reduction: int) -> TextureMaps:
     """Return the texture of an image that has been reduced by half of `reduction` already.
 
-    The image `ripples` holds estimates of the variance of the full image's noise.
+    The pixels of `ripples` are estimates of the variance of the full image's noise.
     """
     import cv2
 

@@ -83,8 +83,8 @@ class Displacement:
     position, vector : ndarray, shape (rows, columns, 2)
         Reference position and displacement of every point of interest; NaN where they are not known.
     valid : ndarray of bool, shape (rows, columns)
-        True for points that may be used for strain. These points have converged. For calibrated
-        displacements, these points also lie inside the calibrated area.
+        True for points that may be used for strain. Such points have converged. For calibrated displacements,
+        such points also lie inside the calibrated area.
     unit : str
         Unit of positions and displacements, "px" or "mm".
     gradient : ndarray, shape (rows, columns, 2, 2), or None
@@ -92,8 +92,8 @@ class Displacement:
     noise : Noise or None
         Errors of the displacements; None if they are not known.
     sight : Sight or None
-        Tells which neighbours of a point lie on the same piece of the surface. None if the region is not
-        known.
+        Object that finds out which neighbours of a point lie on the same piece of the surface. None if the
+        region is not known.
     """
 
     position: Float
@@ -176,7 +176,7 @@ def displacement_noise(field: Field, there: Float) -> Noise:
 
 
 def sight_of(field: Field) -> Sight | None:
-    """Return the `Sight` that tells which points see each other; None if the region is not known."""
+    """Return the `Sight` of a field, which finds out which points see each other; None without a region."""
     return None if field.region is None else Sight(field.region, field.x_px, field.y_px)
 
 

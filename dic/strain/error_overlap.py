@@ -97,7 +97,8 @@ class ClippedSubsets:
     def numbers_around(self, rows: Indices, columns: Indices, reach: int) -> Indices:
         """Return the numbers of the clipped points around n points, shape (n, 2 reach + 1, 2 reach + 1).
 
-        A number is the index of a point in `correlations`. It is -1 where the subset is whole or absent.
+        A number is the index of a point in `correlations`. The number is -1 where the subset is whole or
+        absent.
         """
         padded = np.pad(self._number, reach, constant_values=-1)
         offset = np.arange(2 * reach + 1)

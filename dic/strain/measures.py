@@ -2,8 +2,8 @@
 
 In the formulas G is the displacement gradient, F = I + G is the deformation gradient, and C = FᵀF is the
 right Cauchy-Green tensor. A rigid rotation does not change the Green-Lagrange strain (C - I)/2 and the Hencky
-strain ½ ln C. The small strain (G + Gᵀ)/2 holds only for small rotations. The strain components refer to the
-x and y axes of the displacement in the undeformed state.
+strain ½ ln C. The small strain (G + Gᵀ)/2 is accurate only for small rotations. The strain components refer
+to the x and y axes of the displacement in the undeformed state.
 """
 
 import numpy as np

@@ -1,9 +1,9 @@
 """The share of a varying strain that the settings keep, and the share that the settings remove.
 
-Correlation with subsets and the fit of strain windows are smoothing filters. Their transfer functions follow
-from the polynomials that are fitted (A. Savitzky, M. J. E. Golay, Analytical Chemistry 36 (1964) 1627-1639).
-The wave numbers of the strain follow from the measured field itself, after its noise is subtracted. The same
-filters determine the spectrum of this noise.
+Correlation with subsets and the fit of strain windows are smoothing filters. The transfer functions of these
+filters follow from the polynomials that are fitted (A. Savitzky, M. J. E. Golay, Analytical Chemistry 36
+(1964) 1627-1639). The wave numbers of the strain follow from the measured field itself, after its noise is
+subtracted. The same filters determine the spectrum of this noise.
 """
 
 import math
@@ -130,7 +130,7 @@ def amplitude_kept(values: Float, std: Float, filters: Filters, *, along_x: bool
     Returns
     -------
     ndarray, shape (rows, columns)
-        The share, from 0.4 to 1. It is NaN where the strain cannot be distinguished from its noise.
+        The share, from 0.4 to 1. The share is NaN where the strain cannot be distinguished from its noise.
     """
     known = np.isfinite(values) & np.isfinite(std)
     strain, variance = np.where(known, values, 0.0), np.where(known, std, 0.0) ** 2

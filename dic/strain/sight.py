@@ -1,8 +1,8 @@
-"""Which neighbours of a point lie on the same piece of the surface: those that the point "sees".
+"""Find the neighbours of a point on the same piece of the surface: those that the point "sees".
 
-A crack, a slit or the gap between two bodies separates points that are neighbours on the grid. Their relative
-displacement is an opening, not a strain. So a neighbour is used only if the straight line to it stays inside
-the region of interest.
+A crack, a slit or the gap between two bodies separates points that are neighbours on the grid. The relative
+displacement of the two points is an opening, not a strain. So a neighbour is used only if the straight line
+to it stays inside the region of interest.
 """
 
 from dataclasses import dataclass

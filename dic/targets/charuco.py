@@ -47,7 +47,7 @@ def find_charuco(
     """Return the visible corners of a ChArUco board. `dic.targets.find.CharucoTarget` describes the board.
 
     At least half of the corners must be visible. On every side of the board, at least one corner in the outer
-    third must be visible, because a calibration holds only in the area between its points. The argument
+    third must be visible, because a calibration is valid only in the area between its points. The argument
     `marker_side` is the side of a marker divided by the pitch.
 
     Raises

@@ -208,7 +208,7 @@ class _Dots:
         return np.asarray(self.ellipses.saturated > max(_SATURATED, _OF_USUAL_SATURATION * usual))
 
     def sound(self) -> Mask:
-        """Return True for each dot (n,) whose ellipse fits the grey levels about as well as usual."""
+        """Return True for each dot (n,) whose ellipse fits the grey levels about as well as for most dots."""
         fit = self.ellipses
         fitted = np.isfinite(fit.centre_px).all(axis=1)
         if not fitted.any():
@@ -224,8 +224,8 @@ def _other_plate(blobs: Blobs, placed: Indices, index: Indices) -> Float | None:
     """Return the dots (m, 2), px, of a second plate beside the plate of the blobs `placed`, or None.
 
     The second lattice must be at least half as large as the first. A reflection can divide one plate into two
-    parts. Two such parts do not count as two plates. They are recognised because the lattice of one part
-    continues in the other part.
+    parts. Two such parts do not count as two plates. Two parts of one plate are recognised because the
+    lattice of one part continues in the other part.
     """
     import cv2
 

@@ -54,7 +54,7 @@ def find_hollow_marks(index: Indices, hollow: Mask, vectors: Float) -> HollowMar
     """Return the marks among the dots of a lattice.
 
     The marks form a right angle, and its sides are parallel to the lattice vectors. Seen from the front, Y is
-    90° anticlockwise from X. This decides which of the two outer marks lies on X.
+    90° anticlockwise from X. This rule decides which of the two outer marks lies on X.
 
     Parameters
     ----------

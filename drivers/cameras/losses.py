@@ -14,8 +14,7 @@ DOUBTED = 128
 Later frames can look early merely because the clocks of camera and computer drift apart.
 """
 OVERTAKEN = 64
-"""If the frame counter steps back by less than this, the frame was delayed. Otherwise the counter
-restarted."""
+"""Smallest decrease of the frame counter that means a restart; a smaller one means a delayed frame."""
 
 
 class LossKind(Enum):
@@ -136,7 +135,7 @@ class LossAccount:
             self._delays.extend(explained + newer)
 
     def _doubt(self, number: int, delay_s: float) -> None:
-        """Reduce the number of frames in `PAUSE` losses if a later frame is too early for so many of them."""
+        """Reduce the frame count of `PAUSE` losses if a later frame came too early for these counts."""
         later = 0
         for index in range(len(self._pauses) - 1, self._settled - 1, -1):
             loss, before_s = self._pauses[index]

@@ -9,7 +9,7 @@ from drivers.interfaces import OpenContext
 
 
 def resolve_address(address: str, context: OpenContext) -> str:
-    """Return the address to open. ``@name`` stands for the address of a server of the simulated rig.
+    """Return the address to open. ``@name`` means the address of a server of the simulated rig.
 
     Raises
     ------

@@ -32,8 +32,7 @@ STOP_TIMES = StopTimes()
 
 
 class StopDeadline:
-    """A deadline on two clocks, the rig's clock and the system's clock. It passes when either clock reaches
-    it.
+    """A deadline on the rig's clock and on the system's clock, which passes when either clock reaches it.
 
     Two clocks are needed on a simulated rig. While the program waits for a real line, the simulated clock
     stands still. During a simulated sleep, the system's clock hardly advances.

@@ -27,7 +27,7 @@ class OwnMotion:
             self._rest_deg = None
 
     def sent(self) -> None:
-        """Record that the command was sent or refused. Its motion ends at the next reading at rest."""
+        """Record that the command was sent or refused; its motion ends at the next reading at rest."""
         with self._lock:
             self._sending = False
 

@@ -95,7 +95,7 @@ class Question:
                 os.write(self._withdrawing, b"x")
 
     def close(self) -> None:
-        """Release the descriptors of this question after `ask` has ended. Then `withdraw` does nothing."""
+        """Release this question's descriptors after `ask` has ended. A later `withdraw` does nothing."""
         with self._lock:
             self._closed = True
             os.close(self._withdrawal)

@@ -28,7 +28,7 @@ _TRAVEL = click.option(
 @JSON
 @FORCE
 def status(rig_path: Path, json_path: Path | None, force: bool) -> None:
-    """Print load, displacement and angle at which the machines stand, and who uses the rig. Nothing moves."""
+    """Print the present load, displacement and angle, and which program uses the rig. Nothing moves."""
     from rig.commands.at_rest import at_rest_dict, at_rest_line
     from rig.commands.by_hand import see
 

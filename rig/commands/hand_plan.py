@@ -31,7 +31,7 @@ ANGLE_TOLERANCE_DEG = 0.02
 
 @dataclass(frozen=True)
 class Wish:
-    """The motion that a person asks for. It has a target of one axis, absolute or relative to the reading.
+    """The motion that a person asks for: a target of one axis, absolute or relative to the reading.
 
     `rate` is in N/s or mm/s. None means the slow default rate. `travel_max_mm` is the largest travel of the
     crosshead on the way to a load. None means the travel that is plausible for the load. `free` says that no

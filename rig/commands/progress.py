@@ -1,4 +1,4 @@
-"""The screen of a run. It shows the moving device, its step, the effect of Ctrl-C, and finished steps."""
+"""The screen of a run, with the moving device, its step, the effect of Ctrl-C, and finished steps."""
 
 import sys
 import threading
@@ -27,7 +27,7 @@ WITHDRAWAL_S = 1.0
 
 
 def what_happens(status: Status | None) -> str:
-    """Return a line that says which device moves and for which step. It has usually at most 80 characters."""
+    """Return a line, usually of at most 80 characters, that names the moving device and its step."""
     if status is None or status.step is None:
         return "opening the rig; nothing moves"
     step, at = status.step, _values(status.reading)

@@ -223,7 +223,7 @@ class CalledOperator:
 
 @dataclass(frozen=True)
 class CalledInterlock:
-    """An interlock that is called with a deadline. It is read together with the load frame and the stage."""
+    """An interlock that is called with a deadline, and is read together with load frame and stage."""
 
     name: str
     interlock: OpenedInterlock

@@ -54,8 +54,8 @@ class Keeper:
         step : ProtocolStep
             A step with `at_s`.
         correct : callable
-            Commands the target of a hold again. It is called if the held value is outside its tolerance
-            although nothing moves.
+            Function that commands the target of a hold again. The function is called if the held value is
+            outside its tolerance although nothing moves.
 
         Raises
         ------

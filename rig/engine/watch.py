@@ -42,7 +42,8 @@ class Watch:
         """Set the meaning of a falling load for the next readings.
 
         During a hold the load may fall slowly, so each reading is compared with the reading before. During
-        unloading, a falling load does not mean a break. After unloading, the highest load is determined anew.
+        unloading, a falling load does not mean a break. After unloading, the highest load is determined again
+        from new readings.
         """
         self._load_drop = load_drop
 

@@ -1,4 +1,4 @@
-"""Locks of machines. While a run and its guardian hold the lock of a machine, no other program can use it."""
+"""Locks of machines: while a run and its guardian have the lock of a machine, no other program can use it."""
 
 import contextlib
 import fcntl

@@ -73,7 +73,7 @@ class LoadString:
     def noticed_fraction(self) -> float:
         """A load cell that shows less than this fraction of the real load is noticed in every case.
 
-        This holds for every specimen within the bounds, even if the grips do not seat.
+        This is true for every specimen within the bounds, even if the grips do not seat.
         """
         softest_mm_n = 1.0 / self.stiffness_min_n_mm + 1.0 / self.seating_n_mm
         return 1.0 / (self.stiffness_max_n_mm * softest_mm_n)

@@ -15,7 +15,7 @@ KEPT_EVENTS = 10_000
 
 
 class Bulletin:
-    """Numbered events. Each reader remembers its own last number, so that a slow reader delays nobody.
+    """Numbered events. Each reader remembers its own last number, so a slow reader delays no other reader.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The course of a test. Each part of it lists its possible steps for the plan, and executes them in a run.
+"""The course of a test. Each part of a course lists its possible steps for the plan, and executes steps.
 
 Every protocol is compiled to a course, and the engine executes the steps of this course.
 """
@@ -67,7 +67,7 @@ class Place:
 
 
 class Part(Protocol):
-    """Interface of a part of a course, such as the motion to a load. Its largest number of steps is known."""
+    """Interface of a part of a course, such as the motion to a load, with a known largest number of steps."""
 
     def steps(self, index: int, place: Place) -> list[ProtocolStep]:
         """Return all steps that this part may need. The first step has the number `index`."""
@@ -97,7 +97,7 @@ class Course:
         return [step for _, _, _, steps in self._walk() for step in steps]
 
     def follow(self, execute: Execute) -> None:
-        """Call `execute` for each step in turn. The settled readings decide how many steps are executed.
+        """Call `execute` for each step, in order. The settled readings decide how many steps are executed.
 
         Raises
         ------
@@ -155,7 +155,7 @@ class Beginning:
     Attributes
     ----------
     reference : ProtocolStep
-        The step of the reference images. Its index is set when the steps are listed.
+        The step of the reference images. The index of this step is set when the steps are listed.
     """
 
     reference: ProtocolStep = field(default_factory=lambda: ProtocolStep(1, "reference"))

@@ -20,7 +20,7 @@ class Cycles:
         Images are taken in every cycle whose number is a multiple of this value, and in the first and last
         cycle.
     ending : Ending or None
-        The event that ends the cycles. It is checked at the higher end of every cycle.
+        The event that ends the cycles. The event is checked at the higher end of every cycle.
     """
 
     move: Move

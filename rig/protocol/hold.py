@@ -42,7 +42,7 @@ class Hold:
         return self._at(index, span.low if span.is_known else math.nan)
 
     def follow(self, index: int, place: Place, reading: Reading | None, execute: Execute) -> Reading:
-        """Execute all steps. Their target is the value that was commanded or measured before the hold."""
+        """Execute all steps, whose target is the value that was commanded or measured before the hold."""
         assert reading is not None
         target = math.nan
         if self.move is not None:

@@ -61,7 +61,7 @@ class PhasesProtocol(Settings):
         return self.course.steps()
 
     def follow(self, execute: Execute) -> None:
-        """Call `execute` for each step in turn. The settled readings decide how many steps are executed.
+        """Call `execute` for each step, in order. The settled readings decide how many steps are executed.
 
         Raises
         ------

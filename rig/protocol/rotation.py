@@ -63,7 +63,7 @@ class RotationProtocol(Settings):
         return self.course.steps()
 
     def follow(self, execute: Execute) -> None:
-        """Call `execute` for each step in turn."""
+        """Call `execute` for one step after the other."""
         self.course.follow(execute)
 
     @property

@@ -123,11 +123,11 @@ class TensionProtocol(Settings):
         return Course((Beginning(), to_load, to_displacement), start)
 
     def steps(self) -> list[ProtocolStep]:
-        """Return the steps of the longest possible test. Its displacement increments begin at zero."""
+        """Return the steps of the longest possible test, whose displacement increments begin at zero."""
         return self.course.steps()
 
     def follow(self, execute: Execute) -> None:
-        """Call `execute` for each step in turn. The settled readings decide how many steps are executed.
+        """Call `execute` for each step, in order. The settled readings decide how many steps are executed.
 
         Raises
         ------

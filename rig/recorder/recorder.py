@@ -1,4 +1,4 @@
-"""Write the run file. It keeps every finished step even if the program is killed (docs/run-file.md)."""
+"""Write the run file, which keeps every finished step even if the program is killed (docs/run-file.md)."""
 
 import errno
 from collections import Counter

@@ -44,7 +44,7 @@ class Table:
 
 
 class _Column:
-    """A column of a table. It is written with h5py's low-level functions.
+    """A column of a table, which is written with h5py's low-level functions.
 
     A run writes all columns at each reading of a device. Assignments to an h5py dataset would take nine times
     as long, because each of them determines the types and the selection again, and makes new HDF5 objects.
@@ -159,7 +159,7 @@ def create_entry(file: Any, header: RunHeader) -> Any:
 
 
 def create_group(parent: Any, name: str, layout: schema.Group, described: object = None) -> Any:
-    """Create a group. Its HDF5 attributes are copied from the attributes of `described` with these names."""
+    """Create a group, and copy the attributes of `described` that `layout` names to HDF5 attributes."""
     group = parent.create_group(name)
     _set_text(group.id, "NX_class", layout.nx_class)
     for attribute in layout.attributes:
@@ -172,13 +172,13 @@ def create_group(parent: Any, name: str, layout: schema.Group, described: object
 
 
 def create_text(group: Any, item: schema.Item, text: str) -> None:
-    """Create a dataset that holds one text."""
+    """Create a dataset with one text."""
     content = fit(text, item.text_bytes or len(text.encode()))
     _create_filled(group, item, np.array(content, _dtype(item, len(content))))
 
 
 def _create_filled(group: Any, item: schema.Item, values: NDArray[Any]) -> None:
-    """Create a dataset that holds `values` and cannot grow."""
+    """Create a dataset with the given values, which cannot grow."""
     space = h5s.create_simple(values.shape) if values.shape else h5s.create(h5s.SCALAR)
     create_dataset(group, item, values.dtype, space, _properties()).write(h5s.ALL, h5s.ALL, values)
 
@@ -240,7 +240,7 @@ def _growing() -> tuple[Any, Any]:
 
 @cache
 def _properties() -> Any:
-    """Return the creation properties of all datasets. They store no date, because the run file has one."""
+    """Return the creation properties of all datasets, without a date, because the run file has one."""
     properties = h5p.create(h5p.DATASET_CREATE)
     properties.set_obj_track_times(False)
     return properties

@@ -1,4 +1,4 @@
-"""The thread that writes the run file. It takes jobs from a queue and writes them in batches."""
+"""The thread that writes the run file: it takes jobs from a queue and writes them in batches."""
 
 import threading
 from collections import Counter, deque

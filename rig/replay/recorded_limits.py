@@ -1,4 +1,4 @@
-"""The limits that applied to an archived run. They make the replay end at the same reading as the run."""
+"""The limits that applied to an archived run, so that the replay ends at the same reading as the run."""
 
 import math
 import tomllib

@@ -90,7 +90,7 @@ class LoadFrameDevice:
         self._noise = (0.0, 0.0)
 
     def mount_load_cell(self, settings: LoadCellSettings) -> None:
-        """Mount a load cell with this noise and error. Its zero is the reading without load."""
+        """Mount a load cell with the given noise and error, whose reading without load is zero."""
         with self._lock:
             self._load_noise_n = settings.noise_n
             self._crosshead.cell = LoadCell(settings.error_percent)

@@ -14,7 +14,7 @@ class PictureFaults:
     Parameters
     ----------
     clock : Clock
-        The clock of the rig. It determines when an unreachable camera becomes reachable again.
+        The clock of the rig, which determines when an unreachable camera becomes reachable again.
     panel : FaultPanel, optional
         The panel on which the faults are switched.
     """

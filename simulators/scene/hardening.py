@@ -71,8 +71,8 @@ HardeningLaw = Annotated[Swift | Voce, Field(discriminator="law")]
 class YieldPoint(Settings):
     """Upper yield point and plateau.
 
-    The stress falls linearly from the upper to the lower yield strength. It stays there until the end of the
-    plateau, and then rises by as much as the law of hardening does.
+    The stress falls linearly from the upper to the lower yield strength, and keeps this value until the end
+    of the plateau. Then the stress rises by as much as the stress of the hardening law.
     """
 
     upper_mpa: float = Field(gt=0)

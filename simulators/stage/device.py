@@ -191,7 +191,7 @@ class StageDevice:
     def _start(
         self, name: str, plan: list[float], speed: float | None = None, acceleration: float | None = None
     ) -> None:
-        """Begin to move to the shaft angles in `plan` in turn; a present motion is braked first."""
+        """Begin to move to each shaft angle in `plan`, in order; a present motion is braked first."""
         if self._disabled:
             raise RefusedError("DRIVERDISABLED")
         if self.parked:

@@ -69,8 +69,8 @@ class Pinhole:
     ) -> "Pinhole":
         """Return a camera of Helm and Deaner's numerical assessment; it looks at the grid's centre.
 
-        Without pan and tilt the camera stands on the grid's normal, at `distance_mm`. Pan turns the scene
-        about the vertical axis, then tilt turns it about the horizontal axis: ``R = Rx(tilt)·Ry(pan)``.
+        Without pan and tilt the camera is on the grid's normal, at the distance `distance_mm`. Pan turns the
+        scene about the vertical axis, then tilt turns it about the horizontal axis: ``R = Rx(tilt)·Ry(pan)``.
         Turning the scene is equivalent to swinging the camera around the grid's centre. The distorted
         coordinate in px is ``x_d = x_u·(1 + k1·r_u²)``, where x_u and r_u are the undistorted coordinate and
         radius.

@@ -52,9 +52,9 @@ class Rows(NamedTuple):
         The part of the displacement along x and y that is the same for all pixels of a row, minus the whole
         pixels that are kept in `place`.
     place : ndarray of int64, shape (2, rows)
-        ``place[0]`` holds the whole pixels of the displacement of each row of the strip, as a number of array
-        elements. ``place[1]`` is 1 if the row of the strip reaches into the next cell between pixels, to the
-        right or below, and otherwise 0.
+        ``place[0]`` is the whole-pixel part of the displacement of each row of the strip, as a number of
+        array elements. ``place[1]`` is 1 if the row of the strip reaches into the next cell between pixels,
+        to the right or below, and otherwise 0.
     """
 
     shift: Flat

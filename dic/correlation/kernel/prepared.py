@@ -33,9 +33,9 @@ class Prepared(NamedTuple):
     known : ndarray of bool, shape (rows, columns)
         True for points whose record is filled.
     records : ndarray of float32, shape (rows, columns, n)
-        One record for each point. A record holds the mean of the subset's grey levels f, and the sum |f̃|² of
-        squared differences between grey levels and mean (NaN without texture). The record also holds ∑fx²,
-        ∑fy², the vectors s and t, and the Cholesky factor of the Hessian H.
+        One record for each point. A record contains the mean of the subset's grey levels f, and the sum |f̃|²
+        of squared differences between grey levels and mean (NaN without texture). The record also contains
+        ∑fx², ∑fy², the vectors s and t, and the Cholesky factor of the Hessian H.
     """
 
     known: NDArray[np.bool_]

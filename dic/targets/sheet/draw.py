@@ -49,7 +49,7 @@ def draw_target(target: Target, path: PathLike, dpi: float = 600.0) -> tuple[flo
     path : path
         The file to be written. The suffix, .pdf, .svg or .png, is its format.
     dpi : float
-        Resolution of a PNG file in pixels per inch, 72 to 2400. It is written into the file.
+        Resolution of a PNG file in pixels per inch, 72 to 2400. The resolution is written into the file.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Connection to one Aravis camera. Settings are written and read back. Then it films until `close`."""
+"""Connection to one Aravis camera, which gets its settings and then films until `close`."""
 
 import contextlib
 import ctypes
@@ -217,7 +217,8 @@ class Session:
     def _date_less_clock_s(self) -> float:
         """Return the system's date minus the rig's clock, in seconds.
 
-        Both are read one after the other, several times. The pair that was read most quickly is used.
+        The date and the clock are read one after the other, several times. The pair that was read most
+        quickly is used.
         """
         readings = []
         for _ in range(READINGS):

@@ -1,4 +1,4 @@
-"""Driver for any camera that OpenCV can open. It cannot detect lost frames: use it for set-up and teaching.
+"""Driver for any camera that OpenCV can open, for set-up and teaching: lost frames are not detected.
 
 OpenCV gives no frame counter, no timestamp and no error flag, and delivers damaged frames as good frames.
 This driver therefore discards all frames that may have waited in a buffer. The driver also reads every camera

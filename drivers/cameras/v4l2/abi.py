@@ -215,7 +215,7 @@ class Request(IntEnum):
 
 
 def fourcc(code: str) -> int:
-    """Return the number that stands for a four-character pixel format such as ``GREY`` or ``Y10 ``."""
+    """Return the number of a pixel format with a four-character code such as ``GREY`` or ``Y10 ``."""
     return int.from_bytes(code.ljust(4).encode("ascii"), "little")
 
 

@@ -89,7 +89,7 @@ class FrameNumbers:
         self._restarted = True
 
     def number(self, counter: int, stamp_s: float) -> int:
-        """Return the number of a frame. It repeats or decreases when the kernel's counter does so."""
+        """Return the number of a frame, which repeats or decreases when the kernel's counter does so."""
         if self._last is None:
             self._number = counter
         elif self._restarted:

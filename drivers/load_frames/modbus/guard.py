@@ -1,4 +1,4 @@
-"""The guard of a load frame on Modbus. It stops the machine if the process of the run fails."""
+"""The guard of a load frame on Modbus, which stops the machine if the process of the run fails."""
 
 from drivers.errors import DeviceTimeout
 from drivers.interfaces import OpenContext

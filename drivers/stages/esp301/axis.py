@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 class EspAxis:
-    """One axis of the controller. Its errors are recorded, because an error can make the reference invalid.
+    """One axis of the controller, whose errors are recorded, because an error can make the reference invalid.
 
     Parameters
     ----------

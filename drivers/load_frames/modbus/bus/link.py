@@ -46,7 +46,7 @@ class Address(Protocol):
 
 
 class Overtaken(DeviceTimeout):
-    """An urgent request interrupted an ordinary request. The device may still have executed the latter."""
+    """An urgent request interrupted an ordinary request, which the device may still have executed."""
 
 
 class ModbusLink:

@@ -193,7 +193,7 @@ class Block(Settings):
 
 
 def _ordered(data: bytes, order: WordOrder) -> bytes:
-    """Convert bytes to or from the word order of the registers. Both directions are the same operation."""
+    """Convert bytes to or from the word order of the registers; both conversions are the same operation."""
     if order in ("BADC", "DCBA"):
         data = b"".join(data[i : i + 2][::-1] for i in range(0, len(data), 2))
     if order in ("CDAB", "DCBA"):
