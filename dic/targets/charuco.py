@@ -111,7 +111,7 @@ def _markers_on_board(
     number : ndarray of int64, shape (m,)
         Numbers of all markers found.
     corners : ndarray, shape (m, 4, 2)
-        Their corners in the image, px.
+        Corners of all markers found, in the image, px.
     place, marker_px : ndarray, shape (n, 4, 2)
         Corners of the markers that fit the board. `place` is on the board, in pitches; `marker_px` is in the
         image.

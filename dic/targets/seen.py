@@ -119,7 +119,7 @@ def _squares_of_board(number: Indices, corners: Float) -> tuple[int, int] | None
     number : ndarray of int64, shape (n,)
         Numbers of the markers.
     corners : ndarray, shape (n, 4, 2)
-        Their corners in the image, px.
+        Corners of the markers in the image, px.
     """
     import cv2
 

@@ -12,7 +12,7 @@ from tests.dic.study import image_sets
 from tests.dic.study.image_sets import ImageSet, key_of, predicted
 
 PREDICTION, CHOICE = 0.15, 1.05
-"""Largest relative error of a predicted error, and largest ratio of recommended to smallest true error."""
+"""Limits: relative difference of predicted and true error; true error of the recommendation / smallest."""
 
 DRAWN = ("of_dots", "of_short_waves", "of_coarse_speckles", "of_simulated_camera", "of_measured_field")
 
