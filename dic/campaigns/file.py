@@ -1,6 +1,5 @@
 """Read the description of a campaign: one strict TOML file, or tables with equal columns in a folder."""
 
-import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot
@@ -8,8 +7,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from dic.campaigns.specimen import CampaignSpecimen, CurveColumns, GaugeChoice, require_apart
-from dic.errors import CurveError, MeasurementError, is_number, joined
-from dic.files.reading import read_text
+from dic.errors import CurveError, MeasurementError, joined
+from dic.files.toml import NUMBER, NUMBERS, TEXT, is_of_kind, read_toml, wrong_values
 from dic.image.pages import natural_key
 from dic.pipeline.gauge_series import is_results
 from dic.properties.settings import PropertySettings
@@ -17,29 +16,27 @@ from dic.typing import PathLike
 
 FILE_NAME = "campaign.toml"
 _EXAMPLE = 'write [[specimen]], file = "a.csv", area_mm2, load and strain; docs/campaigns.md has an example'
-_TEXT, _NUMBER, _NUMBERS = "a line of text", "a number", "a list of numbers"
-_MOST_CHARACTERS = 500
-_AREA = {"area_mm2": _NUMBER, "area_std_mm2": _NUMBER}
-_SIDES = {"width_mm": _NUMBER, "thickness_mm": _NUMBER, "width_std_mm": _NUMBER, "thickness_std_mm": _NUMBER}
+_AREA = {"area_mm2": NUMBER, "area_std_mm2": NUMBER}
+_SIDES = {"width_mm": NUMBER, "thickness_mm": NUMBER, "width_std_mm": NUMBER, "thickness_std_mm": NUMBER}
 _COMMON = {
     **_AREA,
     **_SIDES,
-    "direction_deg": _NUMBER,
-    "load_std_percent": _NUMBER,
-    "strain_std_percent": _NUMBER,
-    "offsets_percent": _NUMBERS,
-    "window_mpa": _NUMBERS,
-    "hardening_percent": _NUMBERS,
-    "load": _TEXT,
-    "time": _TEXT,
+    "direction_deg": NUMBER,
+    "load_std_percent": NUMBER,
+    "strain_std_percent": NUMBER,
+    "offsets_percent": NUMBERS,
+    "window_mpa": NUMBERS,
+    "hardening_percent": NUMBERS,
+    "load": TEXT,
+    "time": TEXT,
 }
-_OF_TABLES = {"strain": _TEXT, "transverse": _TEXT, "gauge_length_mm": _NUMBER}
+_OF_TABLES = {"strain": TEXT, "transverse": TEXT, "gauge_length_mm": NUMBER}
 _OF_RESULTS = {
-    **dict.fromkeys(("gauges", "gauge", "transverse_gauge", "kind", "camera"), _TEXT),
-    **dict.fromkeys(("record", "join", "image_column"), _TEXT),
-    **dict.fromkeys(("image_interval_s", "offset_s"), _NUMBER),
+    **dict.fromkeys(("gauges", "gauge", "transverse_gauge", "kind", "camera"), TEXT),
+    **dict.fromkeys(("record", "join", "image_column"), TEXT),
+    **dict.fromkeys(("image_interval_s", "offset_s"), NUMBER),
 }
-_OWN = {"name": _TEXT, "file": _TEXT}
+_OWN = {"name": TEXT, "file": TEXT}
 _PATHS = ("gauges", "record")
 _ENDINGS = (".h5", ".hdf5")
 Part = TypeVar("Part")
@@ -65,7 +62,7 @@ def read_campaign(folder: PathLike) -> tuple[CampaignSpecimen, ...]:
     path = Path(folder)
     path = path if path.suffix.lower() == ".toml" else path / FILE_NAME
     defaults, tables, errors = _content(path)
-    errors += _wrong_values(f"{path}, [defaults]", defaults, _COMMON | _OF_TABLES | _OF_RESULTS)
+    errors += wrong_values(f"{path}, [defaults]", defaults, _COMMON | _OF_TABLES | _OF_RESULTS, CurveError)
     places = [_place(path, number, table) for number, table in enumerate(tables, 1)]
     files = []
     for place, table in zip(places, tables, strict=True):
@@ -73,7 +70,7 @@ def read_campaign(folder: PathLike) -> tuple[CampaignSpecimen, ...]:
         errors += wrong
         if found is not None:
             files.append(found)
-            errors += _wrong_values(place, table, _OWN | found.keys, found.kind)
+            errors += wrong_values(place, table, _OWN | found.keys, CurveError, found.kind)
     errors += _idle(f"{path}, [defaults]", defaults, files)
     if errors:
         raise joined(errors)
@@ -136,14 +133,7 @@ def list_specimens(
 def _content(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]], list[MeasurementError]]:
     """Return the defaults, the tables of the specimens, and the mistakes at the top of the file."""
     source = str(path)
-    try:
-        content = tomllib.loads(read_text(path))
-    except OSError as error:
-        got = error.strerror or str(error)
-        raise CurveError(source, "read the campaign", "a TOML file", got, _EXAMPLE) from error
-    except (ValueError, RecursionError) as error:
-        got = f"one that cannot be understood ({' '.join(str(error).split())[:200]})"
-        raise CurveError(source, "read the campaign", "a TOML file", got, _EXAMPLE) from error
+    content = read_toml(path, CurveError, "read the campaign", _EXAMPLE)
     defaults, tables = content.pop("defaults", {}), content.pop("specimen", None)
     errors: list[MeasurementError] = [
         CurveError(
@@ -187,7 +177,7 @@ def _place(path: Path, number: int, table: Mapping[str, Any]) -> str:
 
 def _file(place: str, folder: Path, table: Mapping[str, Any]) -> _File:
     name = table.get("file")
-    if not _is(name, _TEXT):
+    if not is_of_kind(name, TEXT):
         got = "none" if name is None else repr(name)[:80]
         raise CurveError(place, "file", "the name of a file", got, 'give file = "a.csv"')
     path = folder / str(name)
@@ -273,27 +263,6 @@ def _source(place: str, file: _File, values: Mapping[str, Any]) -> CurveColumns 
         expected, remedy = "a column and its unit", f'give {without[0]} = "COLUMN:UNIT", such as "Load:kN"'
         raise CurveError(place, " and ".join(without), expected, "none", remedy)
     return CurveColumns(**given)
-
-
-def _wrong_values(
-    place: str, table: Mapping[str, Any], known: Mapping[str, str], kind: str = ""
-) -> Iterator[MeasurementError]:
-    """Yield an error for each unknown key, and for each value of a wrong type."""
-    for key, value in table.items():
-        if key not in known:
-            what = f"keys of {kind}" if kind else "keys"
-            remedy = "correct or remove it"
-            yield CurveError(place, what, f"one of {', '.join(known)}", repr(key)[:80], remedy)
-        elif not _is(value, known[key]):
-            yield CurveError(place, key, known[key], repr(value)[:80], "correct the value")
-
-
-def _is(value: object, kind: str) -> bool:
-    if kind == _TEXT:
-        return isinstance(value, str) and 0 < len(value) <= _MOST_CHARACTERS and value.isprintable()
-    if kind == _NUMBERS:
-        return isinstance(value, list) and len(value) > 0 and all(_is(one, _NUMBER) for one in value)
-    return is_number(value) and abs(value) < 1e300  # type: ignore[arg-type]
 
 
 def _at(place: str, error: MeasurementError) -> MeasurementError:

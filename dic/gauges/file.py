@@ -1,12 +1,11 @@
 """Read the declarations of gauges from a TOML file, or from the options of a command."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields
 from typing import Any
 
 from dic.errors import GaugeError, MeasurementError, joined
-from dic.files.reading import read_text
+from dic.files.toml import read_toml
 from dic.gauges.declared import KINDS, Gauge
 from dic.typing import PathLike
 
@@ -43,14 +42,7 @@ def read_gauges(path: PathLike | None = None, texts: Sequence[str] = ()) -> tupl
 
 def _gauges_in(path: PathLike) -> tuple[Gauge, ...]:
     source = str(path)
-    try:
-        content = tomllib.loads(read_text(path))
-    except OSError as error:
-        got = error.strerror or str(error)
-        raise GaugeError(source, "read gauges", "a TOML file", got, "name another file") from error
-    except (ValueError, RecursionError) as error:
-        got = f"one that cannot be understood ({error})"
-        raise GaugeError(source, "read gauges", "a TOML file", got, _EXAMPLE) from error
+    content = read_toml(path, GaugeError, "read gauges", _EXAMPLE)
     unit, tables = content.pop("unit", None), content.pop("gauge", None)
     errors: list[MeasurementError] = [
         GaugeError(source, "top of the file", "unit and [[gauge]]", key, "remove this key") for key in content
