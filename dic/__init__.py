@@ -104,7 +104,9 @@ if TYPE_CHECKING:
     from dic.records.joining import JoinedRecord
     from dic.records.machine import MachineRecord, read_image_times, read_machine_record
     from dic.report.campaign_page import plot_campaign, write_campaign_report
+    from dic.report.details import ReportDetails
     from dic.report.page import write_report
+    from dic.report.stated_facts import StatedFacts, read_stated_facts
     from dic.report.tensile_test import TensileTest, tensile_test
     from dic.results.csv import write_csv
     from dic.results.place import ResultPlace
@@ -145,22 +147,23 @@ __all__ = [
     "LineGridTarget", "MachineRecord", "MapSettings", "MeanStrain", "MeasuredImage", "MeasuredSeries",
     "Measurement", "MeasurementError", "Motion", "Noise", "OutputError", "PeerField", "Pinhole", "Plane",
     "PointGauge", "Profile", "Properties", "PropertySettings", "PropertyValue", "Quality", "Reading",
-    "RegionFiles", "Residuals", "ResultPlace", "RunCorrections", "RunFileError", "RunInfo", "RunResult",
-    "RunStep", "Sensitivity", "Series", "SeriesImage", "SeriesResult", "Specimen", "SpecimenTest", "Status",
-    "StrainField", "StrainGauge", "StrainSettings", "StudiedSettings", "Study", "Sweep", "Target",
-    "TensileTest", "TransverseExtensometer", "TwoCameraStep", "Wave", "__version__", "assess_method",
-    "assess_quality", "calibrate_images", "compare_results", "compare_specimens", "corrected_rotation",
-    "draw_target", "export_results", "find_specimen", "find_target", "gauge_curve", "gauge_table_files",
-    "gauge_text", "join_record", "list_images", "list_specimens", "load_alignment", "load_calibration",
-    "load_run_result", "load_series_result", "map_scale", "material_properties", "measure",
-    "measure_campaign", "measure_gauges", "measure_images", "measure_series", "planar_anisotropy",
-    "plot_assessment", "plot_calibration", "plot_campaign", "plot_properties", "plot_quality", "plot_study",
-    "process_run", "quality_findings", "read_campaign", "read_curve", "read_gauges", "read_image",
-    "read_image_times", "read_machine_record", "read_peer", "read_region", "region_files", "rigid_motion",
-    "save_alignment", "save_calibration", "save_run_result", "strain_of_run", "strain_of_series",
-    "strain_resolution_px", "study_settings", "tensile_test", "to_pandas", "to_xarray", "whole_field_gauges",
-    "with_shared_error", "write_campaign_report", "write_campaign_table", "write_contact_sheet", "write_csv",
-    "write_example", "write_gauge_picture", "write_gauge_table", "write_maps", "write_region", "write_report",
+    "RegionFiles", "ReportDetails", "Residuals", "ResultPlace", "RunCorrections", "RunFileError", "RunInfo",
+    "RunResult", "RunStep", "Sensitivity", "Series", "SeriesImage", "SeriesResult", "Specimen",
+    "SpecimenTest", "StatedFacts", "Status", "StrainField", "StrainGauge", "StrainSettings",
+    "StudiedSettings", "Study", "Sweep", "Target", "TensileTest", "TransverseExtensometer", "TwoCameraStep",
+    "Wave", "__version__", "assess_method", "assess_quality", "calibrate_images", "compare_results",
+    "compare_specimens", "corrected_rotation", "draw_target", "export_results", "find_specimen",
+    "find_target", "gauge_curve", "gauge_table_files", "gauge_text", "join_record", "list_images",
+    "list_specimens", "load_alignment", "load_calibration", "load_run_result", "load_series_result",
+    "map_scale", "material_properties", "measure", "measure_campaign", "measure_gauges", "measure_images",
+    "measure_series", "planar_anisotropy", "plot_assessment", "plot_calibration", "plot_campaign",
+    "plot_properties", "plot_quality", "plot_study", "process_run", "quality_findings", "read_campaign",
+    "read_curve", "read_gauges", "read_image", "read_image_times", "read_machine_record", "read_peer",
+    "read_region", "read_stated_facts", "region_files", "rigid_motion", "save_alignment", "save_calibration",
+    "save_run_result", "strain_of_run", "strain_of_series", "strain_resolution_px", "study_settings",
+    "tensile_test", "to_pandas", "to_xarray", "whole_field_gauges", "with_shared_error",
+    "write_campaign_report", "write_campaign_table", "write_contact_sheet", "write_csv", "write_example",
+    "write_gauge_picture", "write_gauge_table", "write_maps", "write_region", "write_report",
     "write_strain_table",
 ]  # fmt: skip
 
@@ -244,7 +247,9 @@ _NAMES_OF = {
     "dic.records.joining": ("JoinedRecord",),
     "dic.records.machine": ("MachineRecord", "read_image_times", "read_machine_record"),
     "dic.report.campaign_page": ("plot_campaign", "write_campaign_report"),
+    "dic.report.details": ("ReportDetails",),
     "dic.report.page": ("write_report",),
+    "dic.report.stated_facts": ("StatedFacts", "read_stated_facts"),
     "dic.report.tensile_test": ("TensileTest", "tensile_test"),
     "dic.results.csv": ("write_csv",),
     "dic.results.place": ("ResultPlace",),

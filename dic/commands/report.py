@@ -18,7 +18,7 @@ from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
 
 if TYPE_CHECKING:
-    from dic import TensileTest
+    from dic import ReportDetails, TensileTest
 
 _FILE = click.Path(path_type=Path)
 
@@ -30,11 +30,23 @@ class PropertyOptions:
     load: str | None
     time: str | None
     known_file: Path | None
+    facts_file: Path | None
+    fields_at: tuple[str, ...]
+    static: tuple[str, ...]
 
     @property
     def is_given(self) -> bool:
         """True if at least one option is given."""
-        return any(each is not None for each in (self.load, self.time, self.known_file))
+        return any(each not in (None, ()) for each in vars(self).values())
+
+    def details(self, inputs: Sequence[Path | None]) -> "ReportDetails":
+        """Return what the report shows beside the values; `inputs` are further files of the test."""
+        from dic import ReportDetails, StatedFacts, read_stated_facts
+
+        facts = StatedFacts() if self.facts_file is None else read_stated_facts(self.facts_file)
+        files = (*inputs, self.known_file, self.facts_file)
+        given = tuple(path for path in files if path is not None)
+        return ReportDetails(facts, self.fields_at, self.static, given)
 
     def known(self) -> dict[str, float]:
         """Return the known values of `--known`, keyed by property."""
@@ -56,6 +68,7 @@ class PropertyOptions:
 @click.command()
 @click.argument("results", type=_FILE, nargs=-1, required=True)
 @click.option("-o", "--output", type=_FILE, default=Path("report.html"), show_default=True)
+@click.option("--pdf", type=_FILE, help="The same report as a PDF file; needs the extra offaxis[pdf].")
 @field_options
 @option_group(
     "about",
@@ -63,6 +76,22 @@ class PropertyOptions:
     click.option("--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record."),
     click.option("--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record."),
     click.option("--known", "known_file", type=_FILE, help="JSON file of true or certified values."),
+    click.option(
+        "--facts", "facts_file", type=_FILE, help="TOML file of facts: specimen, machine, lenses, pattern."
+    ),
+    click.option(
+        "--fields-at",
+        multiple=True,
+        metavar="POINT",
+        help="Point of the curve whose field is shown: half, Rp02, ReH, Rm, last, strain=0.5 (%), stress=200"
+        " (MPa) or image=NAME; may be repeated. Default: Rp02, half and Rm.",
+    ),
+    click.option(
+        "--static",
+        multiple=True,
+        metavar="NAME",
+        help="Image or number of a step of the specimen at rest, for the noise floor; may be repeated.",
+    ),
 )
 @record_options
 @test_options
@@ -71,6 +100,7 @@ class PropertyOptions:
 def report(
     results: tuple[Path, ...],
     output: Path,
+    pdf: Path | None,
     field: FieldOptions,
     about: PropertyOptions,
     record: RecordOptions,
@@ -90,14 +120,16 @@ def report(
     from dic import MeasurementError, RunFileError
 
     require_places(
-        [*results, field.gauges_file, about.known_file, *record.files], [output, json_file], force=force
+        [*results, field.gauges_file, about.known_file, about.facts_file, *record.files],
+        [output, json_file],
+        force=force,
     )
     tests = _tests(results, field, about, record, test)
     if json_file is not None and not tests:
         expected, remedy = "a tensile test", "declare a gauge with --declare, or leave out --json"
         raise RunFileError(str(json_file), "--json", expected, "none", remedy)
     try:
-        _write(results, tests, output)
+        _write(results, tests, output, pdf)
     except (MeasurementError, OSError):
         raise
     except Exception as error:
@@ -115,8 +147,8 @@ def report(
     say(f"report: {output}")
 
 
-def _write(results: Sequence[Path], tests: "Sequence[TensileTest]", output: Path) -> None:
-    """Write the report's HTML page on the result files of runs, or of series."""
+def _write(results: Sequence[Path], tests: "Sequence[TensileTest]", output: Path, pdf: Path | None) -> None:
+    """Write the report's page on the result files of runs, or of series, as HTML and as PDF."""
     from dic import RunFileError, load_run_result, write_report
     from dic.pipeline.series_result_file import is_series_result, load_series_result
     from dic.report.series_page import write_series_report
@@ -131,9 +163,9 @@ def _write(results: Sequence[Path], tests: "Sequence[TensileTest]", output: Path
             "write a report of each",
         )
     if series:
-        write_series_report([load_series_result(path) for path in series], output, tests=tests)
+        write_series_report([load_series_result(path) for path in series], output, tests=tests, pdf=pdf)
     else:
-        write_report([load_run_result(path) for path in results], output, tests=tests)
+        write_report([load_run_result(path) for path in results], output, tests=tests, pdf=pdf)
 
 
 def _tests(
@@ -160,7 +192,8 @@ def _tests(
         gauges = whole_field_gauges(results[0])
         series, gauge, _ = field.read(results[0], record, about.load, about.time, gauges=gauges)
         across = across or gauges[1].name
-    return [tensile_test(series, gauge, across, settings, known=about.known())]
+    details = about.details([field.gauges_file, *record.files])
+    return [tensile_test(series, gauge, across, settings, known=about.known(), details=details)]
 
 
 def _area_mm2(results: Path) -> float | None:

@@ -32,12 +32,15 @@ class GaugeImage:
         displacement_mm, angle_deg, time_s.
     failure : str or None
         The reason why the image could not be measured.
+    digest : str
+        SHA-256 of the image's file or frames; "" if it is not known.
     """
 
     label: str
     readings: Readings = field(default_factory=dict)
     known: Mapping[str, Any] = field(default_factory=dict)
     failure: str | None = None
+    digest: str = ""
 
     def best(self, gauge: str) -> tuple[str, Any]:
         """Return the best kind of strain for which the image has a reading of a gauge, and this reading."""

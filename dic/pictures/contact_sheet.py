@@ -104,7 +104,7 @@ def draw_contact_sheet(
     for index, (name, maps) in enumerate(images):
         axis = layout.add_axes(figure, index)
         draw_background(axis, background, None)
-        axis.set_title(_shortened(name), fontsize=FONT_PT - 1, pad=1.5, y=1.0)
+        axis.set_title(shortened(name), fontsize=FONT_PT - 1, pad=1.5, y=1.0)
         meshes.append(draw_panel(axis, panels[index], maps.places.drawn_corners(), settings, scale))
     drawn = [mesh for mesh in meshes if mesh is not None]
     if drawn:
@@ -113,7 +113,7 @@ def draw_contact_sheet(
     return figure
 
 
-def _shortened(name: str) -> str:
+def shortened(name: str) -> str:
     """Return the last part of a path, cut at its beginning if it is too long for a small map."""
     last = PurePath(name).name
     return last if len(last) <= _LONGEST_NAME else "…" + last[1 - _LONGEST_NAME :]

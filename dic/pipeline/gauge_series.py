@@ -61,7 +61,8 @@ class GaugeReader:
             return GaugeImage(image.label, known=known, failure=image.failure)
         if self.placed is None:
             self.placed = PlacedGauges.of(self._gauges, measurement, self._calibration, self._shape)
-        return GaugeImage(image.label, self.placed.read(measurement, image.correction), known)
+        readings = self.placed.read(measurement, image.correction)
+        return GaugeImage(image.label, readings, known, digest=measurement.digest)
 
 
 def measure_gauges(results: Results, gauges: Sequence[Gauge], *, camera: str | None = None) -> GaugeSeries:

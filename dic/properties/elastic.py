@@ -138,6 +138,8 @@ def _elastic(
         "stress_mpa": [float(y.min()), float(y.max())],
         "strain_percent": [100 * float(x.min()), 100 * float(x.max())],
         "points": len(x),
+        "first_point": line.first,
+        "last_point": line.stop - 1,
         "normalised_residual": line.residual,
         **extra,
     }

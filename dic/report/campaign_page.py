@@ -14,7 +14,8 @@ from dic.properties.value import PropertyValue
 from dic.report.numbers import fixed
 from dic.report.style import OFF_AXIS_COLOURS, legend_below, new_figure, plot_style, png_uri
 from dic.report.templating import page_templates
-from dic.report.tensile_page import DECIMALS, beginning_of, value_cell
+from dic.report.tensile_figures import beginning_of
+from dic.report.tensile_page import DECIMALS, value_cell
 from dic.report.tensile_test import SYMBOLS
 from dic.typing import PathLike
 

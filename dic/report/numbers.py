@@ -1,11 +1,15 @@
 """Numbers and dates as text for the report."""
 
-import math
 from datetime import datetime
 
-_MOST_DIGITS = 4
+_DIGITS = 4
+"""Decimals of a value whose standard deviation gives no number of decimals."""
+_MOST_DIGITS = 6
+"""A smaller standard deviation is written with an exponent."""
 _ROUND = 9.95
 """Only a number below this limit is written as less than 10.0 when it is rounded to one decimal."""
+_LEAST = 0.05
+"""A number below this limit is 0.0 after rounding to one decimal."""
 
 
 def micro(value: float) -> str:
@@ -24,13 +28,16 @@ def micro(value: float) -> str:
 def micro_with_std(value: float, std: float) -> str:
     """Return a strain in µε and its standard deviation as text.
 
-    The numbers have one decimal if the standard deviation is below 10 µε, else no decimals.
+    The numbers have one decimal if the standard deviation is below 10 µε, else no decimals. A standard
+    deviation that would be rounded to 0.0 has two significant digits instead.
 
     Examples
     --------
-    >>> micro_with_std(-362.13, 0.44), micro_with_std(1234.5, 12.3)
-    ('−362.1 ± 0.4', '1234 ± 12')
+    >>> micro_with_std(-362.13, 0.44), micro_with_std(1234.5, 12.3), micro_with_std(0.02, 0.013)
+    ('−362.1 ± 0.4', '1234 ± 12', '0.020 ± 0.013')
     """
+    if std < _LEAST:
+        return with_std(value, std)
     decimals = 1 if std < _ROUND else 0
     return f"{_signed(value, decimals)} ± {_signed(std, decimals)}"
 
@@ -49,16 +56,22 @@ def fixed(value: float, decimals: int) -> str:
 def with_std(value: float, std: float) -> str:
     """Return a value and its standard deviation as text.
 
-    The standard deviation is rounded to two digits, but to at most four decimals. The value is rounded to as
-    many decimals as the standard deviation.
+    The standard deviation is rounded to two significant digits, and the value to as many decimals. A
+    standard deviation that is exactly zero is "0", so that it cannot be taken for a small one.
 
     Examples
     --------
     >>> with_std(34.6473, 0.19294), with_std(-0.1, 0.0), with_std(1.0, float("nan"))
-    ('34.65 ± 0.19', '−0.1000 ± 0.0000', '1.0000 ± –')
+    ('34.65 ± 0.19', '−0.1000 ± 0', '1.0000 ± –')
+    >>> with_std(0.33, 0.0000123), with_std(0.33, 1.23e-12)
+    ('0.330000 ± 0.000012', '0.3300 ± 1.2e-12')
     """
-    digits = max(0, 1 - math.floor(math.log10(std))) if std > 0 else _MOST_DIGITS
-    digits = min(digits, _MOST_DIGITS)
+    if not std > 0:
+        return f"{_signed(value, _DIGITS)} ± {'–' if std != std else '0'}"
+    # The exponent after rounding: 0.0996 is 0.10 with two digits.
+    digits = max(0, 1 - int(f"{std:.1e}".partition("e")[2]))
+    if digits > _MOST_DIGITS:
+        return f"{_signed(value, _DIGITS)} ± {std:.1e}"
     return f"{_signed(value, digits)} ± {_signed(std, digits)}"
 
 

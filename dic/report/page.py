@@ -12,6 +12,7 @@ from dic.report.calibration import residual_figure
 from dic.report.fields import FieldPicture, field_pictures
 from dic.report.numbers import date, fixed, micro
 from dic.report.paper import compare
+from dic.report.pdf import require_pdf, write_pdf
 from dic.report.series import Run, number_runs
 from dic.report.setup import Findings, camera_rows, findings, remaining
 from dic.report.setup_figures import harmonics_figure, height_figure, height_step, motion_figure
@@ -65,7 +66,11 @@ class RunView:
 
 
 def write_report(
-    results: RunResult | Sequence[RunResult], path: PathLike, *, tests: Sequence[TensileTest] = ()
+    results: RunResult | Sequence[RunResult],
+    path: PathLike,
+    *,
+    tests: Sequence[TensileTest] = (),
+    pdf: PathLike | None = None,
 ) -> None:
     """Write the report of one or several runs as one HTML file with all figures inside.
 
@@ -81,11 +86,15 @@ def write_report(
         The file to write. An existing file is replaced.
     tests : sequence of TensileTest, optional
         Tensile tests in these runs, from `tensile_test`, whose material properties are shown.
+    pdf : path, optional
+        The same page as a PDF file. This needs the extra ``offaxis[pdf]``.
 
     Raises
     ------
     RunFileError
-        If there is no run, or the file cannot be written.
+        If there is no run, or a file cannot be written.
+    OutputError
+        If `pdf` is given and WeasyPrint is not installed.
     """
     path = Path(path)
     results = [results] if isinstance(results, RunResult) else results
@@ -94,12 +103,16 @@ def write_report(
         require_kind("results", result, RunResult, _PROCESS_FIRST)
     if not results:
         raise RunFileError(str(path), "write report", "at least one run", "none", "name a run file")
+    if pdf is not None:
+        require_pdf(pdf)
     page = _render(number_runs(results), tests)
     try:
         write_text(path, page)
+        if pdf is not None:
+            write_pdf(page, pdf)
     except OSError as error:
         raise RunFileError(
-            str(path),
+            str(error.filename or path),
             "write report",
             "a folder that can be written to",
             error.strerror or str(error),
@@ -112,9 +125,9 @@ def _render(runs: list[Run], tests: Sequence[TensileTest]) -> str:
     environment.filters |= {"micro": micro, "fixed": fixed, "date": date}
     turning = [run for run in runs if run.kind == "rotation"]
     with plot_style():
+        tensile = [tensile_view(test, [run.result for run in runs]) for test in tests]
         views = [_view(run) for run in runs]
         kinds: tuple[Kind, ...] = ("raw", "calibrated", "corrected")
-        tensile = [tensile_view(test) for test in tests]
         turns = {kind: rotation.strain_figure(turning, kind) if turning else "" for kind in kinds}
     page: str = environment.get_template("report.html.j2").render(
         title=runs[0].result.info.title

@@ -12,6 +12,7 @@ from dic.pictures.settings import MapSettings
 from dic.pipeline.series_result import MeasuredImage
 from dic.pipeline.series_result_file import SeriesResult
 from dic.report.numbers import micro, micro_with_std
+from dic.report.pdf import require_pdf, write_pdf
 from dic.report.style import PAGE_WIDTH_IN, plot_style, png_uri
 from dic.report.templating import page_templates
 from dic.report.tensile_page import tensile_view
@@ -47,22 +48,34 @@ class SeriesView:
 
 
 def write_series_report(
-    results: Sequence[SeriesResult], path: PathLike, *, tests: Sequence[TensileTest] = ()
+    results: Sequence[SeriesResult],
+    path: PathLike,
+    *,
+    tests: Sequence[TensileTest] = (),
+    pdf: PathLike | None = None,
 ) -> None:
     """Write the report of one or several series as one HTML file with all figures inside.
 
     An existing file is replaced only after the new report is complete. `tests` are tensile tests in these
-    series, from `tensile_test`, whose material properties are shown first.
+    series, from `tensile_test`, whose material properties are shown first. `pdf` is the same page
+    as a PDF file.
 
     Raises
     ------
     OSError
-        If the file cannot be written.
+        If a file cannot be written.
+    OutputError
+        If `pdf` is given and WeasyPrint is not installed.
     """
+    if pdf is not None:
+        require_pdf(pdf)
     with plot_style():
+        tensile = [tensile_view(test, results) for test in tests]
         views = [_view(result) for result in results]
-        tensile = [tensile_view(test) for test in tests]
-    write_text(path, page_templates().get_template("series.html.j2").render(views=views, tensile=tensile))
+    page: str = page_templates().get_template("series.html.j2").render(views=views, tensile=tensile)
+    write_text(path, page)
+    if pdf is not None:
+        write_pdf(page, pdf)
 
 
 def _view(result: SeriesResult) -> SeriesView:

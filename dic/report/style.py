@@ -146,10 +146,10 @@ def svg_uri(figure: Any) -> str:
     return "data:image/svg+xml;base64," + b64encode(buffer.getvalue()).decode()
 
 
-def png_uri(figure: Any, dpi: int = 100) -> str:
+def png_uri(figure: Any, dpi: int = 100, *, all_colours: bool = False) -> str:
     """Return a figure as a data URI in PNG format, for figures with images or many marks.
 
-    The picture has 256 colours and narrow margins.
+    The picture has narrow margins, and 256 colours unless `all_colours` is true.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
@@ -163,7 +163,10 @@ def png_uri(figure: Any, dpi: int = 100) -> str:
     top, left = max(0, rows[0] - _MARGIN_PX), max(0, columns[0] - _MARGIN_PX)
     drawn = np.ascontiguousarray(pixels[top : rows[-1] + _MARGIN_PX, left : columns[-1] + _MARGIN_PX])
     buffer = BytesIO()
-    Image.fromarray(drawn).quantize(256, dither=Image.Dither.NONE).save(buffer, format="png")
+    picture = Image.fromarray(drawn)
+    if not all_colours:
+        picture = picture.quantize(256, dither=Image.Dither.NONE)
+    picture.save(buffer, format="png")
     return "data:image/png;base64," + b64encode(buffer.getvalue()).decode()
 
 

@@ -8,11 +8,18 @@ from dic.report.series import Run
 from dic.strain.measurement import Measurement
 from dic.strain.strain import gauge_text
 
-_MEASURES = {
+MEASURES = {
     "green-lagrange": "Green–Lagrange",
     "small": "Small (engineering)",
     "hencky": "Hencky (logarithmic)",
 }
+"""Names of the strain measures."""
+SOURCES = {
+    "fit": "plane fitted to {0} × {0} points",
+    "quadratic-fit": "quadratic surface fitted to {0} × {0} points",
+    "shape": "gradient of the shape function",
+}
+"""How a local strain is computed, with a place for the width of the window."""
 _MODELS = {
     "bicubic": "the paper's bicubic map of 2 × 16 parameters",
     "pinhole": "a pinhole camera with lens distortion",
@@ -127,7 +134,7 @@ def _strain_rows(run: Run) -> list[tuple[str, str]]:
     # All images of a series have the same settings, so it is enough to read one image.
     firsts = [m for camera in run.cameras for m in camera.measurements[:1]]
     for measure in sorted({m.strain_settings.measure for m in firsts}):
-        name = _MEASURES[measure]
+        name = MEASURES[measure]
         rows.append(("Strain", f"{name}, axes X right and Y up; mean: plane fitted to all valid points"))
     for series in run.cameras:
         for gauge in sorted({_gauge(m) for m in series.measurements[:1]}):
@@ -136,12 +143,8 @@ def _strain_rows(run: Run) -> list[tuple[str, str]]:
 
 
 def _gauge(measurement: Measurement) -> str:
-    window = measurement.strain_settings.window_points
-    source = {
-        "fit": f"plane fitted to {window} × {window} points",
-        "quadratic-fit": f"quadratic surface fitted to {window} × {window} points",
-        "shape": "gradient of the shape function",
-    }[measurement.strain_settings.source]
+    settings = measurement.strain_settings
+    source = SOURCES[settings.source].format(settings.window_points)
     gauge = gauge_text(measurement.gauge_px, measurement.gauge_mm)
     wave = f"a strain wave with a period of {measurement.resolution_px:.0f} px"
     return f"{source}: {gauge}, keeps 90 % of the amplitude of {wave}"

@@ -1,19 +1,22 @@
 """The tables and figures of a tensile test in the report."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from dic.properties.plot import draw_properties
-from dic.properties.properties import Properties
 from dic.properties.value import PropertyValue
+from dic.report.camera_images import Results, images_of
+from dic.report.conditions import Conditions, conditions_of
 from dic.report.numbers import fixed, with_std
-from dic.report.style import OFF_AXIS_COLOURS, legend_below, new_figure, png_uri, svg_uri
+from dic.report.repeat import Repeat, repeat_of, result_of
+from dic.report.style import png_uri, svg_uri
+from dic.report.tensile_figures import curves_figure, gauges_figure
 from dic.report.tensile_test import SYMBOLS, TensileTest, TestColumn
 
 _ALWAYS = ("E_gpa", "nu", "Rp02_mpa")
 DECIMALS = {"GPa": 2, "MPa": 1, "%": 3, "1": 4}
-_DASHES = ("--", "-", ":", "-.")
 
 
 @dataclass(frozen=True)
@@ -48,18 +51,32 @@ class TensileView:
     about: list[tuple[str, str]]
     curves: str
     curve: str
+    gauges: str
+    conditions: Conditions
+    repeat: Repeat
 
 
-def tensile_view(test: TensileTest) -> TensileView:
-    """Return the tables and figures of a tensile test; call this function within `plot_style`."""
+def tensile_view(test: TensileTest, results: Sequence[Results]) -> TensileView:
+    """Return the tables and figures of a tensile test; call this function within `plot_style`.
+
+    Raises
+    ------
+    MeasurementError
+        If the test is not one of the results, or its details do not fit them.
+    """
+    result = result_of(test, results)
+    conditions = conditions_of(test, result, images_of(result))
     return TensileView(
         test=test,
         headings=[(column.camera, column.kind_text) for column in test.columns],
         rows=[_row(test, name) for name in SYMBOLS if _is_shown(test, name)],
         remarks=_grouped(test),
         about=_about(test),
-        curves=_curves(test),
+        curves=svg_uri(curves_figure(test)),
         curve=png_uri(draw_properties(test.main.properties)),
+        gauges=svg_uri(gauges_figure(test)),
+        conditions=conditions,
+        repeat=repeat_of(test, result),
     )
 
 
@@ -147,35 +164,3 @@ def _lengths(test: TensileTest, name: str) -> str:
             if not reading.reason and np.isfinite(reading.length):
                 found.add(f"{fixed(reading.length, 3)} {reading.unit}")
     return ", ".join(sorted(found))
-
-
-def _curves(test: TensileTest) -> str:
-    """Return a figure of stress against strain of all columns: the whole curves, and their beginnings."""
-    figure, axes = new_figure(2, 4.4)
-    ends = []
-    for order, column in enumerate(test.columns):
-        record = column.properties.record
-        strain, stress = 100.0 * record.strain, record.strained_stress
-        style = {"color": OFF_AXIS_COLOURS[order % len(OFF_AXIS_COLOURS)], "marker": ".", "markersize": 4}
-        for axis in axes:
-            axis.plot(strain, stress, _DASHES[order % len(_DASHES)], label=column.label, **style)
-        ends.append(beginning_of(column.properties))
-    axes[0].set_title("whole curve")
-    axes[1].set_title("beginning")
-    reach, top = max(end[0] for end in ends), max(end[1] for end in ends)
-    axes[1].set(xlim=(-0.02 * reach, reach), ylim=(0.0, top))
-    for axis in axes:
-        axis.set(xlabel="engineering strain, %", ylabel="stress, MPa")
-    legend_below(figure, columns=4)
-    return svg_uri(figure)
-
-
-def beginning_of(properties: Properties) -> tuple[float, float]:
-    """Return the strain in % and the stress in MPa up to which the beginning of a curve is drawn."""
-    record, elastic = properties.record, properties.elastic
-    if elastic is None:
-        return 100.0 * float(record.strain.max()), 1.05 * float(record.strained_stress.max())
-    last = min(2 * elastic.line.stop, len(record.strain)) - 1
-    reach = 150.0 * float(record.strain[elastic.line.stop - 1])
-    inside = 100.0 * record.strain[: last + 1] <= reach
-    return reach, 1.08 * float(record.strained_stress[: last + 1][inside].max())

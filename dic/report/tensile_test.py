@@ -11,6 +11,8 @@ from dic.pipeline.gauge_record import GaugeCurve, gauge_curve
 from dic.properties.properties import Properties, material_properties
 from dic.properties.settings import PropertySettings
 from dic.properties.shared_error import with_shared_error
+from dic.report.details import ReportDetails
+from dic.results.provenance import Provenance
 from dic.typing import Float
 
 SYMBOLS = {
@@ -42,12 +44,15 @@ class TestColumn:
     read : GaugeCurve
     labels : tuple of str
         The image or step of each point of the curve.
+    digests : tuple of str
+        SHA-256 of the image file, or of the frames of the step, of each point; "" if it is not known.
     properties : Properties
     """
 
     camera: str
     read: GaugeCurve
     labels: tuple[str, ...]
+    digests: tuple[str, ...]
     properties: Properties
 
     @property
@@ -68,8 +73,9 @@ class TestColumn:
             for name in self.properties.values
         }
         across = [None] * len(self.labels) if curve.transverse is None else _plain(curve.transverse)
-        rows = zip(self.labels, curve.load_n.tolist(), _plain(curve.strain), across, strict=True)
-        names = ("image", "load_n", "strain", "transverse_strain")
+        loads, digests = curve.load_n.tolist(), [digest or None for digest in self.digests]
+        rows = zip(self.labels, digests, loads, _plain(curve.strain), across, strict=True)
+        names = ("image", "sha256", "load_n", "strain", "transverse_strain")
         return {
             "camera": self.camera or None,
             "strain_kind": self.read.kind,
@@ -100,6 +106,9 @@ class TensileTest:
         The columns of each camera, from the least accurate kind of strain to the best.
     known : mapping of str to float
         True or certified values, keyed by the properties' keys; empty if no values are known.
+    details : ReportDetails
+    provenance : Provenance
+        The command that computed the properties, its versions, and the digests of the files that it read.
     """
 
     title: str
@@ -109,11 +118,17 @@ class TensileTest:
     settings: PropertySettings
     columns: tuple[TestColumn, ...]
     known: Mapping[str, float]
+    details: ReportDetails
+    provenance: Provenance
 
     @property
     def main(self) -> TestColumn:
         """The column that the figure of the elastic line shows: the best strain of the last camera."""
         return self.columns[-1]
+
+    def series_of(self, camera: str) -> GaugeSeries:
+        """Return the readings of one camera; "" is the camera of a series of images."""
+        return _of_camera(self.series, camera)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the test as a dict for JSON."""
@@ -128,8 +143,14 @@ class TensileTest:
             "S0_mm2": self.settings.area_mm2,
             "settings": settings,
             "known": dict(self.known),
+            "stated_facts": self.details.facts.as_dict(),
+            "provenance": self._origin(),
             "columns": [column.as_dict() for column in self.columns],
         }
+
+    def _origin(self) -> dict[str, Any]:
+        origin = self.provenance
+        return {"command": origin.command, "versions": origin.versions, "inputs": dict(origin.inputs)}
 
 
 def tensile_test(
@@ -140,6 +161,7 @@ def tensile_test(
     *,
     known: Mapping[str, float] | None = None,
     title: str = "",
+    details: ReportDetails | None = None,
 ) -> TensileTest:
     """Compute the material properties of a test from every camera and kind of strain.
 
@@ -154,12 +176,17 @@ def tensile_test(
         True or certified values, keyed by the properties' keys, to show beside the measured values.
     title : str, optional
         Default: the name of the result file.
+    details : ReportDetails, optional
+        What the report shows beside the values.
 
     Raises
     ------
     CurveError, GaugeError
         If the series is no tensile test, or the name of a gauge is unknown.
+    OSError
+        If a file of `details.inputs` cannot be read.
     """
+    details = details or ReportDetails()
     known = dict(known or {})
     for name, value in known.items():
         if name not in SYMBOLS or not is_number(value):
@@ -170,14 +197,25 @@ def tensile_test(
     cameras.sort(key=lambda camera: camera != "on_axis")  # the other cameras are compared with on_axis
     columns = []
     for camera in cameras:
-        own = tuple(image for image in series.images if str(image.known.get("camera", "")) == camera)
-        part = GaugeSeries(series.source, series.gauges, own)
+        part = _of_camera(series, camera)
         # Raw strain contains the same information as calibrated strain, but it is less accurate, so leave it
         # out.
         kinds = [kind for kind in reversed(part.kinds) if kind != "raw"] or ["raw"]
         columns += [_column(part, camera, gauge, transverse, settings, kind) for kind in kinds]
     name = title or Path(series.source).name
-    return TensileTest(name, series, gauge, transverse, settings, tuple(columns), known)
+    origin = Provenance.of(_files(series, details))
+    return TensileTest(name, series, gauge, transverse, settings, tuple(columns), known, details, origin)
+
+
+def _files(series: GaugeSeries, details: ReportDetails) -> list[Path]:
+    """Return the result file, if there is one, and the other files that the test was computed from."""
+    results = [Path(series.source)] if Path(series.source).is_file() else []
+    return [*results, *map(Path, details.inputs)]
+
+
+def _of_camera(series: GaugeSeries, camera: str) -> GaugeSeries:
+    own = tuple(image for image in series.images if str(image.known.get("camera", "")) == camera)
+    return GaugeSeries(series.source, series.gauges, own, series.in_order)
 
 
 def _column(
@@ -191,4 +229,6 @@ def _column(
     read = gauge_curve(series, gauge, transverse, kind=kind)
     plain = material_properties(read.curve, settings)
     found = with_shared_error(plain, read.shared_std, read.shared_transverse)
-    return TestColumn(camera, read, read.labels, found)
+    known = {str(image.known.get("step", image.label)): image.digest for image in series.images}
+    digests = tuple(known[label] for label in read.labels)
+    return TestColumn(camera, read, read.labels, digests, found)

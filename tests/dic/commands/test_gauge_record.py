@@ -10,53 +10,16 @@ from PIL import Image
 
 import dic
 from tests.command_line import refusal, run_dic
+from tests.dic.commands.tension_series import (
+    AREA_MM2,
+    AXIAL,
+    E_MPA,
+    GAUGES,
+    IMAGES,
+    WIDTH,
+    stress_mpa,
+)
 from tests.exif_files import save_taken, set_changed
-from tests.image_files import write_image
-
-E_MPA, YIELD_STRAIN, AREA_MM2, IMAGES = 70_000.0, 0.006, 20.0, 20
-AXIAL = "axial=extensometer start=90,35 end=90,125 patch=30"
-WIDTH = "width=area centre=90,80 size=130,100 direction_deg=0"
-GAUGES = """
-[[gauge]]
-name = "axial"
-kind = "extensometer"
-start = [90, 35]
-end = [90, 125]
-patch = 30
-[[gauge]]
-name = "width"
-kind = "area"
-centre = [90, 80]
-size = [130, 100]
-direction_deg = 0
-"""
-
-
-def stress_mpa(strain):
-    return np.minimum(E_MPA * strain, E_MPA * YIELD_STRAIN + 1500.0 * (strain - YIELD_STRAIN))
-
-
-@pytest.fixture(scope="module")
-def folder(speckle, tmp_path_factory):
-    """A folder with the measured images of a tension test, and the machine's record with decimal commas."""
-    folder = tmp_path_factory.mktemp("test")
-    (folder / "images").mkdir()
-    pattern, strains = speckle(seed=31, noise=1.0), np.linspace(0.0, 0.012, IMAGES + 1)
-    for k, strain in enumerate(strains):
-
-        def back(x, y, strain=strain):
-            return 90 + (x - 90) / (1 - 0.33 * strain), 80 + (y - 80) / (1 + strain)
-
-        write_image(folder / "images" / f"img{k:03d}.png", pattern.draw(back, noise_seed=k))
-    lines = ["Machine 5", "Image;Time;Force;Way", ";s;kN;mm"]
-    for k, strain in enumerate(strains):
-        load_kn = stress_mpa(strain) * AREA_MM2 / 1e3
-        lines.append(f"img{k:03d};{0.5 * k:.2f};{load_kn:.6f};{60 * strain:.5f}".replace(".", ","))
-    (folder / "machine.csv").write_text("\n".join(lines))
-    done = run_dic("correlate", folder / "images", "--subset", 21, "--step", 7, "-o", folder / "r.h5")
-    assert done.status == 0, done
-    return folder
-
 
 JOINS = {
     "name": ["--image-column", "Image"],
@@ -254,7 +217,7 @@ def test_images_and_a_table_become_a_test_report(folder, tmp_path):
     assert cells[:2] == ["E", "GPa"]
     assert float(cells[2].split(" ± ")[0]) == pytest.approx(column["values"]["E_gpa"]["value"], abs=0.51)
     assert cells[3] == "70.00"
-    assert text.count("data:image/svg+xml") == 1
+    assert text.count("data:image/svg+xml") == 2  # the curves of all columns, and of all gauges
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,184 @@
+"""The tables of analysis settings and noise floors that the iDICs Good Practices Guide asks a report for."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.errors import CurveError
+from dic.gauges.reading import Reading
+from dic.report.camera_images import CameraImages
+from dic.report.hardware import FactTable
+from dic.report.numbers import fixed
+from dic.report.states import names_of
+from dic.report.tables import MEASURES, SOURCES
+from dic.report.tensile_test import TensileTest
+from dic.strain.measurement import Measurement
+from dic.typing import Float
+
+_MICRO = 1e6
+_NOT_MEASURED = "not measured"
+_QUANTITIES: dict[str, tuple[str, str, int]] = {
+    "u": ("displacement u", "px", 4),
+    "v": ("displacement v", "px", 4),
+    "exx": ("local εxx", "µε", 1),
+    "eyy": ("local εyy", "µε", 1),
+    "exy": ("local εxy", "µε", 1),
+}
+"""Name, unit and number of decimals of each quantity of interest."""
+
+
+def analysis_table(images: Sequence[CameraImages], software: str) -> FactTable:
+    """Return the settings of correlation and strain of each camera, as the results contain them."""
+    columns = [_settings(each, software) for each in images]
+    rows = [(name, [column.get(name, "–") for column in columns]) for name in columns[0]]
+    return FactTable([each.camera for each in images], rows)
+
+
+def _first(images: CameraImages) -> Measurement | None:
+    return next((one.measurement for one in images.series.images if one.measurement is not None), None)
+
+
+def _settings(images: CameraImages, software: str) -> dict[str, str]:
+    measurement = _first(images)
+    if measurement is None:
+        return {"Software": software}
+    settings, strain, field = measurement.settings, measurement.strain_settings, measurement.field
+    window = strain.window_points
+    gauge = f"{measurement.gauge_px} px" + (
+        "" if measurement.gauge_mm is None else f", {measurement.gauge_mm:.3g} mm"
+    )
+    smoothing = f"Gaussian, standard deviation {field.smoothing_px:.2g} px" if field.smoothing_px else "none"
+    calibration, model = images.calibration, "none"
+    if calibration is not None:
+        model = f"{calibration.model}, {calibration.grid.found} points"
+    return {
+        "Software": software,
+        "Image filtering": smoothing,
+        "Subset size": f"{settings.subset_px} px",
+        "Step size": f"{settings.step_px} px",
+        "Subset shape function": settings.shape,
+        "Matching criterion": "zero-mean normalised sum of squared differences (ZNSSD), inverse compositional"
+        f" Gauss–Newton; points with ZNCC ≥ {settings.min_zncc:g}",
+        "Interpolant": f"B-spline of order {settings.order}",
+        "Strain window": SOURCES[strain.source].format(window),
+        "Virtual strain gauge size": gauge,
+        "Spatial resolution": f"keeps 90 % of waves of strain of {measurement.resolution_px:.0f} px",
+        "Strain formulation": f"{MEASURES[strain.measure]} in maps; engineering strain of gauges",
+        "Filtering of strain": "none beyond the strain window",
+        "Points": f"{int(field.active.sum())} in the region of interest",
+        "Calibration": model,
+    }
+
+
+@dataclass(frozen=True)
+class NoiseRow:
+    """The noise floor of one quantity: predicted from the images' noise, measured at rest, and the bias."""
+
+    quantity: str
+    unit: str
+    predicted: str
+    measured: str
+    bias: str
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """The noise floors of one camera; `static` are the names of the images at rest."""
+
+    camera: str
+    static: list[str]
+    rows: list[NoiseRow]
+
+
+def noise_floor_of(images: CameraImages, test: TensileTest) -> NoiseFloor | None:
+    """Return the noise floor of each quantity; None if the camera measured nothing.
+
+    Predicted is the median over the points, in the first measured image, of the standard deviation that the
+    noise and the interpolation of the images cause. Measured is the standard deviation over the points in
+    images of the specimen at rest, the root mean square of all these images. The bias is the mean.
+
+    Raises
+    ------
+    CurveError
+        If the images at rest that the user names are not measured images of the results.
+    """
+    measurement = _first(images)
+    if measurement is None:
+        return None
+    places = [_static_place(images, name) for name in test.details.static]
+    rows = [*_field_rows(images, measurement, places), *_gauge_rows(images, test, places)]
+    return NoiseFloor(images.camera, [images.labels[place] for place in places], rows)
+
+
+def _static_place(images: CameraImages, name: str) -> int:
+    found = [k for k, label in enumerate(images.labels) if name in names_of(label)]
+    if len(found) == 1 and images.series.images[found[0]].measurement is not None:
+        return found[0]
+    got = f"{name!r}, which was not measured" if found else f"no image named {name!r}"
+    got = got if len(found) < 2 else f"{len(found)} images named {name!r}"
+    remedy = f"give --static {images.labels[0]}, or leave it out"
+    raise CurveError("settings", "--static", "the name of one measured image", got, remedy)
+
+
+def _field_rows(images: CameraImages, first: Measurement, places: Sequence[int]) -> Iterator[NoiseRow]:
+    spreads: dict[str, list[float]] = {name: [] for name in _QUANTITIES}
+    means: dict[str, list[float]] = {name: [] for name in _QUANTITIES}
+    for place in places:
+        for name, values in _values(images, place).items():
+            known = values[np.isfinite(values)]
+            if known.size > 1:
+                spreads[name].append(float(known.std(ddof=1)))
+                means[name].append(float(known.mean()))
+    predicted = _predicted(first)
+    for name, (title, unit, digits) in _QUANTITIES.items():
+        measured, bias = _NOT_MEASURED, _NOT_MEASURED
+        if spreads[name]:
+            measured = fixed(float(np.sqrt(np.mean(np.square(spreads[name])))), digits)
+            bias = fixed(float(np.mean(means[name])), digits)
+        yield NoiseRow(title, unit, fixed(predicted[name], digits), measured, bias)
+
+
+def _values(images: CameraImages, place: int) -> dict[str, Float]:
+    """Return displacement in px and local strain in µε at the points of an image, NaN where unknown."""
+    image = images.series.images[place]
+    if image.measurement is None:
+        return {}
+    raw = image.measurement.raw
+    u, v = np.moveaxis(np.where(raw.valid[..., None], raw.vector, np.nan), -1, 0)
+    return {"u": u, "v": v} | {name: _MICRO * getattr(image.strain, name) for name in ("exx", "eyy", "exy")}
+
+
+def _predicted(measurement: Measurement) -> dict[str, float]:
+    """Return the median standard deviation that the images cause: u, v in px, strains in µε."""
+    field, strain = measurement.field, measurement.strain
+    found = {"u": _median(field.std_u_px), "v": _median(field.std_v_px)}
+    for name in ("exx", "eyy", "exy"):
+        by_images = getattr(strain, f"{name}_std_images")
+        found[name] = _MICRO * _median(getattr(strain, f"{name}_std") if by_images is None else by_images)
+    return found
+
+
+def _median(values: Float) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else float("nan")
+
+
+def _gauge_rows(images: CameraImages, test: TensileTest, places: Sequence[int]) -> Iterator[NoiseRow]:
+    """Yield the noise floors of the gauges' strains: predicted, and observed in the images at rest."""
+    series = test.series_of(images.camera)
+    kind = next((one.read.kind for one in reversed(test.columns) if one.camera == images.camera), "raw")
+    for gauge in series.gauges:
+        found = [image.readings.get(gauge.name, {}).get(kind) for image in series.images]
+        readings = [one for one in found if isinstance(one, Reading)]
+        if gauge.kind == "cut" or not readings:
+            continue
+        stds = np.array([one.strain_std_images for one in readings if np.isfinite(one.strain_std_images)])
+        at_rest = [found[place] for place in places if place < len(found)]
+        values = _MICRO * np.array([one.strain for one in at_rest if isinstance(one, Reading)])
+        measured, bias = _NOT_MEASURED, _NOT_MEASURED
+        if values.size:
+            measured = "needs two images" if values.size < 2 else fixed(float(values.std(ddof=1)), 1)
+            bias = fixed(float(values.mean()), 1)
+        predicted = fixed(_MICRO * float(stds[0]), 1) if stds.size else "–"
+        yield NoiseRow(f"strain of gauge “{gauge.name}”, {kind}", "µε", predicted, measured, bias)

@@ -1,0 +1,144 @@
+"""The table of cameras, lenses and patterns that the iDICs Good Practices Guide asks a report for."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dic.errors import MeasurementError
+from dic.pipeline.run_result import RunResult
+from dic.quality.noise import noise_of_one
+from dic.quality.speckle import autocovariance, even_light, speckle_size
+from dic.report.camera_images import CameraImages, Results, beside
+from dic.report.numbers import fixed, with_std
+from dic.report.stated_facts import FACTS, NOT_STATED, StatedFacts
+from dic.runfile.reader import RunFile
+
+_MM_TO_UM = 1000.0
+
+
+@dataclass(frozen=True)
+class FactTable:
+    """A table with a row for each fact and a column for each camera.
+
+    Attributes
+    ----------
+    heads : list of str
+        Names of the cameras; [""] for a series of images.
+    rows : list of (str, list of str)
+        Name of each fact, and its text for each camera.
+    """
+
+    heads: list[str]
+    rows: list[tuple[str, list[str]]]
+
+
+def hardware_table(result: Results, images: Sequence[CameraImages], facts: StatedFacts) -> FactTable:
+    """Return what is known of cameras, lenses and patterns; what nobody stated is "not stated"."""
+    columns = [_facts_of(each, facts, _recorded(result, each.camera)) for each in images]
+    rows = [(name, [column[name] for column in columns]) for name in columns[0]]
+    return FactTable([each.camera for each in images], rows)
+
+
+def stated_table(facts: StatedFacts, table: str, known: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Return name and text of each fact of a table such as "specimen"; `known` has facts from the results.
+
+    What the user states replaces what the results know.
+    """
+    return [
+        (fact.name, facts.given(table, key) or known.get(key) or NOT_STATED)
+        for key, fact in FACTS[table].items()
+    ]
+
+
+def _recorded(result: Results, camera: str) -> dict[str, Any]:
+    """Return what the run file says of a camera; empty without a run file."""
+    if not isinstance(result, RunResult):
+        return {}
+    try:
+        with RunFile(beside(result.source, result.file)) as run:
+            if run.info.run_id != result.info.run_id or camera not in run.cameras:
+                return {}
+            exposure_us = run.columns(f"instrument/{camera}")["exposure_us"]
+            return run.identity(camera) | {"exposure_us": float(np.median(exposure_us))}
+    except MeasurementError:
+        # The report needs only the result file. The facts of the run file are then not stated.
+        return {}
+
+
+def _facts_of(images: CameraImages, facts: StatedFacts, recorded: Mapping[str, Any]) -> dict[str, str]:
+    calibration = images.calibration
+    pinhole = None if calibration is None else calibration.pinhole
+    height, width = images.series.reference.shape
+    bits = f", {recorded['bits']} bit" if "bits" in recorded else ""
+    identity = [str(recorded[key]) for key in ("vendor", "model") if recorded.get(key)]
+    if recorded.get("serial"):
+        identity.append(f"serial number {recorded['serial']}")
+
+    def known(key: str, measured: str = NOT_STATED) -> str:
+        return facts.given("cameras", key, images.camera) or measured
+
+    focal, stand_off, angle, view, scale = (NOT_STATED,) * 5
+    if pinhole is not None:
+        std = pinhole.covariance[0, 0] ** 0.5
+        focal = f"{with_std(pinhole.focal_px, std)} px, from the calibration"
+        away = with_std(float(pinhole.centre_mm[2]), float(pinhole.centre_std_mm[2]))
+        stand_off = f"{away} mm from the camera's centre to the grid's plane, from the calibration"
+        angle = f"{with_std(pinhole.off_axis_deg, pinhole.off_axis_std_deg)}°, from the calibration"
+    if calibration is not None:
+        mm = calibration.mm_per_px
+        view = f"{fixed(width * mm, 2)} mm × {fixed(height * mm, 2)} mm"
+        scale = f"{fixed(1.0 / mm, 2)} px/mm, {fixed(_MM_TO_UM * mm, 3)} µm/px"
+    exposure_us = float(recorded.get("exposure_us", 0.0))
+    exposure = f"{exposure_us / 1000.0:g} ms" if exposure_us > 0.0 else NOT_STATED
+    return {
+        "Camera": known("model", ", ".join(identity) or NOT_STATED),
+        "Image resolution": f"{width} px × {height} px{bits}",
+        "Lens": known("lens"),
+        "Focal length": known("focal_length_mm", focal),
+        "Aperture": known("aperture"),
+        "Field of view": view,
+        "Image scale": scale,
+        "Angle off-axis": angle,
+        "Stand-off distance": known("stand_off_mm", stand_off),
+        "Image acquisition rate": known("frame_rate_hz", _interval(images)),
+        "Exposure time": known("exposure_ms", exposure),
+        "Lighting": known("lighting"),
+        "Patterning technique": facts.stated("pattern", "technique"),
+        "Pattern feature size": _feature_size(images, facts),
+    }
+
+
+def _interval(images: CameraImages) -> str:
+    """Return the usual time between two images."""
+    steps = np.diff(images.times_s[np.isfinite(images.times_s)])
+    if not steps.size:
+        return NOT_STATED
+    return f"one image in {np.median(steps):.3g} s (median)"
+
+
+def _feature_size(images: CameraImages, facts: StatedFacts) -> str:
+    """Return the size of the speckles, measured in the reference image around the measured points."""
+    made = facts.given("pattern", "feature_size_mm")
+    found = next((one.measurement for one in images.series.images if one.measurement is not None), None)
+    texts = [] if made is None else [f"{made} as made"]
+    if found is not None:
+        x, y = found.field.x_px, found.field.y_px
+        grey = images.series.reference[int(y[0]) : int(y[-1]) + 1, int(x[0]) : int(x[-1]) + 1]
+        texts.append(_measured_size(grey, images))
+    return "; ".join(texts) or NOT_STATED
+
+
+def _measured_size(grey: np.ndarray, images: CameraImages) -> str:
+    region = np.ones(grey.shape, np.bool_)
+    try:
+        pattern, noise = even_light(grey, region), noise_of_one(grey, region)
+        sizes = [speckle_size(autocovariance(pattern, region, noise, axis)) for axis in (1, 0)]
+    except MeasurementError as error:
+        return f"not measurable ({error.got})"
+    text = f"{fixed(sizes[0], 1)} px × {fixed(sizes[1], 1)} px"
+    if images.calibration is not None:
+        mm = images.calibration.mm_per_px
+        text += f", {fixed(mm * sizes[0], 3)} mm × {fixed(mm * sizes[1], 3)} mm"
+    return f"{text}, measured (width of the autocovariance)"

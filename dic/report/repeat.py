@@ -1,0 +1,81 @@
+"""How to repeat a tensile test's evaluation: commands, versions, settings, and digests of all files."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from dic.errors import RunFileError
+from dic.pipeline.run_result import RunResult
+from dic.report.camera_images import Results
+from dic.report.tensile_test import TensileTest
+from dic.results.provenance import Provenance
+
+_UNKNOWN = "not known: the result file is of an earlier version"
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """What somebody needs to repeat an evaluation.
+
+    Attributes
+    ----------
+    commands : list of (str, str)
+        What each command does, and the command; in their order.
+    versions : list of (str, str)
+    settings : str
+        The settings of correlation, strain and properties, as JSON.
+    files : list of (str, str)
+        Name and SHA-256 of each file beside the images.
+    images : list of (str, str)
+        Name and SHA-256 of each image of the curve.
+    """
+
+    commands: list[tuple[str, str]]
+    versions: list[tuple[str, str]]
+    settings: str
+    files: list[tuple[str, str]]
+    images: list[tuple[str, str]]
+
+
+def result_of(test: TensileTest, results: Sequence[Results]) -> Results:
+    """Return the result that a test was computed from.
+
+    Raises
+    ------
+    RunFileError
+        If it is none of the results.
+    """
+    for result in results:
+        names = {result.source, result.file} if isinstance(result, RunResult) else {result.source}
+        if test.series.source and test.series.source in names:
+            return result
+    expected = f"a test in {', '.join(result.source for result in results)}"
+    remedy = "give the results from which the test was computed"
+    raise RunFileError("tests", "write report", expected, test.series.source or "none", remedy)
+
+
+def repeat_of(test: TensileTest, result: Results) -> Repeat:
+    """Return how to repeat the evaluation of a test."""
+    first, last = result.provenance or Provenance(_UNKNOWN, _UNKNOWN, {}), test.provenance
+    columns = [column for column in test.columns if column.read.kind == test.columns[-1].read.kind]
+    images = {
+        (f"{column.camera}, {label}" if column.camera else label): digest
+        for column in columns
+        for label, digest in zip(column.labels, column.digests, strict=True)
+    }
+    return Repeat(
+        commands=[("measured the images", first.command), ("computed the properties", last.command)],
+        versions=[("Images", first.versions), ("Properties", last.versions)],
+        settings=json.dumps(_settings(test, first), indent=1, ensure_ascii=False),
+        files=list((dict(first.inputs) | dict(last.inputs)).items()),
+        images=[(name, digest or "not known") for name, digest in images.items()],
+    )
+
+
+def _settings(test: TensileTest, first: Provenance) -> dict[str, object]:
+    jobs = {} if first.job is None else {"fields": first.job.fields, "strains": first.job.strains}
+    return {name: json.loads(text) for name, text in jobs.items()} | {
+        "gauge": test.gauge,
+        "transverse_gauge": test.transverse,
+        "properties": vars(test.settings),
+    }

@@ -1,0 +1,133 @@
+"""Maps of the strain along the specimen at chosen points of the curve, all on one scale."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from dic.errors import MeasurementError
+from dic.pictures.background import Background, background_of
+from dic.pictures.contact_sheet import shortened
+from dic.pictures.layout import FONT_PT, MM_PER_IN, Layout
+from dic.pictures.maps import cut_ends, draw_background, draw_bar, draw_panel
+from dic.pictures.panels import Maps, Scale, finished, maps_of, widened
+from dic.pictures.settings import MapSettings
+from dic.report.camera_images import CameraImages
+from dic.report.states import HALF, State
+from dic.report.style import PAGE_WIDTH_IN, png_uri
+
+_ALONG_Y_DEG = 45.0
+_PAGE = MapSettings(width_mm=PAGE_WIDTH_IN * MM_PER_IN)
+_DPI = 100
+_LEAST_COLUMNS = 3
+"""A picture of one or two points has maps of the same size as one of three points."""
+
+
+@dataclass(frozen=True)
+class StatePicture:
+    """The maps of one camera at the chosen points.
+
+    Attributes
+    ----------
+    camera : str
+    kind : str
+        Name of the strain, such as "εyy corrected".
+    uri : str
+        The picture as a data URI; two rows, on the reference and on the deformed image.
+    missing : list of str
+        One sentence for each point without a map, or without its deformed image.
+    """
+
+    camera: str
+    kind: str
+    uri: str
+    missing: list[str]
+
+
+@dataclass(frozen=True)
+class _Shown:
+    state: State
+    reference: Maps
+    deformed: Maps
+    background: Background | None
+
+
+def quantity_along(direction_deg: float) -> str:
+    """Return the strain component nearest to a direction: "exx" or "eyy"."""
+    away = abs((direction_deg + 90.0) % 180.0 - 90.0)
+    return "exx" if away < _ALONG_Y_DEG else "eyy"
+
+
+def state_picture(images: CameraImages, states: Sequence[State], quantity: str) -> StatePicture | None:
+    """Return the maps of a camera at chosen points; None if the camera measured none of them.
+
+    One image at a time is in memory. The values of its map and a small picture are kept, of at most
+    `dic.report.states.MOST_STATES` images.
+    """
+    shown: list[_Shown] = []
+    missing: list[str] = []
+    scale: Scale = {}
+    on_reference = replace(_PAGE, quantities=(quantity,))
+    on_deformed = replace(on_reference, on="deformed")
+    for state in states:
+        place = images.place(state.label)
+        measured = None if place is None else images.series.images[place]
+        if place is None or measured is None or measured.measurement is None:
+            missing.append(f"{state.label} was not measured.")
+            continue
+        maps = maps_of(measured.measurement, on_reference, measured.correction)
+        moved = maps_of(measured.measurement, on_deformed, measured.correction)
+        deformed: Background | None = None
+        try:
+            deformed = background_of(images.deformed(place), moved.places)
+        except MeasurementError as error:
+            missing.append(f"The deformed image is not shown. {error}.")
+        scale = widened(scale, maps)
+        shown.append(_Shown(state, maps, moved, deformed))
+    if not shown:
+        return None
+    # The points are the same in all images, so all maps have the same place on the reference image.
+    background = background_of(images.series.reference, shown[0].reference.places)
+    figure = _draw(shown, background, on_reference, finished(scale, on_reference))
+    return StatePicture(
+        images.camera, shown[0].reference.panels[0].name, png_uri(figure, dpi=_DPI, all_colours=True), missing
+    )
+
+
+def _draw(shown: Sequence[_Shown], reference: Background, settings: MapSettings, scale: Scale) -> Any:
+    """Return a figure with a column for each point, on the reference and on the deformed image."""
+    rows: list[list[tuple[Maps, Background | None]]] = [[(one.reference, reference) for one in shown]]
+    under: list[Background | None] = [one.background for one in shown]
+    if any(under):
+        rows.append([(one.deformed, one.background) for one in shown])
+    aspect = max(background.aspect for background in (reference, *under) if background is not None)
+    unit, columns = shown[0].reference.places.unit, max(len(shown), _LEAST_COLUMNS)
+    cells = len(rows) * columns
+    layout = Layout(cells, columns, settings.width_mm, aspect, unit is not None, True, bars=False)
+    figure = layout.new_figure()
+    panels = [one.reference.panels[0] for one in shown]
+    figure.suptitle(panels[0].title, fontsize=FONT_PT + 2, y=1 - 1.0 / layout.height_mm, va="top")
+    mesh = None
+    for row, cells_of_row in enumerate(rows):
+        for column, (maps, background) in enumerate(cells_of_row):
+            axis = layout.add_axes(figure, row * columns + column)
+            axis.set_title(_title(shown[column].state, row), fontsize=FONT_PT, pad=2.5, y=1.0)
+            if background is None:
+                axis.text(0.5, 0.5, "no image", transform=axis.transAxes, ha="center", fontsize=FONT_PT)
+                axis.set_axis_off()
+                continue
+            draw_background(axis, background, unit)
+            axis.set_aspect("equal")
+            drawn = draw_panel(axis, maps.panels[0], maps.places.drawn_corners(), settings, scale)
+            mesh = drawn if mesh is None else mesh
+    known = [panel for panel in panels if np.isfinite(panel.values).any()]
+    if mesh is not None:
+        draw_bar(figure, mesh, layout.add_bar(figure, 0), cut_ends(known, scale))
+    return figure
+
+
+def _title(state: State, row: int) -> str:
+    if row:
+        return f"deformed: {shortened(state.label)}"
+    return f"{state.words.replace(HALF, 'half way')}: {state.text}"
