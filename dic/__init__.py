@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from dic.correlation.series import Series
     from dic.correlation.settings import CorrelationSettings
     from dic.correlation.status import Status
+    from dic.drawing.page import write_drawing_page
     from dic.errors import (
         CalibrationError,
         CorrelationError,
@@ -162,8 +163,8 @@ __all__ = [
     "read_region", "read_stated_facts", "region_files", "rigid_motion", "save_alignment", "save_calibration",
     "save_run_result", "strain_of_run", "strain_of_series", "strain_resolution_px", "study_settings",
     "tensile_test", "to_pandas", "to_xarray", "whole_field_gauges", "with_shared_error",
-    "write_campaign_report", "write_campaign_table", "write_contact_sheet", "write_csv", "write_example",
-    "write_gauge_picture", "write_gauge_table", "write_maps", "write_region", "write_report",
+    "write_campaign_report", "write_campaign_table", "write_contact_sheet", "write_csv", "write_drawing_page",
+    "write_example", "write_gauge_picture", "write_gauge_table", "write_maps", "write_region", "write_report",
     "write_strain_table",
 ]  # fmt: skip
 
@@ -190,6 +191,7 @@ _NAMES_OF = {
     "dic.correlation.series": ("Series",),
     "dic.correlation.settings": ("CorrelationSettings",),
     "dic.correlation.status": ("Status",),
+    "dic.drawing.page": ("write_drawing_page",),
     "dic.errors": (
         "CalibrationError", "CorrelationError", "CurveError", "GaugeError", "ImageError",
         "MeasurementError", "OutputError", "RunFileError",

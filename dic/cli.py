@@ -10,6 +10,7 @@ _COMMANDS = {
     "campaign": "dic.commands.campaign:campaign",
     "compare": "dic.commands.compare:compare",
     "correlate": "dic.commands.correlate:correlate",
+    "draw": "dic.commands.draw:draw",
     "example": "dic.commands.example:example",
     "export": "dic.commands.export:export",
     "gauges": "dic.commands.gauges:gauges",

@@ -46,6 +46,9 @@ PHOTOGRAPH = "printed-target.jpg"
 COMPARED = "dice-difference.png"
 """The comparison on the page about exports. No script draws it, because its images are not kept here."""
 
+PAGE = "drawing.png"
+"""The page on which regions are drawn; `page_picture.py` draws it if there is a browser."""
+
 _SHEET = "dic target dots --count 20x14 --pitch-mm 12 --dpi 200 -o sheet-of-dots.png"
 _SHEET_DPI = 200.0
 
@@ -102,3 +105,4 @@ def _keep_small(drawn: Path, kept: Path) -> None:
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         draw(Path(folder), IMAGES)
+    subprocess.run([sys.executable, DOCS / "page_picture.py"], check=True)

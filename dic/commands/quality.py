@@ -58,7 +58,11 @@ class PlannedOptions:
 
 @click.command()
 @click.argument("images", metavar="IMAGE...", type=_FILE, nargs=-1, required=True)
-@click.option("--roi", type=_FILE, help="Mask image, white in the region to check. Default: the specimen.")
+@click.option(
+    "--roi",
+    type=_FILE,
+    help="Mask image, white in the region to check, or region file. Default: the specimen.",
+)
 @click.option("--second", type=_FILE, help="Second image of the specimen at rest, for a better noise value.")
 @settings_option
 @option_group(

@@ -42,7 +42,7 @@ class RegionOptions:
     write_mask: Path | None
 
     def files(self) -> list[Path | None]:
-        """Return the paths of the mask image (or None) and of the polygon files that `read` reads."""
+        """Return the paths of the file of `--roi` (or None) and of the region files that `read` reads."""
         return [self.roi, *(Path(text) for text in self.polygons if _is_file(text))]
 
     def outputs(self) -> "tuple[Path, ...]":
@@ -72,13 +72,14 @@ region_options = option_group(
     click.option(
         "--roi",
         type=_FILE,
-        help="Mask image, white in the region to measure. Default: the specimen, found by its speckles.",
+        help="Mask image, white in the region to measure, or region file: TOML, JSON, CSV, or .roi or .zip of"
+        " ImageJ. Default: the specimen, found by its speckles.",
     ),
     click.option(
         "--polygon",
         "polygons",
         multiple=True,
-        help='Polygon of the region: "x,y x,y x,y ..." in px, or a TOML, JSON or CSV file. May be repeated.'
+        help='Polygon of the region: "x,y x,y x,y ..." in px, or a region file. May be repeated.'
         " A polygon inside another is a hole. With --roi, the region is the intersection.",
     ),
     write_mask_option,

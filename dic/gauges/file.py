@@ -1,5 +1,6 @@
 """Read the declarations of gauges from a TOML file, or from the options of a command."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields
 from typing import Any
@@ -38,6 +39,17 @@ def read_gauges(path: PathLike | None = None, texts: Sequence[str] = ()) -> tupl
         raise GaugeError("settings", "gauges", "at least one gauge", "none", remedy)
     require_names(gauges)
     return gauges
+
+
+def gauge_text(gauge: Gauge) -> str:
+    """Return the table ``[[gauge]]`` that declares a gauge in a TOML file."""
+    values = {"name": gauge.name, "kind": gauge.kind} | {
+        item.name: getattr(gauge, item.name) for item in fields(gauge) if item.name != "name"
+    }
+    defaults = {item.name: item.default for item in fields(gauge)} | {"kind": MISSING, "name": MISSING}
+    # Text, numbers and lists of numbers are written alike in JSON and in TOML.
+    lines = [f"{key} = {json.dumps(value)}" for key, value in values.items() if value != defaults[key]]
+    return "\n".join(["[[gauge]]", *lines])
 
 
 def _gauges_in(path: PathLike) -> tuple[Gauge, ...]:

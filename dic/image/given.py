@@ -7,8 +7,9 @@ from typing import TypeVar, cast
 import numpy as np
 
 from dic.errors import CorrelationError, require_kind
-from dic.image.polygons import polygon_mask, read_polygons
 from dic.image.read import read_image
+from dic.regions.drawn import DrawnRegion
+from dic.regions.read import is_region_file, read_drawn_region
 from dic.typing import Grey, ImageLike, Mask, PathLike
 
 Item = TypeVar("Item")
@@ -87,16 +88,19 @@ def checked_region(region: object, shape: tuple[int, ...]) -> Mask:
     Parameters
     ----------
     region : ndarray of bool, shape (height, width), or path
-        A mask that is True at the pixels to measure, or the path of a mask image (see `read_mask`).
+        A mask that is True at the pixels to measure, or the path of a mask image (see `read_mask`) or of a
+        region file (see `read_drawn_region`).
     shape : (int, int)
         Height and width of the image.
 
     Raises
     ------
     MeasurementError
-        If the file cannot be read, or if the region differs in size from the image.
+        If the file cannot be read, or if the region does not fit the image.
     """
     if isinstance(region, str | Path):
+        if is_region_file(region):
+            return read_drawn_region(str(region)).mask(shape)
         region = read_mask(region)
     if not isinstance(region, np.ndarray):
         got, remedy = f"a {type(region).__name__}", "give a mask, and settings by their name: settings=…"
@@ -142,28 +146,30 @@ def read_mask(path: PathLike) -> Mask:
 
 
 def read_region(roi: PathLike | None, polygons: Sequence[str], shape: tuple[int, ...]) -> Mask | None:
-    """Return the region of interest that a mask image and polygons describe, shape (height, width).
+    """Return the region of interest that a file and polygons describe, shape (height, width).
 
-    If a mask and polygons are given, the region is their intersection. If neither a mask nor a polygon is
+    If a file and polygons are given, the region is their intersection. If neither a file nor a polygon is
     given, the result is None.
 
     Parameters
     ----------
     roi : path or None
-        A mask image that is white at the pixels to measure.
+        A mask image that is white at the pixels to measure, or a region file: polygons, holes and cracks in
+        TOML or JSON, corners in a CSV table, or areas that ImageJ has saved (.roi, or .zip for several).
     polygons : sequence of str
-        Each text holds the corners of a polygon, "x,y x,y x,y …" in px, or names a file of polygons.
+        Each text holds the corners of a polygon, "x,y x,y x,y …" in px, or names a region file. All polygons
+        form one region, so a polygon inside another is a hole.
     shape : (int, int)
         Height and width of the image.
 
     Raises
     ------
     MeasurementError
-        If a file cannot be read, if a file holds no mask or no polygon, or if the mask differs in size from
-        the image.
+        If a file cannot be read or holds no region, if a mask differs in size from the image, or if polygons
+        lie outside the image or cross each other.
     """
     region = None if roi is None else checked_region(roi, shape)
     if polygons:
-        drawn = polygon_mask([corners for source in polygons for corners in read_polygons(source)], shape)
+        drawn = DrawnRegion.of([read_drawn_region(source) for source in polygons]).mask(shape)
         region = drawn if region is None else region & drawn
     return region

@@ -1,6 +1,5 @@
 """Write a region as a mask image and as polygons, which can be edited, and draw a picture to check it."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +9,8 @@ from numpy.typing import NDArray
 from dic.errors import OutputError
 from dic.files.writing import replacing, write_text
 from dic.image.given import checked_region, grey_image
+from dic.regions.crossings import find_crossings
+from dic.regions.file import region_text
 from dic.typing import Float, ImageLike, Mask, PathLike
 
 _TOLERANCE_PX = 0.6
@@ -80,22 +81,32 @@ def write_region(region: Mask | PathLike, image: ImageLike, path: PathLike) -> R
     grey = grey_image(image, "image")
     mask = checked_region(region, grey.shape)
     _write_png(mask.astype(np.uint8) * 255, files.mask)
-    write_text(files.polygons, polygons_text(region_polygons(mask)))
+    write_text(files.polygons, region_text(region_polygons(mask), (mask.shape[1], mask.shape[0])))
     low, high = (float(level) for level in np.percentile(grey, (0.5, 99.5)))
     levels = np.clip((grey - low) * (255.0 / max(high - low, 1e-9)), 0, 255).astype(np.uint8)
     _write_png(_overlay(levels, mask), files.overlay)
     return files
 
 
-def region_polygons(mask: Mask) -> list[Float]:
+def region_polygons(mask: Mask, tolerance_px: float = _TOLERANCE_PX) -> list[Float]:
     """Return the outlines of a mask as polygons (corners, 2): the outer outlines and those of holes.
 
-    A pixel belongs to the mask if its centre lies inside an odd number of polygons.
+    A pixel belongs to the mask if its centre lies inside an odd number of polygons. Edges of the polygons do
+    not cross each other.
 
     Parameters
     ----------
     mask : ndarray of bool, shape (height, width)
+    tolerance_px : float
+        Largest distance of the polygons from the outline of the mask. With a larger distance there are fewer
+        corners.
     """
+    polygons = _outlines(mask, tolerance_px)
+    # Where the mask is narrow, simplified outlines of its two sides may cross. Exact outlines never do.
+    return _outlines(mask, 0.0) if find_crossings(polygons) else polygons
+
+
+def _outlines(mask: Mask, tolerance_px: float) -> list[Float]:
     import cv2
 
     # At twice the resolution, the contours pass between the mask's pixels and their neighbours.
@@ -105,23 +116,10 @@ def region_polygons(mask: Mask) -> list[Float]:
     for contour in contours:
         if cv2.contourArea(contour) < 4 * _SMALLEST_HOLE_PX:
             continue
-        corners = cv2.approxPolyDP(contour, 2 * _TOLERANCE_PX, True)[:, 0].astype(np.float64)
+        corners = cv2.approxPolyDP(contour, 2 * tolerance_px, True)[:, 0].astype(np.float64)
         if len(corners) >= 3:
             polygons.append(corners / 2.0 - 0.25)
     return polygons
-
-
-def polygons_text(polygons: Sequence[Float]) -> str:
-    """Return polygons as the text of a TOML file that `--polygon` reads."""
-    lines = ["# Corners [x, y] in px. A polygon inside another one is a hole.", "polygons = ["]
-    for corners in polygons:
-        pairs = [f"[{x:g}, {y:g}]" for x, y in corners.tolist()]
-        lines += [
-            "  [",
-            *("    " + ", ".join(pairs[n : n + 8]) + "," for n in range(0, len(pairs), 8)),
-            "  ],",
-        ]
-    return "\n".join([*lines, "]", ""])
 
 
 def _overlay(levels: NDArray[np.uint8], mask: Mask) -> NDArray[np.uint8]:

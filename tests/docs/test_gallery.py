@@ -22,6 +22,7 @@ def test_twelve_pictures_are_shown_drawn_and_kept():
     assert {path.name for path in (DOCS / "images").iterdir()} == DRAWN | {
         pictures.PHOTOGRAPH,
         pictures.COMPARED,
+        pictures.PAGE,
     }
     assert set(re.findall(r"\(images/([^)]+)\)", GALLERY)) == DRAWN
 

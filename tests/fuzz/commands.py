@@ -12,6 +12,10 @@ COMMANDS: dict[str, list[str]] = {
         *("--motion", "rigid", "--alignment", "{alignment}"),
     ],
     "calibrate": ["dic", "calibrate", "{grid}"],
+    "draw": [
+        *("dic", "draw", "{image}", "--roi", "{polygons}", "--gauges", "{gauges}"),
+        *("--calibration", "{calibration}", "-o", "{new}.html"),
+    ],
     "quality": ["dic", "quality", "{image}"],
     "quality of two": ["dic", "quality", "{image}", "--second", "{deformed}", "--roi", "{mask}"],
     "study": [

@@ -67,8 +67,9 @@ def test_metadata_says_licence_version_and_what_it_is(contents, wheel):
     info = f"offaxis-{PROJECT['version']}.dist-info/"
     metadata = Parser().parsestr(contents[info + "METADATA"].decode())
     assert metadata["License-Expression"] == "BSD-3-Clause"
-    assert metadata["License-File"] == "LICENSE"
-    assert contents[info + "licenses/LICENSE"] == (ROOT / "LICENSE").read_bytes()
+    assert metadata.get_all("License-File") == ["LICENSE", "NOTICE"]
+    for name in ("LICENSE", "NOTICE"):
+        assert contents[info + f"licenses/{name}"] == (ROOT / name).read_bytes()
     assert metadata["Version"] == PROJECT["version"]
     assert metadata["Summary"] == PROJECT["description"]
     assert metadata["Description-Content-Type"] == "text/markdown"

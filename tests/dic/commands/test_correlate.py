@@ -268,9 +268,14 @@ class TestRegionsAndMotion:
     @pytest.mark.parametrize(
         ("option", "value", "sentence"),
         [
-            ("--polygon", "1,2 3,4", "fewer than 3 corners"),
+            ("--polygon", "1,2 3,4", "at least 3 and at most 100000 corners [x, y], got 2"),
             ("--polygon", "1,1 5,1 5,5", "an area with texture"),
-            ("--polygon", "900,900 990,900 950,990", "an area with texture"),
+            (
+                "--polygon",
+                "900,900 990,900 950,990",
+                "inside the image of 180 x 160 px, got (900, 900)",
+            ),
+            ("--polygon", "9,9 99,99 99,9 9,99", "a crossing at (54, 54)"),
             ("--hint", "ninety", "degrees,right,down"),
             ("--hint", "nan", "degrees,right,down"),
             ("--incremental", "often", "auto or never or always"),

@@ -13,7 +13,7 @@ from dic import (
     find_specimen,
     read_image,
 )
-from dic.image.polygons import polygon_mask
+from dic.regions.polygons import polygon_mask
 from tests.dic.specimen.scenes import SCENES, Scene, scene
 
 _EDGE_PX = 4

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from dic.errors import CorrelationError
-from dic.image.polygons import polygon_mask, read_polygons
+from dic.regions.polygons import polygon_mask
+from dic.regions.read import read_drawn_region
 
 TRIANGLE = [[2.5, 1.0], [9.5, 1.0], [2.5, 8.0]]
 SQUARE = [[0, 0], [4, 0], [4, 4], [0, 4]]
@@ -17,14 +18,15 @@ def test_the_same_polygon_from_the_command_line_and_from_every_kind_of_file(tmp_
     sources = ["2.5,1 9.5,1 2.5,8", "2.5 , 1  9.5 , 1  2.5 , 8"]
     sources += [str(tmp_path / name) for name in ("a.toml", "b.json", "c.csv")]
     for source in sources:
-        (polygon,) = read_polygons(source)
-        np.testing.assert_array_equal(polygon, TRIANGLE)
+        (polygon,) = read_drawn_region(source).polygons
+        np.testing.assert_array_equal(polygon.corners, TRIANGLE)
 
 
 def test_a_table_may_hold_several_polygons(tmp_path):
     rows = [f"{x},{y},outer" for x, y in SQUARE] + [f"{x},{y},inner" for x, y in TRIANGLE]
     (tmp_path / "p.csv").write_text("\n".join(["x_px,y_px,polygon", *rows]))
-    assert [len(p) for p in read_polygons(str(tmp_path / "p.csv"))] == [4, 3]
+    polygons = read_drawn_region(str(tmp_path / "p.csv")).polygons
+    assert [len(polygon.corners) for polygon in polygons] == [4, 3]
 
 
 def test_a_triangle_covers_the_pixels_whose_centres_lie_inside():
@@ -59,7 +61,7 @@ def test_a_disc_of_many_corners_has_the_area_of_the_circle():
         ("bad.toml", "polygon = [[1, 2], [3"),
         ("ragged.json", '{"polygon": [[1, 2], [3], [5, 6]]}'),
         ("words.csv", "x_px,y_px\na,b\nc,d\ne,f\n"),
-        ("columns.csv", "x,y\n1,2\n3,4\n5,6\n"),
+        ("columns.csv", "x,z\n1,2\n3,4\n5,6\n"),
         ("empty.csv", "x_px,y_px\n"),
         ("infinite.json", '{"polygon": [[1, 2], [3, Infinity], [5, 6]]}'),
         ("null.json", '{"polygons": null}'),
@@ -70,6 +72,6 @@ def test_what_is_no_polygon_is_refused_with_one_sentence(tmp_path, name, content
     if content is not None:
         path.write_text(content)
     with pytest.raises(CorrelationError, match="polygon") as refusal:
-        read_polygons(str(path))
+        read_drawn_region(str(path))
     assert name in str(refusal.value)
     assert "\n" not in str(refusal.value)

@@ -1,0 +1,54 @@
+"""The picture of an image that a page shows, as a data URI."""
+
+import base64
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.typing import Grey
+
+_MOST_PIXELS = 4_000_000
+"""A picture with more pixels makes the page slow to load, and a hand cannot use them."""
+
+_PERCENTILES = (0.5, 99.5)
+"""Darker and brighter pixels are shown black and white."""
+
+
+@dataclass(frozen=True)
+class ShownPicture:
+    """A picture for a web page.
+
+    Attributes
+    ----------
+    uri : str
+        PNG file as a data URI.
+    reduction : int
+        Number of image pixels along the side of a pixel of the picture; 1 if the picture has all pixels.
+    """
+
+    uri: str
+    reduction: int
+
+
+def shown_picture(grey: Grey) -> ShownPicture:
+    """Return a picture of an image with good contrast; an image of more than 4 megapixels is reduced.
+
+    A pixel of a reduced picture is the mean of a square of pixels. Pixels at the right and lower edge are
+    repeated where the image does not fill the last squares.
+
+    Parameters
+    ----------
+    grey : ndarray of float32, shape (height, width)
+    """
+    import cv2
+
+    reduction = int(np.ceil(np.sqrt(grey.size / _MOST_PIXELS)))
+    if reduction > 1:
+        height, width = (-side % reduction for side in grey.shape)
+        padded = cv2.copyMakeBorder(grey, 0, height, 0, width, cv2.BORDER_REPLICATE)
+        size = (padded.shape[1] // reduction, padded.shape[0] // reduction)
+        grey = np.asarray(cv2.resize(padded, size, interpolation=cv2.INTER_AREA), np.float32)
+    low, high = (float(level) for level in np.percentile(grey, _PERCENTILES))
+    levels = np.clip((grey - low) * (255.0 / max(high - low, 1e-9)), 0.0, 255.0).astype(np.uint8)
+    _, content = cv2.imencode(".png", levels)
+    return ShownPicture("data:image/png;base64," + base64.b64encode(content.tobytes()).decode(), reduction)

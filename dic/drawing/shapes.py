@@ -1,0 +1,143 @@
+"""Existing regions and gauges as the shapes with which a page begins."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from dic.calibration.calibration import Calibration
+from dic.gauges.declared import (
+    Extensometer,
+    Gauge,
+    LineCut,
+    PointGauge,
+    StrainGauge,
+    TransverseExtensometer,
+)
+from dic.gauges.file import gauge_text
+from dic.gauges.outlines import outlines_of
+from dic.image.given import checked_region
+from dic.regions.drawn import DrawnRegion
+from dic.regions.read import is_region_file, read_drawn_region
+from dic.specimen.write import region_polygons
+from dic.typing import Float, Mask, PathLike
+
+Shape = dict[str, Any]
+
+_TOLERANCE_PX = 1.5
+"""Largest distance of polygons from the outline of a mask. A finer outline has too many corners to move."""
+
+
+def region_shapes(region: Mask | PathLike, image_shape: tuple[int, ...]) -> list[Shape]:
+    """Return the polygons, holes and cracks of a region as shapes.
+
+    Parameters
+    ----------
+    region : ndarray of bool, shape (height, width), or path
+        A mask, or the path of a mask image or of a region file. A mask gives polygons that follow
+        its outline within 1.5 px.
+    image_shape : tuple of int
+        Height and width of the image, px.
+
+    Raises
+    ------
+    MeasurementError
+        If the region cannot be read, or does not fit the image.
+    """
+    if isinstance(region, np.ndarray) or not is_region_file(region):
+        mask = checked_region(region, image_shape)
+        return _outline_shapes(region_polygons(mask, _TOLERANCE_PX))
+    drawn = read_drawn_region(str(region))
+    drawn.require_fits(image_shape)
+    return _drawn_shapes(drawn)
+
+
+def _outline_shapes(polygons: Sequence[Float]) -> list[Shape]:
+    """Return the outlines of a mask as regions, and those of its holes as holes.
+
+    A hole with a part of the region inside it stays a region: as a hole it would leave out that part too.
+    """
+    import cv2
+
+    def inside(corners: Float, outer: Float) -> bool:
+        x, y = corners[0].tolist()
+        return cv2.pointPolygonTest(outer.astype(np.float32), (x, y), False) > 0
+
+    within = np.array([[one is not other and inside(one, other) for other in polygons] for one in polygons])
+    is_hole = (within.sum(axis=1) == 1) & ~within.any(axis=0)
+    return [
+        _shape("hole" if hole else "region", corners) for corners, hole in zip(polygons, is_hole, strict=True)
+    ]
+
+
+def _drawn_shapes(drawn: DrawnRegion) -> list[Shape]:
+    return [
+        *(_shape("region", one.corners) for one in drawn.polygons),
+        *(_shape("hole", one.corners) for one in drawn.holes),
+        *(_shape("crack", one.path, width_px=one.width_px) for one in drawn.cracks),
+    ]
+
+
+def gauge_shapes(gauges: Sequence[Gauge]) -> list[Shape]:
+    """Return the gauges in px as shapes; gauges in mm are left out."""
+    return [_gauge_shape(gauge) for gauge in gauges if gauge.unit == "px"]
+
+
+def kept_gauges(gauges: Sequence[Gauge], calibration: Calibration | None) -> list[dict[str, Any]]:
+    """Return the gauges in mm, which a page shows and writes again, but does not change.
+
+    Their lines are drawn by the homography that fits the grid points. This is exact only for a lens without
+    distortion; the drawn lines are for orientation.
+    """
+    found = []
+    homography = None if calibration is None else _to_px(calibration)
+    for gauge in gauges:
+        if gauge.unit == "px":
+            continue
+        lines = [] if homography is None else [_mapped(homography, line) for line in outlines_of(gauge)]
+        note = "written again without a change" if lines else "not shown without --calibration"
+        shown = [np.round(line, 1).tolist() for line in lines]
+        found.append(
+            {"name": gauge.name, "kind": gauge.kind, "lines": shown, "text": gauge_text(gauge), "note": note}
+        )
+    return found
+
+
+def _gauge_shape(gauge: Gauge) -> Shape:
+    match gauge:
+        case TransverseExtensometer():
+            values = {"patch": gauge.patch, "spread": gauge.spread, "lines": gauge.lines}
+            return _shape(gauge.kind, [gauge.start, gauge.end], gauge.name, **values)
+        case Extensometer():
+            return _shape(gauge.kind, [gauge.start, gauge.end], gauge.name, patch=gauge.patch)
+        case StrainGauge() if gauge.corners is not None:
+            return _shape("polygon", gauge.corners, gauge.name, direction_deg=gauge.direction_deg)
+        case StrainGauge() if gauge.size is not None:
+            width_px, height_px = gauge.size
+            sizes = {"width_px": width_px, "height_px": height_px}
+            angles = {"angle_deg": gauge.angle_deg, "direction_deg": gauge.direction_deg}
+            return _shape("rectangle", [gauge.centre], gauge.name, **sizes, **angles)
+        case LineCut():
+            ends = [gauge.start, gauge.end]
+            return _shape(gauge.kind, ends, gauge.name, places=gauge.places, width=gauge.width)
+        case PointGauge():
+            direction_deg = gauge.direction_deg
+            return _shape(gauge.kind, [gauge.at], gauge.name, width=gauge.width, direction_deg=direction_deg)
+    raise TypeError(f"{type(gauge).__name__} is no kind of gauge")
+
+
+def _shape(kind: str, points: Any, name: str = "", **values: float | None) -> Shape:
+    return {"kind": kind, "name": name, "points": np.asarray(points, np.float64).tolist(), "values": values}
+
+
+def _to_px(calibration: Calibration) -> Float:
+    """Return the homography from millimetres to image pixels that fits the grid points."""
+    import cv2
+
+    found, _ = cv2.findHomography(calibration.grid.xy_mm, calibration.grid.uv_px)
+    return np.asarray(found, np.float64)
+
+
+def _mapped(homography: Float, points: Float) -> Float:
+    mapped = np.column_stack([points, np.ones(len(points))]) @ homography.T
+    return np.asarray(mapped[:, :2] / mapped[:, 2:])

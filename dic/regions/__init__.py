@@ -1,0 +1,1 @@
+"""Regions of interest drawn by hand: polygons, holes and cracks, their files, and the mask they give."""
