@@ -1,5 +1,6 @@
 """The options of `dic correlate` for maps and contact sheets."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,11 +9,11 @@ import click
 
 from dic.commands.option_groups import all_of, option_group
 from dic.errors import CorrelationError
+from dic.pictures.settings import FORMATS
 
 if TYPE_CHECKING:
     from dic import MapSettings
 
-FORMATS = ("png", "pdf", "svg")
 _DEFAULT_QUANTITIES = "u,v,exx,eyy,exy"
 
 
@@ -23,6 +24,7 @@ class MapOptions:
     folder: Path | None
     file_format: str
     quantities: str
+    kind: str
     on: str
     axes: str
     scale: str
@@ -36,9 +38,13 @@ class MapOptions:
         """Return the options as `MapSettings`; `calibrated` is True if there is a calibration for mm."""
         from dic import MapSettings
 
-        parts = self._settings, self._limits, self._require_format, self.contact_sheets
-        settings, limits, _, _, _ = all_of(
-            *parts, lambda: MapSettings.require_calibration(self.axes, calibrated=calibrated)
+        settings, limits, *_ = all_of(
+            self._settings,
+            lambda: limits_of(self.limits, "--map-limits"),
+            self._require_format,
+            self.contact_sheets,
+            lambda: MapSettings.require_calibration(self.axes, calibrated=calibrated),
+            lambda: MapSettings.require_calibrated_values(self.kind, calibrated=calibrated),
         )
         complete: MapSettings = replace(settings, limits=limits)
         return complete
@@ -48,6 +54,7 @@ class MapOptions:
 
         return MapSettings(
             quantities=tuple(name.strip() for name in self.quantities.split(",")),
+            kind=self.kind,
             on=self.on,
             axes=self.axes,
             scale=self.scale,
@@ -73,20 +80,6 @@ class MapOptions:
             found[quantity] = Path(file)
         return found
 
-    def _limits(self) -> dict[str, tuple[float, float]]:
-        limits = {}
-        for text in self.limits:
-            quantity, _, ends = text.partition("=")
-            try:
-                low, high = (float(end) for end in ends.split(","))
-            except ValueError as error:
-                remedy = "give for example --map-limits eyy=0,2000 (strain in µε)"
-                raise CorrelationError(
-                    "settings", "limits of maps", "QUANTITY=LOW,HIGH", text, remedy
-                ) from error
-            limits[quantity] = (low, high)
-        return limits
-
     def _require_format(self) -> None:
         if self.file_format not in FORMATS:
             raise CorrelationError(
@@ -98,9 +91,29 @@ class MapOptions:
             )
 
 
+def limits_of(texts: Sequence[str], option: str) -> dict[str, tuple[float, float]]:
+    """Return the ends of the scales that the texts QUANTITY=LOW,HIGH of an option give.
+
+    Raises
+    ------
+    CorrelationError
+        If a text has another form.
+    """
+    limits = {}
+    for text in texts:
+        quantity, _, ends = text.partition("=")
+        try:
+            low, high = (float(end) for end in ends.split(","))
+        except ValueError as error:
+            remedy = f"give for example {option} eyy=0,2000 (strain in µε)"
+            raise CorrelationError("settings", "limits of maps", "QUANTITY=LOW,HIGH", text, remedy) from error
+        limits[quantity] = (low, high)
+    return limits
+
+
 # These options have no effect on contact sheets, which show the reference image and have one scale.
 _OF_MAPS = "format", "quantities", "on", "scale"
-_OF_ALL_PICTURES = "axes", "limits", "colours", "width-mm", "dpi"
+_OF_ALL_PICTURES = "kind", "axes", "limits", "colours", "width-mm", "dpi"
 
 map_group = option_group(
     "maps",
@@ -117,6 +130,13 @@ map_group = option_group(
         default=_DEFAULT_QUANTITIES,
         show_default=True,
         help="Quantities to draw.",
+    ),
+    click.option(
+        "--map-kind",
+        "kind",
+        default="best",
+        show_default=True,
+        help="Kind of values: raw, calibrated, corrected, or best (the best that an image has).",
     ),
     click.option(
         "--map-on",

@@ -5,10 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dic.errors import CorrelationError
 from dic.out_of_plane.correction import Correction
 from dic.pictures.places import Places, places_of
 from dic.pictures.settings import QUANTITIES, MapSettings
 from dic.strain.measurement import Measurement
+from dic.strain.strain import StrainField, strain_field
 from dic.typing import Float
 
 MICRO = 1e6
@@ -36,17 +38,25 @@ class Panel:
     unit : str
     values : ndarray, shape (rows, columns)
         Values at the points; NaN at a point without a value.
+    reach : tuple of float, or None
+        The lowest and the highest value of all images that share the colour bar; None for those of `values`.
     """
 
     quantity: str
     name: str
     unit: str
     values: Float
+    reach: tuple[float, float] | None = None
 
     @property
     def title(self) -> str:
         """Title of the map: the name and the unit of the quantity."""
         return f"{self.name}, {self.unit}"
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The lowest and the highest value; `values` must have one."""
+        return self.reach or (float(np.nanmin(self.values)), float(np.nanmax(self.values)))
 
     @property
     def span(self) -> tuple[float, float] | None:
@@ -71,27 +81,59 @@ class Maps:
 
 
 def maps_of(measurement: Measurement, settings: MapSettings, correction: Correction | None = None) -> Maps:
-    """Return the maps of a measurement. They show corrected values if the image was corrected.
+    """Return the maps of a measurement, of the kind of values that the settings choose.
 
-    Otherwise they show calibrated values, or raw values if there is no calibration.
+    Raises
+    ------
+    CorrelationError
+        If the kind needs a calibration and there is none, or axes in mm cannot be drawn.
     """
-    panels = {panel.quantity: panel for panel in _panels(measurement, correction)}
+    panels = {panel.quantity: panel for panel in _panels(measurement, correction, settings.kind)}
     chosen = tuple(panels[quantity] for quantity in QUANTITIES if quantity in settings.quantities)
     return Maps(chosen, places_of(measurement, settings))
 
 
-def _panels(measurement: Measurement, correction: Correction | None) -> Iterable[Panel]:
-    if correction is not None and correction.declined is None:
-        shown, strain, kind = correction.displacement, correction.strain, "corrected"
-    else:
-        shown, strain = measurement.calibrated or measurement.raw, measurement.strain
-        kind = "calibrated" if measurement.calibrated is not None else "raw"
-    vector = np.where(measurement.field.converged[..., None], shown.vector, np.nan)
+def _panels(measurement: Measurement, correction: Correction | None, wanted: str) -> Iterable[Panel]:
+    MapSettings.require_calibrated_values(wanted, calibrated=measurement.calibrated is not None)
+    corrected = None if correction is None or correction.declined is not None else correction
+    kind = _kind_of(measurement, corrected) if wanted == "best" else wanted
+    shown, strain = measurement.raw, None
+    if kind == "corrected" and corrected is not None:
+        shown, strain = corrected.displacement, corrected.strain
+    elif kind != "raw" and measurement.calibrated is not None:
+        shown, strain = measurement.calibrated, measurement.strain
+    elif measurement.calibrated is None:
+        strain = measurement.strain
+    # An image that was not corrected has no corrected values.
+    present = kind != "corrected" or corrected is not None
+    vector = np.where(measurement.field.converged[..., None] & present, shown.vector, np.nan)
     x, y = ("U", "V") if shown.unit == "mm" else ("u", "v")
     yield Panel("u", f"{x} to the right", shown.unit, vector[..., 0])
     yield Panel("v", f"{y} upwards", shown.unit, vector[..., 1])
+    strain = _raw_strain(measurement) if strain is None else strain
     for quantity, name in _STRAIN_NAMES.items():
-        yield Panel(quantity, f"{name} {kind}", "µε", getattr(strain, quantity) * MICRO)
+        values = np.where(present, getattr(strain, quantity), np.nan) * MICRO
+        yield Panel(quantity, f"{name} {kind}", "µε", values)
+
+
+def _kind_of(measurement: Measurement, corrected: Correction | None) -> str:
+    """Return the best kind of values that an image has."""
+    if corrected is not None:
+        return "corrected"
+    return "calibrated" if measurement.calibrated is not None else "raw"
+
+
+def _raw_strain(measurement: Measurement) -> StrainField:
+    """Return the local strain from displacements in px of an image that also has calibrated ones."""
+    if measurement.strain_settings.source == "shape" and measurement.raw.gradient is None:
+        raise CorrelationError(
+            measurement.label,
+            "draw raw strain",
+            "strain that is fitted to windows of points",
+            "strain from shape functions, whose gradients a result file does not hold",
+            "compute it anew with `dic strain --strain-from fit`, or leave out the kind raw",
+        )
+    return strain_field(measurement.raw, measurement.strain_settings)
 
 
 Scale = Mapping[str, tuple[float, float]]
