@@ -48,6 +48,7 @@ if TYPE_CHECKING:
         RunFileError,
     )
     from dic.example.copy import write_example
+    from dic.gauges.cut_plot import plot_cuts
     from dic.gauges.declared import (
         Extensometer,
         Gauge,
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
         TransverseExtensometer,
     )
     from dic.gauges.file import read_gauges
+    from dic.gauges.plot import plot_gauges
     from dic.gauges.reading import Profile, Reading
     from dic.gauges.series import GaugeImage, GaugeSeries
     from dic.gauges.table import gauge_table_files, write_gauge_table
@@ -72,7 +74,9 @@ if TYPE_CHECKING:
     from dic.pictures.contact_sheet import write_contact_sheet
     from dic.pictures.maps import write_maps
     from dic.pictures.panels import map_scale
+    from dic.pictures.plots import PlotSettings
     from dic.pictures.settings import MapSettings
+    from dic.pipeline.animation import Animation, write_animation
     from dic.pipeline.camera_result import CameraResult
     from dic.pipeline.compared import compare_results
     from dic.pipeline.correlated import SeriesImage
@@ -139,33 +143,34 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "Alignment", "Assessment", "AsymmetricDotTarget", "BicubicMap", "Calibration", "CalibrationError",
-    "CameraResult", "Campaign", "CampaignSpecimen", "CharucoTarget", "CheckerboardTarget", "Comparison",
-    "Correction", "CorrectionSettings", "Corrections", "CorrelationError", "CorrelationSettings",
-    "Correlator", "Curve", "CurveColumns", "CurveError", "Difference", "Displacement", "DotTarget", "Export",
-    "Extensometer", "Field", "Gauge", "GaugeChoice", "GaugeCurve", "GaugeError", "GaugeImage", "GaugeSeries",
-    "GridPoints", "ImageClock", "ImageError", "JoinedRecord", "JointCorrections", "KnownCamera", "LineCut",
-    "LineGridTarget", "MachineRecord", "MapSettings", "MeanStrain", "MeasuredImage", "MeasuredSeries",
-    "Measurement", "MeasurementError", "Motion", "Noise", "OutputError", "PeerField", "Pinhole", "Plane",
-    "PointGauge", "Profile", "Properties", "PropertySettings", "PropertyValue", "Quality", "Reading",
-    "RegionFiles", "ReportDetails", "Residuals", "ResultPlace", "RunCorrections", "RunFileError", "RunInfo",
-    "RunResult", "RunStep", "Sensitivity", "Series", "SeriesImage", "SeriesResult", "Specimen",
-    "SpecimenTest", "StatedFacts", "Status", "StrainField", "StrainGauge", "StrainSettings",
-    "StudiedSettings", "Study", "Sweep", "Target", "TensileTest", "TransverseExtensometer", "TwoCameraStep",
-    "Wave", "__version__", "assess_method", "assess_quality", "calibrate_images", "compare_results",
-    "compare_specimens", "corrected_rotation", "draw_target", "export_results", "find_specimen",
-    "find_target", "gauge_curve", "gauge_table_files", "gauge_text", "join_record", "list_images",
-    "list_specimens", "load_alignment", "load_calibration", "load_run_result", "load_series_result",
-    "map_scale", "material_properties", "measure", "measure_campaign", "measure_gauges", "measure_images",
-    "measure_series", "planar_anisotropy", "plot_assessment", "plot_calibration", "plot_campaign",
-    "plot_properties", "plot_quality", "plot_study", "process_run", "quality_findings", "read_campaign",
-    "read_curve", "read_gauges", "read_image", "read_image_times", "read_machine_record", "read_peer",
-    "read_region", "read_stated_facts", "region_files", "rigid_motion", "save_alignment", "save_calibration",
+    "Alignment", "Animation", "Assessment", "AsymmetricDotTarget", "BicubicMap", "Calibration",
+    "CalibrationError", "CameraResult", "Campaign", "CampaignSpecimen", "CharucoTarget",
+    "CheckerboardTarget", "Comparison", "Correction", "CorrectionSettings", "Corrections",
+    "CorrelationError", "CorrelationSettings", "Correlator", "Curve", "CurveColumns", "CurveError",
+    "Difference", "Displacement", "DotTarget", "Export", "Extensometer", "Field", "Gauge", "GaugeChoice",
+    "GaugeCurve", "GaugeError", "GaugeImage", "GaugeSeries", "GridPoints", "ImageClock", "ImageError",
+    "JoinedRecord", "JointCorrections", "KnownCamera", "LineCut", "LineGridTarget", "MachineRecord",
+    "MapSettings", "MeanStrain", "MeasuredImage", "MeasuredSeries", "Measurement", "MeasurementError",
+    "Motion", "Noise", "OutputError", "PeerField", "Pinhole", "Plane", "PlotSettings", "PointGauge",
+    "Profile", "Properties", "PropertySettings", "PropertyValue", "Quality", "Reading", "RegionFiles",
+    "ReportDetails", "Residuals", "ResultPlace", "RunCorrections", "RunFileError", "RunInfo", "RunResult",
+    "RunStep", "Sensitivity", "Series", "SeriesImage", "SeriesResult", "Specimen", "SpecimenTest",
+    "StatedFacts", "Status", "StrainField", "StrainGauge", "StrainSettings", "StudiedSettings", "Study",
+    "Sweep", "Target", "TensileTest", "TransverseExtensometer", "TwoCameraStep", "Wave", "__version__",
+    "assess_method", "assess_quality", "calibrate_images", "compare_results", "compare_specimens",
+    "corrected_rotation", "draw_target", "export_results", "find_specimen", "find_target", "gauge_curve",
+    "gauge_table_files", "gauge_text", "join_record", "list_images", "list_specimens", "load_alignment",
+    "load_calibration", "load_run_result", "load_series_result", "map_scale", "material_properties",
+    "measure", "measure_campaign", "measure_gauges", "measure_images", "measure_series", "planar_anisotropy",
+    "plot_assessment", "plot_calibration", "plot_campaign", "plot_cuts", "plot_gauges", "plot_properties",
+    "plot_quality", "plot_study", "process_run", "quality_findings", "read_campaign", "read_curve",
+    "read_gauges", "read_image", "read_image_times", "read_machine_record", "read_peer", "read_region",
+    "read_stated_facts", "region_files", "rigid_motion", "save_alignment", "save_calibration",
     "save_run_result", "strain_of_run", "strain_of_series", "strain_resolution_px", "study_settings",
-    "tensile_test", "to_pandas", "to_xarray", "whole_field_gauges", "with_shared_error",
-    "write_campaign_report", "write_campaign_table", "write_contact_sheet", "write_csv", "write_drawing_page",
-    "write_example", "write_gauge_picture", "write_gauge_table", "write_maps", "write_region", "write_report",
-    "write_strain_table",
+    "tensile_test", "to_pandas", "to_xarray", "whole_field_gauges", "with_shared_error", "write_animation",
+    "write_campaign_report", "write_campaign_table", "write_contact_sheet", "write_csv",
+    "write_drawing_page", "write_example", "write_gauge_picture", "write_gauge_table", "write_maps",
+    "write_region", "write_report", "write_strain_table",
 ]  # fmt: skip
 
 _NAMES_OF = {
@@ -197,10 +202,12 @@ _NAMES_OF = {
         "MeasurementError", "OutputError", "RunFileError",
     ),
     "dic.example.copy": ("write_example",),
+    "dic.gauges.cut_plot": ("plot_cuts",),
     "dic.gauges.declared": (
         "Extensometer", "Gauge", "LineCut", "PointGauge", "StrainGauge", "TransverseExtensometer",
     ),
     "dic.gauges.file": ("read_gauges",),
+    "dic.gauges.plot": ("plot_gauges",),
     "dic.gauges.reading": ("Profile", "Reading"),
     "dic.gauges.series": ("GaugeImage", "GaugeSeries"),
     "dic.gauges.table": ("gauge_table_files", "write_gauge_table"),
@@ -216,7 +223,9 @@ _NAMES_OF = {
     "dic.pictures.contact_sheet": ("write_contact_sheet",),
     "dic.pictures.maps": ("write_maps",),
     "dic.pictures.panels": ("map_scale",),
+    "dic.pictures.plots": ("PlotSettings",),
     "dic.pictures.settings": ("MapSettings",),
+    "dic.pipeline.animation": ("Animation", "write_animation"),
     "dic.pipeline.camera_result": ("CameraResult",),
     "dic.pipeline.compared": ("compare_results",),
     "dic.pipeline.correlated": ("SeriesImage",),

@@ -14,6 +14,7 @@ _COMMANDS = {
     "example": "dic.commands.example:example",
     "export": "dic.commands.export:export",
     "gauges": "dic.commands.gauges:gauges",
+    "plot": "dic.commands.plot:plot",
     "process": "dic.commands.process:process",
     "properties": "dic.commands.properties:properties",
     "quality": "dic.commands.quality:quality",

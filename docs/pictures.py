@@ -23,7 +23,10 @@ MADE_BY_COMMANDS = {
     "quality.png": "quality.png",
     "specimen.png": "specimen-overlay.png",
     "plate-maps.png": "maps/loaded.png",
+    "line-cuts.png": "line-cuts.png",
     "contact-sheet.png": "sheet.png",
+    "animation.gif": "film.gif",
+    "gauges-load.png": "gauges-load.png",
     "assessment.png": "assessment/overview.png",
 }
 """Maps each picture of the documentation to the file that a command of the gallery writes."""
@@ -74,7 +77,8 @@ def draw(work: Path, images: Path) -> None:
         subprocess.run(command, shell=True, check=True, cwd=work, env={**os.environ, "PATH": search})
     report = (work / REPORT).read_text(encoding="utf-8")
     for name, file in MADE_BY_COMMANDS.items():
-        _keep_small(work / file, images / name)
+        keep = shutil.copyfile if file.endswith(".gif") else _keep_small
+        keep(work / file, images / name)
     for name, title in OUT_OF_THE_REPORT.items():
         (images / name).write_bytes(report_figure(report, title))
     keep_photograph(work / "sheet-of-dots.png", images / PHOTOGRAPH)

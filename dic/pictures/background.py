@@ -47,7 +47,7 @@ def background_of(image: NDArray[Any], places: Places) -> Background:
         share = min(1.0, _MOST_PX / max(height, width))
         small, _ = _shrunk(image, (share, share))
         return Background(small, (-0.5, width - 0.5, height - 0.5, -0.5))
-    left, right, lower, upper = _limits(places.drawn_corners())
+    left, right, lower, upper = places.view or view_of(places.drawn_corners())
     spacing = max(right - left, upper - lower) / _MOST_PX
     columns, rows = max(1, round((right - left) / spacing)), max(1, round((upper - lower) / spacing))
     right, lower = left + columns * spacing, upper - rows * spacing
@@ -93,7 +93,8 @@ def _shrunk(image: NDArray[Any], shares: tuple[float, float]) -> tuple[NDArray[n
     return np.asarray(small, np.float32), to_whole
 
 
-def _limits(corners: Float) -> tuple[float, float, float, float]:
+def view_of(corners: Float) -> tuple[float, float, float, float]:
+    """Return left, right, lower and upper limit of a rectified picture that shows all corners (…, 2)."""
     x, y = corners[..., 0], corners[..., 1]
     margin = _MARGIN * max(np.ptp(x), np.ptp(y))
     return (

@@ -26,9 +26,17 @@ _LONGEST_NAME = 24
 
 def shown_of(number: int) -> list[int]:
     """Return the indices of the images that a contact sheet of a series of `number` images shows."""
-    if number <= MOST_PANELS:
+    return evenly_spaced(number, MOST_PANELS)
+
+
+def evenly_spaced(number: int, most: int) -> list[int]:
+    """Return at most `most` indices below `number`, evenly spaced, with the first and the last.
+
+    `most` is at least 2.
+    """
+    if number <= most:
         return list(range(number))
-    return sorted({round(k * (number - 1) / (MOST_PANELS - 1)) for k in range(MOST_PANELS)})
+    return sorted({round(k * (number - 1) / (most - 1)) for k in range(most)})
 
 
 def write_contact_sheet(

@@ -108,7 +108,8 @@ def draw_panel(axis: Any, panel: Panel, corners: Float, settings: MapSettings, s
     """Draw the values of a map as coloured cells; return the cells, or None if there is no value."""
     ends = scale.get(panel.quantity)
     if ends is None or not np.isfinite(panel.values).any():
-        axis.text(0.5, 0.5, "no value", transform=axis.transAxes, ha="center", fontsize=FONT_PT)
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+        axis.text(0.5, 0.5, "no value", transform=axis.transAxes, ha="center", fontsize=FONT_PT, bbox=box)
         return None
     return axis.pcolormesh(
         corners[..., 0], corners[..., 1], np.ma.masked_invalid(panel.values), shading="flat",
@@ -127,8 +128,8 @@ def draw_bar(figure: Any, mesh: Any, axis: Any, extend: str) -> None:
 def cut_ends(panels: list[Panel], scale: Scale) -> str:
     """Return at which ends values exceed the scale: "neither", "min", "max" or "both"."""
     low, high = scale[panels[0].quantity]
-    least = min(float(np.nanmin(panel.values)) for panel in panels)
-    most = max(float(np.nanmax(panel.values)) for panel in panels)
+    least = min(panel.ends[0] for panel in panels)
+    most = max(panel.ends[1] for panel in panels)
     return {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[
         least < low, most > high
     ]

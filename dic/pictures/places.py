@@ -29,11 +29,14 @@ class Places:
         Homography from the image's pixels to the axes of the picture.
     unit : str or None
         Unit of the axes, "px" or "mm"; None for a picture without axes.
+    view : tuple of float, or None
+        Left, right, lower and upper limit of a picture in mm. None for limits a little outside the cells.
     """
 
     corners: Float
     to_axes: Float
     unit: str | None
+    view: tuple[float, float, float, float] | None = None
 
     def drawn_corners(self) -> Float:
         """Return the corners of the cells in the axes, shape (rows + 1, columns + 1, 2)."""

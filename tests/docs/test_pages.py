@@ -15,12 +15,18 @@ PROGRAMS = {"dic": dic.cli.dic, "rig": rig.cli.cli}
 
 def refused(words: list[str]) -> str | None:
     """Return the error message of a command about its arguments, or None; the command is not executed."""
+    return _refused(PROGRAMS[words[0]], words)
+
+
+def _refused(group: click.Group, words: list[str]) -> str | None:
     program, command, *arguments = words
-    group = PROGRAMS[program]
     context = click.Context(group, info_name=program)
     try:
         named, known, _ = group.resolve_command(context, [command])
         assert known is not None
+        if isinstance(known, click.Group):
+            # such as `dic plot cuts`
+            return _refused(known, [f"{program} {command}", *arguments])
         known.make_context(named, arguments, parent=context).close()
     except click.UsageError as error:
         return f"{' '.join(words)}: {error.format_message()}"
@@ -68,3 +74,5 @@ def test_a_wrong_name_would_be_noticed():
 def test_a_wrong_command_would_be_noticed():
     assert "No such command" in (refused(["dic", "calibrat", "grid.png"]) or "")
     assert "No such option" in (refused(["rig", "plan", "a.toml", "--rigs", "b.toml"]) or "")
+    assert "No such option" in (refused(["dic", "plot", "cuts", "r.h5", "--rigs", "b.toml"]) or "")
+    assert "No such command" in (refused(["dic", "plot", "cut", "r.h5"]) or "")

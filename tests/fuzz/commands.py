@@ -24,6 +24,12 @@ COMMANDS: dict[str, list[str]] = {
     ],
     "process": ["dic", "process", "{run}", "-o", "{new}.h5"],
     "gauges": ["dic", "gauges", "{results}", "{gauges}"],
+    "plot gauges": ["dic", "plot", "gauges", "{results}", "{gauges}", "-o", "{new}.svg"],
+    "plot cuts": [
+        *("dic", "plot", "cuts", "{results}", "{gauges}", "-o", "{new}.png"),
+        *("--gauge", "cut=cut start=20,20 end=60,60"),
+    ],
+    "plot an animation": ["dic", "plot", "animation", "{results}", "-o", "{new}.gif"],
     "compare": ["dic", "compare", "{results}", "{peer}", "--camera", "on_axis", "--image", "1"],
     "export": ["dic", "export", "{results}", "csv", "vtk", "mat", "-o", "{new}"],
     "correlate with gauges": ["dic", "correlate", "{image}", "{deformed}", "--gauges", "{gauges}"],

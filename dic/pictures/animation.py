@@ -1,0 +1,162 @@
+"""Files of moving pictures, written frame by frame: GIF by Pillow, MP4 by OpenCV."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.errors import OutputError
+from dic.files.writing import replacing
+from dic.pictures.settings import COLOURS, MapSettings, require_format
+from dic.typing import PathLike
+
+FORMATS = ("gif", "mp4")
+LEAST_PER_S, MOST_PER_S = 0.01, 50.0
+"""GIF counts time in 1/100 s, and viewers slow down pictures that last less than 2/100 s."""
+
+Frame = NDArray[np.uint8]
+"""Colours of one picture, shape (height, width, 3), red, green and blue."""
+
+_SHADES, _UNDER = 48, (0.15, 0.4, 0.65, 1.0)
+"""Number of colours of a map in a GIF file over each of these grey levels; the colour bar lies over white."""
+_HEADER_BYTES = 13
+_LOOP = b"\x21\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"
+_END = b"\x3b"
+_GLOBAL_TABLE = 0x80
+
+
+@contextmanager
+def animation_writer(path: PathLike, per_s: float, colours: Frame) -> Iterator[Callable[[Frame], None]]:
+    """Provide a function that adds a frame to a GIF or MP4 file, which is written whole or not at all.
+
+    One frame at a time is in memory. All frames must have the shape of the first one.
+
+    Parameters
+    ----------
+    path : path
+        The ending gives the format: .gif or .mp4.
+    per_s : float
+        Number of frames in a second.
+    colours : ndarray of uint8, shape (1, n, 3)
+        At most 256 colours, among them white. The colours of all frames of a GIF file are rounded to them.
+
+    Raises
+    ------
+    OutputError
+        If the format or the number is not possible, or the OpenCV of this computer writes no MP4.
+    OSError
+        If the file cannot be written.
+    """
+    file_format = require_format(path, FORMATS)
+    if not LEAST_PER_S <= per_s <= MOST_PER_S:
+        expected = f"{LEAST_PER_S:g} to {MOST_PER_S:g} frames in a second"
+        raise OutputError(str(path), "write an animation", expected, f"{per_s:g}", "give for example 5")
+    with replacing(path) as partial:
+        if file_format == "gif":
+            with partial.open("wb") as file:
+                gif = _Gif(file, round(100.0 / per_s), colours)
+                yield gif.add
+                gif.finish()
+        else:
+            # OpenCV chooses the kind of file by the ending of its name.
+            video = partial.with_name(f"{partial.name}.mp4")
+            try:
+                yield from _mp4(video, per_s, Path(path))
+                if video.exists():
+                    video.replace(partial)
+            finally:
+                video.unlink(missing_ok=True)
+
+
+def colours_of(settings: MapSettings) -> Frame:
+    """Return the 256 colours of maps, shape (1, 256, 3): the colours over several grey levels, and grey."""
+    from matplotlib import colormaps
+
+    shades = colormaps[COLOURS[settings.colours]](np.linspace(0.0, 1.0, _SHADES))[:, :3]
+    over = [settings.opacity * shades + (1.0 - settings.opacity) * under for under in _UNDER]
+    greys = np.repeat(np.linspace(0.0, 1.0, 256 - len(_UNDER) * _SHADES)[:, None], 3, axis=1)
+    return np.round(255.0 * np.concatenate([*over, greys])).astype(np.uint8)[None]
+
+
+class _Gif:
+    """Joins pictures that Pillow writes as single GIF files to one file that repeats for ever (GIF89a)."""
+
+    def __init__(self, file: BinaryIO, hundredths: int, colours: Frame) -> None:
+        from PIL import Image
+
+        self._file, self._hundredths = file, hundredths
+        self._begun = False
+        self._colours = colours.tobytes()
+        self._white = int((colours[0] == 255).all(axis=1).argmax())
+        self._palette = Image.new("P", (1, 1))
+        self._palette.putpalette(self._colours)
+
+    def add(self, frame: Frame) -> None:
+        from PIL import Image
+
+        buffer = BytesIO()
+        rounded = Image.fromarray(frame).quantize(palette=self._palette, dither=Image.Dither.NONE)
+        places = np.array(rounded)
+        # Pillow finds a near colour fast, but not always the nearest, and a grey page would be seen.
+        places[(frame == 255).all(axis=2)] = self._white
+        picture = Image.fromarray(places)
+        picture.putpalette(self._colours)
+        picture.save(buffer, format="gif", optimize=False)
+        content = buffer.getvalue()
+        flags = content[10]
+        table_bytes = 3 * 2 ** ((flags & 0x07) + 1) if flags & _GLOBAL_TABLE else 0
+        table = content[_HEADER_BYTES : _HEADER_BYTES + table_bytes]
+        if not self._begun:
+            # The logical screen has the frame's size and no table of its own.
+            self._file.write(b"GIF89a" + content[6:10] + b"\x00\x00\x00" + _LOOP)
+            self._begun = True
+        body = content[_HEADER_BYTES + table_bytes :]
+        start = _image_place(body)
+        descriptor, pixels = body[start : start + 10], body[start + 10 :].removesuffix(_END)
+        delay = self._hundredths.to_bytes(2, "little")
+        self._file.write(b"\x21\xf9\x04\x04" + delay + b"\x00\x00")
+        local = bytes([descriptor[9] & 0x40 | _GLOBAL_TABLE | flags & 0x07])
+        self._file.write(descriptor[:9] + local + table + pixels)
+
+    def finish(self) -> None:
+        if self._begun:
+            self._file.write(_END)
+
+
+def _image_place(body: bytes) -> int:
+    """Return where the image descriptor begins, behind the extensions of a GIF file."""
+    at = 0
+    while body[at] == 0x21:
+        at += 2
+        while body[at]:
+            at += 1 + body[at]
+        at += 1
+    return at
+
+
+def _mp4(video: Path, per_s: float, path: Path) -> Iterator[Callable[[Frame], None]]:
+    """Yield a function that adds a frame to an MP4 file."""
+    import cv2
+
+    writers: list[cv2.VideoWriter] = []
+
+    def add(frame: Frame) -> None:
+        # The video code needs an even width and height.
+        even = np.pad(frame, ((0, frame.shape[0] % 2), (0, frame.shape[1] % 2), (0, 0)), mode="edge")
+        if not writers:
+            code = cv2.VideoWriter.fourcc(*"mp4v")
+            writers.append(cv2.VideoWriter(str(video), code, per_s, even.shape[1::-1]))
+            if not writers[0].isOpened():
+                got, remedy = f"OpenCV {cv2.__version__} without it", "give a name that ends with .gif"
+                raise OutputError(str(path), "write MP4", "an OpenCV that encodes MPEG-4", got, remedy)
+        writers[0].write(np.ascontiguousarray(even[..., ::-1]))
+
+    try:
+        yield add
+    finally:
+        for writer in writers:
+            writer.release()

@@ -1,0 +1,143 @@
+"""Size, style and colours of pictures of lines, for a screen and for print."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dic.errors import Check, CorrelationError, is_number, require_all
+from dic.files.writing import write_figure
+from dic.pictures.layout import MM_PER_IN
+from dic.pictures.settings import require_format, size_checks
+from dic.typing import Float, PathLike
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+"""Colours for all kinds of colour vision, after Okabe and Ito, without the yellow that white paper hides."""
+MARKERS = "os^Dv"
+DASHES = {"corrected": "-", "calibrated": "--", "raw": ":"}
+"""Dashes of a line by the kind of its values."""
+HALF_BAND = 1.959964
+"""Half width of the 95 % interval of a normal distribution, in standard deviations."""
+BAND_TEXT = "band: 95 % interval (± 1.96 standard deviations)"
+
+_HEIGHTS_MM = (20.0, 2000.0)
+_MICRO_BELOW = 0.02
+"""Strains below this bound are drawn in µε, larger ones in %."""
+_RC: Any = {
+    "font.size": 8,
+    "axes.titlesize": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e3e3e3",
+    "grid.linewidth": 0.6,
+    "axes.linewidth": 0.8,
+    "lines.linewidth": 1.1,
+    "lines.markersize": 3.0,
+    "legend.frameon": False,
+    "legend.fontsize": 7.5,
+    "legend.title_fontsize": 7,
+    # Text stays text, which other programs can search and edit.
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
+    "svg.hashsalt": "offaxis",
+}
+
+
+@dataclass(frozen=True)
+class PlotSettings:
+    """Size and resolution of a picture of lines.
+
+    Attributes
+    ----------
+    width_mm, height_mm : float
+        Size of the picture on paper. The height is that of a picture with one panel.
+    dpi : int
+        Resolution of a PNG file, points per inch.
+
+    Raises
+    ------
+    CorrelationError
+        If a value is not possible. The message names all wrong values.
+    """
+
+    width_mm: float = 160.0
+    height_mm: float = 100.0
+    dpi: int = 200
+
+    def __post_init__(self) -> None:
+        low, high = _HEIGHTS_MM
+        height: Check = (
+            is_number(self.height_mm) and low <= self.height_mm <= high,
+            "height of plots",
+            f"{low:g} to {high:g} mm",
+            self.height_mm,
+            "give 100",
+        )
+        require_all(CorrelationError, "settings", [*size_checks("plots", self.width_mm, self.dpi), height])
+
+
+def plot_style() -> Any:
+    """Return a context manager with matplotlib's settings; draw and save pictures within it."""
+    import matplotlib as mpl
+
+    return mpl.rc_context(_RC)
+
+
+def new_plot(settings: PlotSettings, panels: int = 1) -> tuple[Any, Any]:
+    """Return a matplotlib figure, and the axes of its panels one below the other."""
+    from matplotlib.figure import Figure
+
+    size = settings.width_mm / MM_PER_IN, panels * settings.height_mm / MM_PER_IN
+    figure = Figure(figsize=size, layout="constrained")
+    return figure, figure.subplots(panels, 1, squeeze=False)[:, 0]
+
+
+def write_plot(figure: Any, path: PathLike, settings: PlotSettings) -> None:
+    """Write a figure in the format that the ending of the name gives; call it within `plot_style`."""
+    write_figure(figure, path, settings.dpi, require_format(path))
+
+
+def strain_unit(values: Float) -> tuple[str, float]:
+    """Return the unit in which strains (n,) are drawn, and the number of these units in the strain 1."""
+    known = np.abs(values[np.isfinite(values)])
+    small = not known.size or float(known.max()) < _MICRO_BELOW
+    return ("µε", 1e6) if small else ("%", 100.0)
+
+
+def draw_banded(axis: Any, x: Float, values: Float, std: Float, label: str, style: dict[str, Any]) -> None:
+    """Draw values (n,) against x with the 95 % interval of each value as a band.
+
+    Line and band have a gap where a value is NaN. A value between two gaps is seen by its marker and its bar.
+    """
+    axis.plot(x, values, label=label, **style)
+    reach = HALF_BAND * std
+    colour = style["color"]
+    axis.fill_between(x, values - reach, values + reach, color=colour, alpha=0.18, linewidth=0)
+    alone = np.isfinite(values) & ~_has_neighbour(values)
+    if alone.any():
+        axis.errorbar(x[alone], values[alone], reach[alone], color=colour, fmt="none", elinewidth=0.8)
+
+
+def _has_neighbour(values: Float) -> Any:
+    known = np.concatenate([[False], np.isfinite(values), [False]])
+    return known[:-2] | known[2:]
+
+
+def legend_below(figure: Any, note: str) -> None:
+    """Draw one legend for all panels below them, with a note as its title."""
+    named: dict[str, Any] = {}
+    for axis in figure.axes:
+        named |= dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
+    longest = max(map(len, named), default=1)
+    width_in = figure.get_figwidth()
+    columns = max(1, min(len(named), int(width_in * 25.4 / (12.0 + 1.4 * longest))))
+    figure.legend(
+        list(named.values()),
+        list(named),
+        loc="outside lower center",
+        ncols=columns,
+        title=note,
+        handlelength=3.0,
+    )

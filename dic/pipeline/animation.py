@@ -1,0 +1,229 @@
+"""An animation of a measured field: one frame for each image of a series, all on one scale."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+
+from dic.errors import CorrelationError, RunFileError
+from dic.image.read import read_image
+from dic.pictures.animation import Frame, animation_writer, colours_of
+from dic.pictures.background import view_of
+from dic.pictures.maps import draw_maps
+from dic.pictures.panels import Maps, Scale, finished, maps_of, widened
+from dic.pictures.settings import MapSettings
+from dic.pipeline.export import ExportSource, sources_of
+from dic.pipeline.gauge_series import use_results
+from dic.pipeline.run_result import RunResult
+from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
+from dic.pipeline.series_result_file import SeriesResult
+from dic.runfile.reader import RunFile
+from dic.typing import Grey, PathLike
+
+Results = PathLike | MeasuredSeries | SeriesResult | RunResult
+_DEFAULT = MapSettings(quantities=("eyy",), width_mm=120.0)
+_LONGEST_NAME = 32
+
+
+@dataclass(frozen=True)
+class Animation:
+    """What an animation shows.
+
+    Attributes
+    ----------
+    frames : int
+        Number of frames, one for each image.
+    failures : list of str
+        One sentence for each image that could not be measured; its frame says so.
+    """
+
+    frames: int
+    failures: list[str]
+
+
+def write_animation(
+    results: Results,
+    path: PathLike,
+    *,
+    settings: MapSettings | None = None,
+    frames_per_s: float = 5.0,
+    camera: str | None = None,
+    on_image: Callable[[int], None] = lambda total: None,
+) -> Animation:
+    """Write an animation of maps: one frame for each image, all with the same scale, size and view.
+
+    The title of a frame names the image, its number, and its load and time where they are known. Memory does
+    not depend on the number of images: each image is read twice, first for the scale and then for its frame.
+
+    Parameters
+    ----------
+    results : path, MeasuredSeries, SeriesResult or RunResult
+        A result file of `dic correlate` or `dic process`, or results that `dic` has read or computed.
+    path : path
+        The ending gives the format: .gif, or .mp4 if the OpenCV of this computer can write it.
+    settings : MapSettings, optional
+        Default: eyy on the reference image, 120 mm wide. With `on="deformed"` each frame shows its own image,
+        which is read from the image file or from the run file.
+    frames_per_s : float
+        From 0.01 to 50.
+    camera : str, optional
+        Camera of a run; needed if the run has several.
+    on_image : callable, optional
+        Called with the number of all images, after each image that was read.
+
+    Raises
+    ------
+    CorrelationError
+        If no image has values of this kind.
+    OutputError
+        If the format or the number of frames is not possible.
+    OSError
+        If the animation cannot be written, or an image cannot be read.
+    RunFileError
+        If the results cannot be read, or the camera must be chosen.
+    """
+    work = partial(
+        _write, path=path, settings=settings or _DEFAULT, per_s=frames_per_s, camera=camera, on_image=on_image
+    )
+    if isinstance(results, str | Path):
+        return use_results(results, work, local_strain=True)
+    return work(results)
+
+
+def _write(
+    results: MeasuredSeries | SeriesResult | RunResult,
+    path: PathLike,
+    settings: MapSettings,
+    per_s: float,
+    camera: str | None,
+    on_image: Callable[[int], None],
+) -> Animation:
+    source = _only_source(results, camera)
+    reference, image_of = _images_of(results, source, settings)
+    total = 2 * len(source.images)
+    with animation_writer(path, per_s, colours_of(settings)) as add:
+        whole = _whole(source, settings, lambda: on_image(total))
+        failures = []
+        for k, image in enumerate(source.images):
+            title, grey, maps = _title(k, source, image), reference, whole.without_values()
+            if image.measurement is None:
+                title = f"{title} · not measured"
+                failures.append(f"{image.failure}")
+            else:
+                grey, maps = image_of(k), maps_of(image.measurement, settings, image.correction)
+            figure = draw_maps(whole.framed(maps), grey, title, settings, whole.scale)
+            add(_frame(figure, settings.dpi))
+            on_image(total)
+    return Animation(len(source.images), failures)
+
+
+def _only_source(results: MeasuredSeries | SeriesResult | RunResult, camera: str | None) -> ExportSource:
+    sources = sources_of(results, camera)
+    if len(sources) > 1:
+        names = [source.camera for source in sources]
+        remedy = f"give --camera {names[0]}"
+        raise RunFileError("results", "choose a camera", f"one of {', '.join(names)}", "none", remedy)
+    return sources[0]
+
+
+def _images_of(
+    results: MeasuredSeries | SeriesResult | RunResult, source: ExportSource, settings: MapSettings
+) -> tuple[Grey, Callable[[int], Grey]]:
+    """Return the reference image, and a function that returns the image under the maps by its index."""
+    if isinstance(results, RunResult):
+        reference = results.series(source.camera).reference
+    else:
+        reference = (results if isinstance(results, MeasuredSeries) else results.series).reference
+    if settings.on == "reference":
+        return reference, lambda k: reference
+    if isinstance(results, RunResult):
+        run, camera = results, source.camera
+        steps = next(one.steps for one in run.cameras if one.camera == camera)
+
+        def of_run(k: int) -> Grey:
+            with RunFile(run.source) as file:
+                return file.image(camera, steps[k])
+
+        return reference, of_run
+    return reference, lambda k: read_image(source.images[k].label)
+
+
+@dataclass
+class _Whole:
+    """What the frames share: scale, range of the values, view in mm, and the maps of the first image."""
+
+    scale: Scale
+    reach: dict[str, tuple[float, float]]
+    first: Maps
+    view: tuple[float, float, float, float] | None
+
+    def framed(self, maps: Maps) -> Maps:
+        """Return the maps of an image in the view of all frames, with the same colour bar."""
+        panels = tuple(replace(panel, reach=self.reach.get(panel.quantity)) for panel in maps.panels)
+        return Maps(panels, replace(maps.places, view=self.view))
+
+    def without_values(self) -> Maps:
+        """Return maps without any value."""
+        panels = (replace(panel, values=np.full_like(panel.values, np.nan)) for panel in self.first.panels)
+        return replace(self.first, panels=tuple(panels))
+
+
+def _whole(source: ExportSource, settings: MapSettings, count: Callable[[], None]) -> _Whole:
+    """Read all images once, and return what their frames share.
+
+    Raises
+    ------
+    CorrelationError
+        If no image has a value.
+    """
+    scale: Scale = {}
+    reach: dict[str, tuple[float, float]] = {}
+    first: Maps | None = None
+    corners = []
+    for image in source.images:
+        count()
+        if image.measurement is None:
+            continue
+        maps = maps_of(image.measurement, settings, image.correction)
+        scale, first = widened(scale, maps), first or maps
+        for panel in maps.panels:
+            if panel.span is not None:
+                low, high = reach.get(panel.quantity, panel.ends)
+                reach[panel.quantity] = min(low, panel.ends[0]), max(high, panel.ends[1])
+        drawn = maps.places.drawn_corners().reshape(-1, 2)
+        corners += [drawn.min(axis=0), drawn.max(axis=0)]
+    if first is None or not scale:
+        what = ", ".join(settings.quantities)
+        kind = "" if settings.kind == "best" else f"{settings.kind} "
+        expected, remedy = f"an image with {kind}values of {what}", "choose another kind or another quantity"
+        raise CorrelationError("results", "draw an animation", expected, "none", remedy)
+    view = view_of(np.array(corners)) if first.places.unit == "mm" else None
+    return _Whole(finished(scale, settings), reach, first, view)
+
+
+def _title(k: int, source: ExportSource, image: MeasuredImage) -> str:
+    """Return the name and the number of an image, and the load and the time where they are known."""
+    known = source.known[k] if k < len(source.known) else image.time.as_dict()
+    name = str(known.get("step") or PurePath(image.label).name)
+    name = name if len(name) <= _LONGEST_NAME else f"…{name[1 - _LONGEST_NAME :]}"
+    parts = [name, f"{k + 1} of {len(source.images)}"]
+    # The last change of a file says little about the time of the image.
+    shown = known if known.get("time_source") != "file" else {}
+    for key, unit, digits in (("load_n", "N", 0), ("time_s", "s", 1)):
+        value = shown.get(key)
+        if value is not None and np.isfinite(value):
+            parts.append(f"{value:z.{digits}f} {unit}")
+    return " · ".join(parts)
+
+
+def _frame(figure: Any, dpi: int) -> Frame:
+    """Return the colours of a drawn figure."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure.set_dpi(dpi)
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.array(np.asarray(canvas.buffer_rgba())[..., :3], np.uint8)
