@@ -1,1 +1,1 @@
-"""Tests of several specimens together: values, mean, scatter, outliers, planar anisotropy."""
+"""Compares the tensile tests of several specimens: values, mean, scatter, outliers, planar anisotropy."""

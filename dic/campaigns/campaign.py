@@ -12,12 +12,12 @@ from dic.properties.properties import Properties
 from dic.properties.value import PropertyValue
 
 MOST_TOLD = 5
-"""If no test could be evaluated, the reasons of so many are told."""
+"""If no test could be evaluated, the error gives the reasons of at most this number of tests."""
 
 
 @dataclass(frozen=True)
 class SpecimenTest:
-    """The test of one specimen.
+    """The tensile test of one specimen, with its properties or the reason why there are none.
 
     Attributes
     ----------
@@ -25,11 +25,11 @@ class SpecimenTest:
     file : str
         The record or result file; empty if the properties were given.
     direction_deg : float or None
-        Direction of the load against the rolling direction.
+        Angle between the load and the rolling direction; None if it was not given.
     properties : Properties or None
-        None if the test could not be evaluated.
+        The properties; None if the test could not be evaluated.
     failure : MeasurementError or None
-        Why not.
+        The reason why the test could not be evaluated; None if it was evaluated.
     sha256 : str
         SHA-256 of the file; empty if the properties were given.
     """
@@ -42,7 +42,7 @@ class SpecimenTest:
     sha256: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the test for JSON."""
+        """Return the test as a dict for JSON."""
         about = {"name": self.name, "file": self.file or None, "direction_deg": self.direction_deg}
         if self.properties is None:
             return about | {"failure": str(self.failure)}
@@ -52,16 +52,16 @@ class SpecimenTest:
 
 @dataclass(frozen=True)
 class Group:
-    """Specimens that are compared: all, or those of one direction.
+    """Specimens whose properties are compared: all specimens, or those with the same direction.
 
     Attributes
     ----------
     direction_deg : float or None
-        None for all specimens.
+        Direction of the specimens; None for the group of all specimens.
     scatter : dict of str to Scatter
-        By the keys of the properties, such as "E_gpa".
+        Mean and scatter of each property, keyed by the property's key, such as "E_gpa".
     names : tuple of str
-        The specimens.
+        Names of the specimens in the group.
     """
 
     direction_deg: float | None
@@ -70,11 +70,11 @@ class Group:
 
     @property
     def label(self) -> str:
-        """The group in words."""
+        """Name of the group for tables: its direction, or all specimens."""
         return "all specimens" if self.direction_deg is None else f"{self.direction_deg:g}°"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the group for JSON."""
+        """Return the group as a dict for JSON."""
         return {
             "direction_deg": self.direction_deg,
             "specimens": list(self.names),
@@ -89,7 +89,7 @@ class Campaign:
     Attributes
     ----------
     tests : tuple of SpecimenTest
-        In the order in which they were given; at least one has properties.
+        The tests in the order in which they were given. At least one test could be evaluated.
     """
 
     tests: tuple[SpecimenTest, ...]
@@ -101,7 +101,7 @@ class Campaign:
 
     @cached_property
     def found(self) -> dict[str, Properties]:
-        """The properties by the names of the specimens, without the tests that failed."""
+        """The properties of the tests that did not fail, keyed by the name of the specimen."""
         return {test.name: test.properties for test in self.tests if test.properties is not None}
 
     @cached_property
@@ -117,7 +117,7 @@ class Campaign:
         return [key for key in keys if key not in self.quantities]
 
     def example(self, key: str) -> PropertyValue:
-        """Return the first value of a property, for its unit and rule; `key` is one of `quantities`."""
+        """Return one value of the property `key`, from which its unit and rule can be read."""
         return next(found.values[key] for found in self.found.values() if self._has(found, key))
 
     @staticmethod
@@ -132,7 +132,8 @@ class Campaign:
 
     @cached_property
     def groups(self) -> list[Group]:
-        """All specimens; and if there are several directions, those of each direction with two or more."""
+        """The group of all specimens, and with several directions each direction with two or more specimens.
+        """
         whole = self._group(None)
         apart = [self._group(direction) for direction in self.directions_deg]
         return [whole, *(group for group in apart if 1 < len(group.names) < len(whole.names))]
@@ -161,10 +162,10 @@ class Campaign:
 
     @cached_property
     def anisotropy(self) -> dict[str, PropertyValue]:
-        """r̄ and Δr from the mean strain ratio of each direction; {} without directions.
+        """r̄ and Δr from the mean strain ratio of each direction; {} if no directions were given.
 
-        The standard deviation of a direction's mean is the larger one of that by the scatter and that by the
-        stated standard deviations.
+        The standard deviation of a direction's mean ratio is the larger one of two values: one computed from
+        the scatter, and one computed from the stated standard deviations.
         """
         if not self.directions_deg:
             return {}
@@ -181,11 +182,11 @@ class Campaign:
 
     @property
     def not_counted(self) -> list[str]:
-        """Names of the uncertainties that at least one specimen does not declare."""
+        """Names of the uncertainties that are not declared for at least one specimen."""
         return list(dict.fromkeys(name for found in self.found.values() for name in found.not_counted))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything for JSON."""
+        """Return the whole campaign as a dict for JSON."""
         return {
             "specimens": [test.as_dict() for test in self.tests],
             "groups": [group.as_dict() for group in self.groups],
@@ -202,9 +203,9 @@ def compare_specimens(
     Parameters
     ----------
     properties : mapping of str to Properties
-        From `material_properties`, by the names of the specimens.
+        Results of `material_properties`, keyed by the name of the specimen.
     directions_deg : mapping of str to float, optional
-        Direction of the load against the rolling direction, of each specimen.
+        Angle between the load and the rolling direction for each specimen.
 
     Returns
     -------
@@ -229,7 +230,7 @@ def compare_specimens(
 
 
 def campaign_of(tests: list[SpecimenTest]) -> Campaign:
-    """Return the campaign of tests.
+    """Return the campaign that consists of the given tests.
 
     Raises
     ------
@@ -259,7 +260,7 @@ def require_direction(source: str, direction_deg: object) -> None:
 
 
 def _mean_ratio(ratios: Mapping[str, PropertyValue]) -> PropertyValue:
-    """Return the mean strain ratio of a direction's specimens; one without a value if there is none."""
+    """Return the mean strain ratio of the specimens of a direction; its value is None without specimens."""
     if not ratios:
         return PropertyValue(
             None, None, "1", "mean of the specimens", flags=("no specimen in this direction",)

@@ -1,4 +1,4 @@
-"""Read the description of a campaign: one strict TOML file, or tables with equal columns in a folder."""
+"""Find the specimens of a campaign: in a strict TOML file, or as tables with equal columns in a folder."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -45,8 +45,8 @@ Part = TypeVar("Part")
 def read_campaign(folder: PathLike) -> tuple[CampaignSpecimen, ...]:
     """Read the specimens that the file campaign.toml of a folder describes.
 
-    The file has a table ``[[specimen]]`` for each specimen, and a table ``[defaults]`` with the keys that
-    hold for all specimens. Files are named relative to the folder. `docs/campaigns.md` describes all keys.
+    The file has a table ``[[specimen]]`` for each specimen, and a table ``[defaults]`` with keys that apply
+    to all specimens. Files are named relative to the folder. `docs/campaigns.md` describes all keys.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def list_specimens(
     pattern: str = "*.csv",
     leave_out: Collection[PathLike] = (),
 ) -> tuple[CampaignSpecimen, ...]:
-    """Return a specimen for each table in a folder; all have the same columns and settings.
+    """Return a specimen for each table in a folder; all tables have the same columns and settings.
 
     Parameters
     ----------
@@ -102,9 +102,9 @@ def list_specimens(
     columns : CurveColumns
     settings : PropertySettings
     pattern : str
-        The files that are tables of specimens. The specimen is named after its file.
+        Pattern of the names of the tables. Each specimen is named after its file.
     leave_out : collection of path
-        Files that are no tables of specimens.
+        Files that match the pattern but are not tables of specimens.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def list_specimens(
     try:
         files = sorted((path for path in place.glob(pattern) if path.is_file()), key=natural_key)
     except (ValueError, NotImplementedError) as error:
-        # pathlib refuses an empty pattern with the first error, and a pattern from the root with the second
+        # pathlib raises a ValueError for an empty pattern, and a NotImplementedError for an absolute pattern.
         expected, remedy = "a pattern of files in the folder", 'give --files "*.csv"'
         raise CurveError(str(folder), "--files", expected, repr(pattern), remedy) from error
     except OSError as error:
@@ -131,7 +131,7 @@ def list_specimens(
 
 
 def _content(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]], list[MeasurementError]]:
-    """Return the defaults, the tables of the specimens, and the mistakes at the top of the file."""
+    """Return the defaults, the tables of the specimens, and the mistakes in the file's top-level keys."""
     source = str(path)
     content = read_toml(path, CurveError, "read the campaign", _EXAMPLE)
     defaults, tables = content.pop("defaults", {}), content.pop("specimen", None)
@@ -151,7 +151,7 @@ def _content(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]], list[Mea
 
 @dataclass(frozen=True)
 class _File:
-    """The file of a specimen, and the keys that it may have."""
+    """The file of a specimen, and the keys that a specimen with such a file may have."""
 
     folder: Path
     name: str
@@ -182,7 +182,7 @@ def _file(place: str, folder: Path, table: Mapping[str, Any]) -> _File:
         raise CurveError(place, "file", "the name of a file", got, 'give file = "a.csv"')
     path = folder / str(name)
     found, _ = _caught(is_results, path)
-    # A file that cannot be read fails when it is evaluated, and the other specimens stand.
+    # If a file cannot be read, only its evaluation fails later, and the other specimens are still compared.
     return _File(folder, str(name), path.suffix.lower() in _ENDINGS if found is None else found)
 
 
@@ -197,8 +197,8 @@ def _idle(place: str, defaults: Mapping[str, Any], files: Sequence[_File]) -> It
 def _specimen(
     place: str, file: _File, table: Mapping[str, Any], defaults: Mapping[str, Any]
 ) -> CampaignSpecimen:
-    """Return a specimen with its own values, and the defaults for the others."""
-    # The area of a specimen replaces the sides in the defaults, and the other way round.
+    """Return a specimen from its own table; a key that its table lacks has the value from the defaults."""
+    # If a specimen gives its area, ignore width and thickness in the defaults, and the reverse.
     replaced = _SIDES if set(table) & set(_AREA) else _AREA if set(table) & set(_SIDES) else {}
     inherited = {key: value for key, value in defaults.items() if key in file.keys and key not in replaced}
     values = {**inherited, **table}
@@ -228,7 +228,7 @@ def _settings(place: str, values: Mapping[str, Any]) -> PropertySettings:
 
 
 def _area(place: str, values: Mapping[str, Any]) -> tuple[float, float | None]:
-    """Return the area and its standard deviation, from the area or from width and thickness."""
+    """Return a specimen's area and its standard deviation, given directly or as width and thickness."""
     sides = [key for key in _SIDES if key in values]
     remedy = "give area_mm2 = 120.0, or width_mm and thickness_mm"
     if "area_mm2" in values:
@@ -266,12 +266,12 @@ def _source(place: str, file: _File, values: Mapping[str, Any]) -> CurveColumns 
 
 
 def _at(place: str, error: MeasurementError) -> MeasurementError:
-    """Return an error of settings with the specimen's place in the file."""
+    """Return an error about settings, changed so that it names the specimen's place in the file."""
     return type(error)(place, error.step, error.expected, error.got, error.remedy)
 
 
 def _caught(part: Callable[..., Part], *arguments: Any) -> tuple[Part | None, list[MeasurementError]]:
-    """Return the result of a function, or None and its error."""
+    """Call a function; return its result and no error, or None and its errors."""
     try:
         return part(*arguments), []
     except MeasurementError as error:

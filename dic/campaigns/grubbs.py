@@ -10,7 +10,7 @@ from scipy.special import stdtrit
 LEAST_VALUES = 3
 SIGNIFICANCE = 0.05
 ROUNDING = 1e-12
-"""Values that differ by a smaller share of their size are equal except for rounding."""
+"""Values whose relative difference is smaller than this count as equal, because of rounding errors."""
 RULE = "Grubbs, two-sided, 5 % (F. E. Grubbs, Technometrics 11, 1969)"
 
 

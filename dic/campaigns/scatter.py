@@ -22,16 +22,16 @@ class Scatter:
     values : tuple of float
         The property of each of these specimens.
     mean : float or None
-        None if no specimen has the property.
+        Mean of the values; None if no specimen has the property.
     std_between : float or None
         Standard deviation between the specimens, with n - 1 in the divisor; None for fewer than two values.
     standard_error : float or None
-        Standard deviation of the mean by the scatter: `std_between` over the square root of n. It does not
-        contain errors that all specimens share, such as that of the load cell.
+        Standard deviation of the mean, computed from the scatter: `std_between` divided by the square root of
+        n. It does not contain errors that are common to all specimens, such as the error of the load cell.
     stated_std : float or None
-        Root mean square of the standard deviations that the values state; None if a value states none. If
-        `std_between` is much larger, then the specimens differ. If not, then the measurement alone can
-        explain the scatter.
+        Root mean square of the stated standard deviations of the values; None if a value has none. If
+        `std_between` is much larger than `stated_std`, the specimens differ. Otherwise the measurement alone
+        can explain the scatter.
     outlier : GrubbsTest
     """
 
@@ -57,13 +57,13 @@ class Scatter:
 
     @property
     def std_of_mean(self) -> float | None:
-        """Standard deviation of the mean: by the scatter, or by the stated ones if they say more."""
+        """Standard deviation of the mean, from the scatter or from `stated_std`, whichever gives more."""
         stated = None if self.stated_std is None else self.stated_std / np.sqrt(self.count)
         known = [float(std) for std in (self.standard_error, stated) if std is not None]
         return max(known, default=None)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything for JSON."""
+        """Return the values and their statistics as a dict for JSON."""
         return {
             "unit": self.unit,
             "count": self.count,
@@ -81,7 +81,8 @@ def scatter_of(found: Mapping[str, PropertyValue]) -> Scatter:
     Parameters
     ----------
     found : mapping of str to PropertyValue
-        The property by the names of the specimens. Specimens whose value is None are left out.
+        The property of each specimen, keyed by the specimen's name. Specimens whose value is None are left
+        out.
     """
     present = {name: value.value for name, value in found.items() if value.value is not None}
     stds = [value.std for value in found.values() if value.value is not None]

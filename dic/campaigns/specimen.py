@@ -1,4 +1,4 @@
-"""What is stated about a specimen of a campaign, and the evaluation of its test."""
+"""The data that the user gives on a specimen of a campaign, and the evaluation of its test."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from dic.runfile.joined import file_sha256
 
 @dataclass(frozen=True)
 class CurveColumns:
-    """The columns of a testing machine's table, as for `read_curve`.
+    """The columns of a testing machine's table, named as in the arguments of `read_curve`.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class CurveColumns:
         Column and unit, such as "Load:kN" and "3:%".
     transverse, time : str or None
     gauge_length_mm : float or None
-        Needed if the strain is an extension.
+        Gauge length; needed if the column of strain contains an extension.
     """
 
     load: str
@@ -59,18 +59,19 @@ class GaugeChoice:
     gauges : path or None
         TOML file of gauges; None for the whole measured field.
     gauge, transverse_gauge : str or None
-        Names of the gauges along and across the specimen. By default the first one, and none.
+        Names of the gauges along and across the specimen. Default: the first gauge along, and no gauge
+        across.
     kind, camera : str or None
         As for `gauge_curve`.
     record : path or None
-        Table of the testing machine; None if the result file has the loads.
+        Table of the testing machine; None if the result file contains the loads.
     load, time, image_column : str or None
         Columns of the record.
     join : str
         "row", "name" or "time", as for `join_record`.
     image_interval_s : float or None
     offset_s : float
-        Machine's time minus image's time.
+        Time of the machine minus time of the image.
     """
 
     gauges: Path | None = None
@@ -88,7 +89,8 @@ class GaugeChoice:
 
     def measure(self, file: Path, settings: PropertySettings) -> Properties:
         """Return the properties of the test whose result file is `file`."""
-        # Without declared gauges, the second one of the whole field lies across the specimen.
+        # If no gauges are declared, use the two gauges of the whole field; the second lies across the
+        # specimen.
         whole = self.gauges is None
         gauges = whole_field_gauges(file) if self.gauges is None else read_gauges(self.gauges)
         gauge = self.gauge or gauges[0].name
@@ -122,7 +124,7 @@ class CampaignSpecimen:
     source : CurveColumns or GaugeChoice
         The columns of the table, or the gauges in the result file.
     direction_deg : float or None
-        Direction of the load against the rolling direction, at least 0° and below 180°.
+        Angle between the load and the rolling direction, at least 0° and below 180°.
 
     Raises
     ------
@@ -153,7 +155,7 @@ class CampaignSpecimen:
 def measure_campaign(specimens: Sequence[CampaignSpecimen]) -> Campaign:
     """Evaluate the tests of several specimens and compare them.
 
-    A test that fails is in `Campaign.failures`; the others are compared.
+    `Campaign.failures` lists the tests that failed; the other tests are compared.
 
     Parameters
     ----------
@@ -163,8 +165,8 @@ def measure_campaign(specimens: Sequence[CampaignSpecimen]) -> Campaign:
     Raises
     ------
     CurveError
-        If two specimens have one name or one file, directions are named for some specimens only, or no test
-        could be evaluated.
+        If two specimens have the same name or file, only some specimens have a direction, or no test could be
+        evaluated.
     """
     require_apart(specimens, "campaign")
     return campaign_of([specimen.test() for specimen in specimens])
@@ -176,7 +178,7 @@ def require_apart(specimens: Sequence[CampaignSpecimen], source: str) -> None:
     Raises
     ------
     CurveError
-        It names all mistakes together.
+        The message names all mistakes together.
     """
     errors: list[MeasurementError] = []
     for what, values in (

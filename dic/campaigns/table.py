@@ -10,7 +10,7 @@ from dic.typing import PathLike
 
 _DIGITS = 6
 STATISTICS = ("mean", "std_between", "standard_error", "stated_std")
-"""The lines of each group after the specimens: attributes of `Scatter`."""
+"""Statistics of a group that get a line in the table, after the specimens; attributes of `Scatter`."""
 
 
 def write_campaign_table(campaign: Campaign, path: PathLike, *, decimal_comma: bool = False) -> None:
@@ -43,7 +43,7 @@ def _value_columns(campaign: Campaign) -> Iterator[str]:
 
 
 def _specimens(campaign: Campaign) -> Iterator[dict[str, Any]]:
-    """Yield the line of each specimen."""
+    """Yield the line of each specimen of the campaign, keyed by column."""
     for test in campaign.tests:
         row: dict[str, Any] = {"line": "specimen", "specimen": test.name} | _direction(test.direction_deg)
         if test.properties is None:
@@ -62,7 +62,7 @@ def _specimens(campaign: Campaign) -> Iterator[dict[str, Any]]:
 
 
 def _statistics(group: Group) -> Iterator[dict[str, Any]]:
-    """Yield the lines of a group's mean and scatter."""
+    """Yield the lines of a group's statistics, keyed by column."""
     about = {"specimen": group.label} | _direction(group.direction_deg)
     for line in ("count", *STATISTICS):
         values = {key: getattr(scatter, line) for key, scatter in group.scatter.items()}

@@ -207,7 +207,7 @@ class LineCut(Gauge):
         Number of places, from 2 to 2000.
     width : float or None
         Side length of the square around each place. An affine displacement is fitted to the points in the
-        square. None for the window of local strain.
+        square. None to use the window of local strain.
     """
 
     kind: ClassVar[str] = "cut"
@@ -235,7 +235,7 @@ class PointGauge(Gauge):
     at : tuple of float
     width : float or None
         Side length of the square around the place. An affine displacement is fitted to the points in the
-        square. None for the window of local strain.
+        square. None to use the window of local strain.
     direction_deg : float
         Direction of the engineering strain `strain`: 0 for x, 90 for y.
     """

@@ -139,7 +139,7 @@ _MOST_BYTES = 2**36
 
 
 class FileDigests:
-    """SHA-256 digests of image files. Each is computed once, even if the file holds many images."""
+    """SHA-256 digests of image files; a file with many images is read only once."""
 
     def __init__(self) -> None:
         self._known: dict[Path, str] = {}

@@ -1,1 +1,1 @@
-"""Compare settings on the user's own images: their noise, resolution and error."""
+"""Compares the noise, resolution and error of many settings on the user's own images."""

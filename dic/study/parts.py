@@ -1,4 +1,4 @@
-"""Representative parts of the region, on which a study tries the settings."""
+"""Chooses representative parts of the region, on which a study tries the settings."""
 
 from dataclasses import dataclass
 
@@ -10,11 +10,11 @@ PART_PX = 448
 """Width and height of a part of a large region."""
 
 _SMALL_PX2 = 2 * PART_PX**2
-"""A region in a rectangle of at most this area is one part."""
+"""If the rectangle around the region has at most this area, the whole region is one part."""
 _LEAST_SHARE = 0.5
-"""A further part is used only if so much of it is region that no other part has."""
+"""A further part is used only if at least this share of its area is region outside the other parts."""
 _AS_GOOD = 0.98
-"""Places with at least this fraction of the best place's share count as equally good."""
+"""A place counts as equally good as the best one if its share of region is at least this fraction."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Part:
     Attributes
     ----------
     top, left, height, width : int
-        Place and size, px.
+        Upper left corner and size of the rectangle, px.
     """
 
     top: int
@@ -41,8 +41,9 @@ class Part:
 def chosen_parts(region: Mask, parts: int) -> tuple[Part, ...]:
     """Return parts of a region that lie far from one another.
 
-    The first part lies near the middle of the region. Each further part is, of the places with much region
-    that no earlier part has, the one farthest from all earlier parts. A small region is one part.
+    A small region is one part. In a large region, the first part lies near the middle of the region. Each
+    further part must contain much region that no earlier part contains. Among the possible places, the place
+    farthest from all earlier parts is chosen.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ def chosen_parts(region: Mask, parts: int) -> tuple[Part, ...]:
 
 
 def _places(whole: Part, size: tuple[int, int]) -> Indices:
-    """Return the upper left corners (row, column) of all places for a part, shape (n, 2)."""
+    """Return the upper left corners (row, column) of all places that are tried for a part, shape (n, 2)."""
     starts = []
     for first, length, own in ((whole.top, whole.height, size[0]), (whole.left, whole.width, size[1])):
         spare = length - own

@@ -1,17 +1,19 @@
-"""A pattern without noise that looks like the pattern of a noisy image, drawn deformed at will.
+"""Makes a pattern without noise from a noisy image, and draws this pattern with any deformation.
 
-The noise of a reference image is also in every deformed copy of this image. There it moves with the pattern,
-so it would cause no error at all, and a displacement computed from the image and its copy says nothing about
-noise. This module therefore removes the noise first. Then independent noise can be added to both images.
+The noise of a reference image is also in every deformed copy of this image. In the copy it moves with the
+pattern, so it causes no error. Therefore a displacement computed from the image and its copy does not show
+the effect of noise. This module therefore removes the noise first. Then independent noise can be added to
+both images.
 
-Every wave of the image, a term of its cosine transform, is multiplied by √(1 - N / P). P is the mean power
-of the image at neighbouring wave numbers, and N is the power of the noise, which is white. So the result has
-the power that the pattern has without noise, and waves that consist of noise alone vanish. In the remaining
-waves, the noise has slightly changed amplitude and phase. The result is not the exact pattern, but another
-pattern of the same kind, with the same contrast and slopes.
+Every wave of the image, a term of its cosine transform, is multiplied by √(1 - N / P). P is the mean power of
+the image at neighbouring wave numbers, and N is the power of the noise, which is assumed to be white. So the
+result has the same power as the pattern without noise, and waves that consist of noise alone vanish. In the
+remaining waves, the noise has slightly changed amplitude and phase. Therefore the result is not the exact
+pattern, but a pattern of the same kind with the same contrast and slopes.
 
-The deformed pattern is the sum of the cosines at the displaced places. This is the exact interpolation of a
-band-limited image, continued beyond its edges by reflection. The splines of the correlation take no part.
+The deformed pattern is the sum of the cosines, evaluated at the displaced places. This is the exact
+interpolation of a band-limited image that is continued beyond its edges by reflection. The splines of the
+correlation are not used.
 """
 
 from dataclasses import dataclass
@@ -21,7 +23,7 @@ import numpy as np
 from dic.typing import Float, Grey
 
 _CORNER = 0.9
-"""Waves above this share of the Nyquist frequency, along both axes, hold hardly any pattern."""
+"""Waves above this share of the Nyquist frequency along both axes contain hardly any pattern."""
 _FINER = 4
 """Points per pixel and axis at which a deformed pattern is computed exactly, before a spline joins them."""
 _NEIGHBOURS = 15
@@ -31,8 +33,8 @@ _NEIGHBOURS = 15
 def corner_noise(grey: Grey) -> float:
     """Return the standard deviation of an image's noise, grey levels, from its finest waves along both axes.
 
-    Sharp speckles have some power in these waves, but less than in all others. The result is then too large,
-    but less so than that of `dic.quality.noise.noise_of_one`.
+    Sharp speckles have some power in these waves, but less than in all other waves. For sharp speckles the
+    result is therefore too large, but closer to the truth than that of `dic.quality.noise.noise_of_one`.
 
     Parameters
     ----------
@@ -47,7 +49,7 @@ def corner_noise(grey: Grey) -> float:
 
 @dataclass(frozen=True)
 class Pattern:
-    """A pattern as a sum of cosines.
+    """A pattern without noise, stored as a sum of cosines.
 
     Attributes
     ----------
@@ -72,7 +74,7 @@ class Pattern:
 
         terms = np.asarray(dctn(grey.astype(np.float64), norm="ortho"))
         power = terms * terms
-        # The mean grey level would hide the power of the longest waves.
+        # Replace the power of the mean grey level, which would hide the power of the longest waves.
         power[0, 0] = power[:2, :2].sum() - power[0, 0]
         power = uniform_filter(power, min(_NEIGHBOURS, *power.shape), mode="mirror")
         share = np.clip(1.0 - noise**2 / np.maximum(power, 1e-300), 0.0, 1.0)
@@ -87,8 +89,9 @@ class Pattern:
     def draw_at(self, y: Float, x: Float) -> Grey:
         """Return the grey levels at the places (x, y), both of shape (n, m).
 
-        The sum of cosines is computed exactly at four points per pixel along each axis. There, the finest
-        waves of the image are far below the Nyquist frequency, and a quintic spline joins the points.
+        The sum of cosines is computed exactly at four points per pixel along each axis. On this fine grid,
+        even the finest waves of the image are far below the Nyquist frequency, so a quintic spline can
+        interpolate between the points.
         """
         from scipy.fft import idctn
         from scipy.ndimage import map_coordinates

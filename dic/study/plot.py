@@ -8,7 +8,7 @@ from dic.study.result import Study, root_of
 from dic.typing import PathLike
 
 _SHAPES = {"affine": ("o", "#0072b2"), "quadratic": ("s", "#d55e00")}
-"""Sign and colour (after Okabe and Ito, for all kinds of colour vision) of each shape function."""
+"""Marker and colour of each shape function; the colours of Okabe and Ito suit colour-blind people."""
 _BEST, _FRONT = "#000000", "0.45"
 _TABLE = 5
 
@@ -16,7 +16,7 @@ _TABLE = 5
 def draw_study(study: Study) -> Any:
     """Return a matplotlib figure: noise against resolution, and total error against resolution.
 
-    The signs of shape functions differ, so that the figure also reads without colours.
+    Each shape function has its own marker, so that the figure can be read without colours.
     """
     from matplotlib.figure import Figure
 
@@ -72,7 +72,7 @@ def plot_study(study: Study, path: PathLike) -> None:
 
 
 def _plain_numbers(axes: Any) -> None:
-    """Write numbers as 100 instead of 10²; a short axis also has numbers between the powers of ten."""
+    """Label a logarithmic axis with 100 instead of 10²; label a short axis also between powers of ten."""
     from matplotlib.ticker import FuncFormatter, LogLocator
 
     for axis in (axes.xaxis, axes.yaxis):

@@ -12,12 +12,12 @@ from dic.study.wave import Wave
 from dic.typing import Mask
 
 LOST_SHARE = 0.02
-"""Settings that lose a larger share of the points than this are not recommended."""
+"""Settings are not recommended if a larger share of the points than this has no displacement."""
 
 
 @dataclass(frozen=True)
 class StudiedSettings:
-    """What one combination of settings gives on the user's images.
+    """The errors that one combination of settings has on the user's images.
 
     The pairs of numbers belong to u and v, or to exx and eyy.
 
@@ -28,10 +28,10 @@ class StudiedSettings:
     resolution_px : float
         Period of the wave of strain that keeps 90 % of its amplitude.
     noise_px, bias_px : tuple of float
-        Standard deviation of the displacement that noise causes, and root mean square of its systematic
-        error, px.
+        Standard deviation of the displacement due to noise, and root mean square of the displacement's
+        systematic error, px.
     strain_noise, strain_bias : tuple of float
-        The same of local strain.
+        The same two values for local strain.
     lost_share : float
         Share of the points without a displacement.
     """
@@ -81,24 +81,24 @@ class Study:
     Attributes
     ----------
     settings : tuple of StudiedSettings
-        All combinations with complete strain windows, in the order of the sweep.
+        All combinations that were not left out, in the order of the sweep.
     wave : Wave
         The assumed strain.
     wave_from : str
-        Where the assumed strain comes from: "given", or the image from which it was estimated.
+        The source of the assumed strain: "given", or the name of the image from which it was estimated.
     noise : float
-        Standard deviation of the reference's noise, grey levels.
+        Standard deviation of the noise of the reference image, grey levels.
     noise_from : str
-        Where the noise of the results comes from: "reference", or the image of the specimen at rest.
+        The source of the noise in the results: "reference", or the name of an image of the specimen at rest.
     notes : tuple of str
-        Sentences about each further image: what it was recognised as, and by what.
+        A sentence about each further image: at rest or deformed, and the values that show this.
     parts : tuple of Part
         The parts of the reference on which the settings were tried.
     smoothing_px : float
         Standard deviation of the smoothing before interpolation.
     left_out : int
-        Number of combinations that were left out, because their subset is narrower than three speckles, their
-        strain window does not fit into the parts, or the subsets do not find the pattern.
+        Number of combinations that were left out, because the subset is narrower than three speckles, the
+        strain window does not fit into the parts, or the subsets could not be correlated.
     narrowest_px : float
         Width of three speckles; narrower subsets were left out.
     region : ndarray of bool, shape (height, width)
@@ -125,7 +125,7 @@ class Study:
 
     @property
     def best(self) -> tuple[StudiedSettings, ...]:
-        """All settings by their strain error; those that lose more than 2 % of the points come last."""
+        """All settings, ordered by strain error; settings that lose more than 2 % of the points come last."""
         key = lambda each: (each.lost_share > LOST_SHARE, each.strain_error)  # noqa: E731
         return tuple(sorted(self.settings, key=key))
 
@@ -136,7 +136,7 @@ class Study:
 
     @property
     def front(self) -> tuple[StudiedSettings, ...]:
-        """The Pareto front: settings of which no other has less noise of strain at a finer resolution."""
+        """The Pareto front: no other settings have both less strain noise and a finer resolution."""
         found: list[StudiedSettings] = []
         usable = [each for each in self.settings if each.lost_share <= LOST_SHARE]
         for each in sorted(usable, key=lambda one: (one.resolution_px, root_of(one.strain_noise))):
@@ -145,13 +145,13 @@ class Study:
         return tuple(found)
 
     def limits_of_sweep(self) -> tuple[str, ...]:
-        """Name the settings whose recommended value is the widest or narrowest of the sweep."""
+        """Texts such as "widest subset" for recommended values at a limit of the sweep."""
         best = self.recommended
         values = {
             "subset": (best.correlation.subset_px, {e.correlation.subset_px for e in self.settings}),
             "window": (best.strain.window_points, {e.strain.window_points for e in self.settings}),
         }
-        # No subset is tried below three speckles, and a window has at least three points.
+        # Do not report a narrowest value below which a study cannot go: three speckles, three points.
         lowest = {"subset": max(7.0, self.narrowest_px + 4.0), "window": 3.0}
         return tuple(
             f"{'widest' if own == max(tried) else 'narrowest'} {name}"
@@ -160,7 +160,7 @@ class Study:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the result as a dict for JSON."""
+        """Return the study as a dict for JSON."""
         return {
             "period_px": self.wave.period_px,
             "across_period_px": None if self.wave.is_plane else self.wave.across_px,

@@ -1,4 +1,4 @@
-"""Recognise images of the specimen at rest, and estimate the wave of strain in an image of the loaded one."""
+"""Recognise images of the specimen at rest, and estimate the strain wave in an image of a loaded specimen."""
 
 import math
 from dataclasses import dataclass
@@ -17,17 +17,26 @@ from dic.typing import Float, Grey, Mask
 
 _MOVED_PX = 0.5
 _STRAINED = 3e-4
-"""Largest motion and largest strain or rotation, such as from a warming camera, of a specimen at rest."""
+"""Largest motion in px, and largest strain or rotation, of a specimen at rest, for example in the image of a
+camera that warms up.
+"""
 _SCATTER = 1.5
-"""Largest scatter of the displacements of a specimen at rest, relative to what white noise explains."""
+"""Largest scatter of the displacements of a specimen at rest, divided by the scatter that white noise
+causes.
+"""
 _NAMED_SCATTER = 4.0
-"""The same for an image that the user names: noise that the camera or the file format has smoothed scatters
-the displacements more than white noise does."""
+"""The same limit for an image that the user names as the image at rest. The limit is higher because smoothed
+noise, from the camera or the file format, scatters the displacements more than white noise.
+"""
 
 _PLANE = 0.25
-"""A strain whose wave number across its direction is below this fraction of that along it counts as plane."""
+"""A wave counts as plane if its wave number across the direction of the strain is below this fraction of its
+wave number along this direction.
+"""
 _LEAST_KEPT = 0.4
-"""Larger losses of amplitude are not corrected: little of the strain is left to conclude from."""
+"""Smallest share of the amplitude that the correction assumes to be left, because little strain does not
+allow a larger correction.
+"""
 _STRONGEST = 0.2
 _LONGEST = 50.0
 """Largest amplitude, and largest period in widths of the virtual strain gauge, of an estimated wave."""
@@ -53,7 +62,7 @@ class Motion:
 
     @classmethod
     def of(cls, field: Field) -> "Motion":
-        """Return the motion of a displacement field."""
+        """Return the mean motion, the strain and the scatter of a displacement field."""
         use = field.converged
         at = field.points.reshape(*use.shape, 2)[use]
         at = at - at.mean(axis=0)
@@ -67,11 +76,13 @@ class Motion:
 
     @property
     def at_rest(self) -> bool:
-        """True if the specimen has moved and deformed so little that the image shows it at rest."""
+        """True if the specimen moved and deformed so little that it counts as a specimen at rest."""
         return self.is_within(_SCATTER)
 
     def is_within(self, scatter: float) -> bool:
-        """Return True if motion, strain and scatter do not exceed those of a specimen at rest."""
+        """Return True if motion and strain are small enough for rest, and the scatter is at most the given
+        one.
+        """
         return self.moved_px <= _MOVED_PX and self.strained <= _STRAINED and self.scatter <= scatter
 
     def __str__(self) -> str:
@@ -82,14 +93,14 @@ class Motion:
 
 
 def motion_between(grey: Grey, other: Grey, region: Mask, settings: CorrelationSettings) -> Field:
-    """Return the displacement field by which an image at rest is recognised, with the default subset."""
+    """Correlate two images with the default subset; the field shows whether the specimen is at rest."""
     step_px = max(10, 2 * round(math.sqrt(np.count_nonzero(region) / 5000) / 2))
     used = CorrelationSettings(step_px=step_px, order=settings.order, smoothing_px=settings.smoothing_px)
     return Correlator(grey, region, used).correlate(other)
 
 
 def require_rest(motion: Motion, label: str) -> None:
-    """Raise an error if an image that is said to show the specimen at rest shows more than noise.
+    """Raise an error if the user named an image as one at rest, but it shows more than noise.
 
     Raises
     ------
@@ -109,10 +120,10 @@ def require_rest(motion: Motion, label: str) -> None:
 def wave_of(grey: Grey, deformed: Grey, region: Mask, settings: CorrelationSettings, label: str) -> Wave:
     """Return a wave that has the wave numbers and the mean square of the strain of a deformed image.
 
-    The strain is measured with the default subset and window. After its mean and its noise have been
-    subtracted, the mean square difference of neighbours gives its mean wave numbers along and across the
-    direction of the derivative. The mean square is corrected for the share of such a wave that the settings
-    keep. Of exx and eyy, the one with the larger mean square counts.
+    The strain is measured with the default subset and window. Its mean and its noise are subtracted. The mean
+    square difference of neighbouring points then gives the mean wave numbers along and across the direction
+    of the strain. The settings reduce the amplitude of such a wave, and the mean square is corrected for this
+    loss. The wave follows from exx or eyy, whichever has the larger mean square.
 
     Raises
     ------
@@ -144,7 +155,8 @@ def wave_of(grey: Grey, deformed: Grey, region: Mask, settings: CorrelationSetti
 
 
 def _waves(values: Float, std: Float, axis: int, filters: Filters) -> tuple[float, float, float] | None:
-    """Return the mean square of a strain and its wave numbers along and across, 1/px; None if it is noise."""
+    """Return mean square and wave numbers (along and across, rad/px) of a strain; None if it is only noise.
+    """
     variance = float(np.nanmean(std**2))
     values = values - np.nanmean(values)
     square = float(np.nanmean(values**2)) - variance
@@ -162,10 +174,11 @@ def _waves(values: Float, std: Float, axis: int, filters: Filters) -> tuple[floa
 
 
 def _phase(values: Float, axis: int, square: float, noise: float) -> float:
-    """Return the mean phase φ, rad, between neighbouring points of waves of a mean square s.
+    """Return the mean phase difference φ, rad, between neighbouring points of waves with mean square s.
 
-    The mean square of the difference of neighbours is 2 s (1 - cos φ), beside twice the variance `noise` that
-    the noise of the difference adds. Unlike the mean product, it does not depend on where the points end.
+    The mean square difference of neighbouring points is 2 s (1 - cos φ), plus a part 2 · `noise` that the
+    noise of the strain adds. The mean product of neighbours would depend on where the points end; the mean
+    square difference does not.
     """
     ahead = values.take(range(1, values.shape[axis]), axis)
     behind = values.take(range(values.shape[axis] - 1), axis)
@@ -174,5 +187,5 @@ def _phase(values: Float, axis: int, square: float, noise: float) -> float:
 
 
 def unreadable(label: str, error: MeasurementError) -> MeasurementError:
-    """Return an error that names the image which cannot be compared with the reference."""
+    """Return the same error, with the name of the image that cannot be compared with the reference."""
     return type(error)(label, error.step, error.expected, error.got, error.remedy)

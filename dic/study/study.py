@@ -1,4 +1,4 @@
-"""Study the settings: try combinations of settings on the user's own images."""
+"""Study settings: predict the errors of many combinations on the user's own images."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -27,12 +27,12 @@ from dic.study.windows import noise_factor_per_px
 from dic.typing import Grey, ImageLike, Mask, PathLike
 
 _COMPUTED = 50.0
-"""Number of independent values that the computed noise of strain is worth: it is exact within some 10 %."""
+"""Weight of the computed noise of strain, as a number of observed values; it is accurate to about 10 %."""
 
 
 @dataclass(frozen=True)
 class _Companions:
-    """What the further images contribute: an image at rest, and the wave of a deformed image."""
+    """The data from the further images: an image at rest, and the strain wave of a deformed image."""
 
     static: tuple[str, Grey] | None
     wave: tuple[str, Wave] | None
@@ -59,14 +59,14 @@ def study_settings(
     ----------
     reference : ndarray, shape (height, width), or path
     images : sequence of ndarray or path
-        Further images of the specimen. The first one that shows the specimen at rest gives the noise. Without
-        `wave`, the first other one gives the assumed strain.
+        Further images of the specimen. The first image that shows the specimen at rest gives the noise. If
+        `wave` is not given, the first other image gives the assumed strain.
     static : ndarray or path, optional
-        An image that shows the specimen at rest, and is not recognised but required to do so.
+        An image that must show the specimen at rest. If it does not, an error is raised.
     region : ndarray of bool, shape (height, width), or path, optional
         Region of interest. Default: the specimen, which is found by its speckles.
     wave : Wave, optional
-        The assumed strain. Default: that of a deformed image, or else ``Wave()``.
+        The assumed strain. Default: the strain of a deformed image if there is one, otherwise ``Wave()``.
     sweep : Sweep, optional
         The combinations of settings, and the number of parts of the region on which they are tried.
     settings : CorrelationSettings, optional
@@ -104,7 +104,7 @@ def study_settings(
     noise = min(noise_of_one(grey, mask), float(np.sqrt(np.mean(np.square(corners)))))
     narrowest_px = SPECKLES_PER_SUBSET * _speckle_px(grey, mask, noise)
     second = companions.static[1] if companions.static else None
-    # A single part is tried with both phases of the wave.
+    # If there is only one part, try it twice, with waves whose phases differ.
     numbered = enumerate(parts if len(parts) > 1 else (*parts, *parts))
     trials = [trial_images((grey, second), mask, part, used, noise, number) for number, part in numbered]
     studied = [
@@ -131,7 +131,7 @@ def _companions(
     settings: CorrelationSettings,
     wanted_wave: bool,
 ) -> _Companions:
-    """Recognise each further image as one at rest or one of the deformed specimen."""
+    """Decide for each further image whether it shows the specimen at rest or deformed."""
     static: tuple[str, Grey] | None = None
     wave: tuple[str, Wave] | None = None
     notes: list[str] = []
@@ -178,11 +178,11 @@ def _studied(
 
 
 def _tried(trials: Sequence[TrialImages], settings: CorrelationSettings) -> list[Trial]:
-    """Return the trials of all parts; none if a part cannot be correlated with these settings."""
+    """Return the trials of all parts; an empty list if a part cannot be correlated with these settings."""
     try:
         return [tried(each, settings) for each in trials]
     except CorrelationError:
-        # Too small a subset finds no pattern in noise, too large a one no place: such settings drop out.
+        # Leave these settings out: the subset is too small to find the pattern, or too large for the part.
         return []
 
 
@@ -214,11 +214,11 @@ def _strain_noise(
     noise_px: tuple[float, float],
     factor: float,
 ) -> tuple[float, float]:
-    """Return the noise of exx and eyy: the mean of an observed and a computed variance.
+    """Return the noise of exx and eyy: the root of a weighted mean of an observed and a computed variance.
 
-    The computed variance follows from the noise of the displacements. The mean is weighted by the numbers of
-    independent values: the observed variance counts the virtual strain gauges that lie side by side in the
-    parts, and the computed one, which assumes a uniform texture, counts as much as `_COMPUTED` of them.
+    The computed variance follows from the noise of the displacements, for a uniform texture. The weight of
+    the observed variance is the number of virtual strain gauges that fit side by side into the parts. The
+    weight of the computed variance is `_COMPUTED`.
     """
     observed = [each.strain_noise(step_px, strain) for each in trials]
     gauge_px = strain.gauge_px(trials[0].settings)
@@ -232,14 +232,14 @@ def _strain_noise(
 
 
 def _speckle_px(grey: Grey, region: Mask, noise: float) -> float:
-    """Return the size of the speckles, the larger one of those along x and along y."""
+    """Return the size of the speckles, px: along x or along y, whichever is larger."""
     pattern = even_light(grey, region)
     sizes = [speckle_size(autocovariance(pattern, region, noise, axis)) for axis in (0, 1)]
     return max(size for size in sizes if np.isfinite(size)) if np.isfinite(sizes).any() else 0.0
 
 
 def _odd(width_px: float) -> int:
-    """Return the next odd number."""
+    """Return the smallest odd number that is at least `width_px`."""
     return int(np.ceil(width_px)) | 1
 
 

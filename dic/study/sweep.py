@@ -1,4 +1,4 @@
-"""The combinations of settings that a study compares."""
+"""The lists of values from which a study makes its combinations of settings."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ _MOST_PARTS = 64
 
 @dataclass(frozen=True)
 class Sweep:
-    """Values of four settings; a study compares all their combinations.
+    """Lists of values for four settings; a study compares all combinations of these values.
 
     Attributes
     ----------
@@ -24,12 +24,12 @@ class Sweep:
     shapes : tuple of str
         Shape functions, "affine" and "quadratic".
     parts : int
-        Largest number of parts of a large region on which the combinations are tried.
+        Largest number of parts of the region on which the combinations are tried.
 
     Raises
     ------
     CorrelationError
-        If a value is not allowed, or if there are no or too many combinations.
+        If a value is not allowed, or if there is no combination or too many.
     """
 
     subsets_px: tuple[int, ...] = (15, 21, 31, 41, 51, 61, 81)
@@ -72,10 +72,9 @@ class Sweep:
         return len(self.shapes) * len(self.subsets_px) * len(self.steps_px) * len(self.windows_points)
 
     def measured_with(self, step_px: int) -> int:
-        """Return the step with which points are measured: the smallest one of the sweep that divides a step.
+        """Return the smallest step of the sweep that divides `step_px`; points are correlated at this step.
 
-        The points of the wider step are then some of the measured points, and need no correlation of their
-        own.
+        The points of the step `step_px` are then a part of these points, so they need no further correlation.
         """
         return min(step for step in self.steps_px if step_px % step == 0)
 
@@ -86,7 +85,7 @@ class Sweep:
 
     @property
     def measured_steps_px(self) -> tuple[int, ...]:
-        """The steps with which points are measured."""
+        """The steps at which points are correlated; see `measured_with`."""
         return tuple(sorted({self.measured_with(step) for step in self.steps_px}))
 
 

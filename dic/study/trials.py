@@ -1,8 +1,8 @@
-"""Try one combination of subset and shape function on parts of the user's image.
+"""Tries one combination of subset and shape function on a part of the user's image.
 
-The systematic error comes from a pattern without noise and its deformed copy. The noise comes from a pair of
-images at rest, or from the same two pictures with drawn noise: its effect is the difference of the
-displacements with and without noise.
+The systematic error is measured on a pattern without noise and its deformed copy. The effect of noise is
+measured on a pair of images at rest. Without such a pair, noise is drawn and added to the pattern and its
+copy; the effect of noise is then the difference of the displacements with and without noise.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,10 +22,10 @@ from dic.study.windows import window_strain
 from dic.typing import Float, Grey, Indices, Mask
 
 EDGE_PX = 6
-"""Subsets keep this distance from the edge of a part, where the reflected pattern has a kink."""
+"""Least distance of subsets from the edge of a part, because the reflected pattern has a kink at the edge."""
 
 _FEWEST_WINDOWS = 16
-"""Complete strain windows that a part must hold for a statement about a setting."""
+"""Least number of complete strain windows in a part; with fewer, the strain error is not computed."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class TrialImages:
     clean : tuple of ndarray
         Pattern without noise, before and after the deformation.
     noisy : tuple of ndarray
-        The same with noise, or two images of the specimen at rest.
+        The same two images with noise, or two images of the specimen at rest.
     region : ndarray of bool, shape (height, width)
         The region within the part.
     phases : tuple of float
@@ -60,8 +60,8 @@ def trial_images(
 ) -> TrialImages:
     """Return the images of a part, with phases that depend on its number.
 
-    The phases of the parts differ by 90°. Together, such waves have every strain about equally often, also if
-    a part is smaller than their period.
+    The phases of the parts differ by 90°. So all parts together contain every strain of the wave about
+    equally often, even if a part is smaller than the period of the wave.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def trial_images(
     pattern = Pattern.of(own, noise)
     y, x = np.mgrid[: own.shape[0], : own.shape[1]].astype(np.float64)
     from_x, from_y = wave.origin(x, y, phases)
-    # A plane wave moves whole rows and columns of pixels.
+    # A plane wave moves whole rows and columns of pixels, for which `draw` is faster than `draw_at`.
     moved = pattern.draw(from_y[:, 0], from_x[0]) if wave.is_plane else pattern.draw_at(from_y, from_x)
     clean = pattern.draw(y[:, 0], x[0]), moved
     if second is None:
@@ -105,7 +105,8 @@ class Trial:
     x_px, y_px : ndarray of int, shapes (columns,) and (rows,)
         Points in the part.
     uv_px : ndarray, shape (2, rows, columns)
-        Displacements that the pattern without noise gives; NaN where a subset is not whole or has failed.
+        Displacements measured on the pattern without noise; NaN if the subset is not whole or failed to
+        correlate.
     noise_px : ndarray, shape (2, rows, columns)
         Errors of the displacements that noise causes.
     settings : CorrelationSettings
@@ -123,22 +124,22 @@ class Trial:
     lost: tuple[int, int]
 
     def bias_px(self) -> Float:
-        """Return the systematic errors of the displacements, shape (2, n)."""
+        """Return the systematic errors of the displacements u and v at n points, shape (2, n)."""
         x, y = self._places(1)
         true = self.images.wave.displacement_px(x, y, self.images.phases)
         return _known(self.uv_px - true)
 
     def strain_noise(self, step_px: int, strain: StrainSettings) -> Float:
-        """Return the errors of exx and eyy that noise causes, for a multiple of the step, shape (2, n)."""
+        """Return the errors of exx and eyy due to noise, at n points `step_px` apart, shape (2, n)."""
         every = step_px // self.settings.step_px
         u, v = self.noise_px[:, ::every, ::every]
-        # The noise is so small that the strain is linear in it, whatever its measure.
+        # The noise is small, so strain of any measure is linear in the noise; compute it as small strain.
         return _known(window_strain(u, v, step_px, replace(strain, measure="small")))
 
     def strain_bias(self, step_px: int, strain: StrainSettings) -> Float:
-        """Return the systematic errors of exx and eyy for a multiple of the step, shape (2, n).
+        """Return the systematic errors of exx and eyy, at n points `step_px` apart, shape (2, n).
 
-        The result is empty if the part holds too few complete windows.
+        The result is empty if the part contains too few complete strain windows.
         """
         every = step_px // self.settings.step_px
         u, v = self.uv_px[:, ::every, ::every]
@@ -148,7 +149,7 @@ class Trial:
         return errors if errors.shape[1] >= _FEWEST_WINDOWS else errors[:, :0]
 
     def _places(self, every: int) -> tuple[Float, Float]:
-        """Return the coordinates x and y of the points, or of some of them, shape (rows, columns)."""
+        """Return x and y of every `every`-th point in each direction, each of shape (rows, columns)."""
         x, y = np.meshgrid(self.x_px[::every].astype(np.float64), self.y_px[::every].astype(np.float64))
         return x, y
 
@@ -159,7 +160,7 @@ def tried(images: TrialImages, settings: CorrelationSettings) -> Trial:
     Raises
     ------
     CorrelationError
-        If the part holds no subset, or if the images do not match.
+        If the part is too small for a subset, or if the images do not match.
     """
     clean, whole = _correlated(images.clean, images.region, settings)
     noisy, _ = _correlated(images.noisy, images.region, settings)
@@ -181,7 +182,7 @@ def rms(parts: Sequence[Float]) -> tuple[float, float]:
 
 
 def _correlated(pair: tuple[Grey, Grey], region: Mask, settings: CorrelationSettings) -> tuple[Field, Mask]:
-    """Return the field of two images, and the points whose subset is whole and far from the part's edge."""
+    """Return the field of two images, and a mask of points with whole subsets far from the part's edge."""
     reference, deformed = pair
     correlator = Correlator(reference, region, settings)
     field, grid = correlator.correlate(deformed), correlator.grid
@@ -197,7 +198,7 @@ def _displacements(field: Field, whole: Mask) -> Float:
 
 
 def _without_plane(uv_px: Float) -> Float:
-    """Return displacements without a rigid motion and a uniform strain, such as those of a warming camera."""
+    """Subtract a rigid motion and a uniform strain, which a warming camera causes, from displacements."""
     rows, columns = np.mgrid[: uv_px.shape[1], : uv_px.shape[2]].astype(np.float64)
     known = np.isfinite(uv_px[0])
     if np.count_nonzero(known) <= 3:

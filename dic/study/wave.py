@@ -15,7 +15,9 @@ Phases = tuple[float, float]
 """The phases φ and ψ of a wave, rad."""
 
 _ITERATIONS = 60
-"""Each iteration of `Wave.origin` reduces the error by the largest displacement gradient or more."""
+"""Number of iterations of `Wave.origin`; each multiplies the error by at most the largest displacement
+gradient.
+"""
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ class Wave:
 
     @property
     def is_plane(self) -> bool:
-        """True if the strain varies in its own direction only."""
+        """True if the strain varies only along its own direction: exx along x, eyy along y."""
         return math.isinf(self.across_px)
 
     @property

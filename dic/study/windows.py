@@ -1,8 +1,9 @@
-"""Local strain at points whose strain window is complete, and its noise relative to that of displacements.
+"""Computes local strain in complete strain windows, and its noise relative to the displacement noise.
 
 On a complete window of a regular grid, the fitted slope is a sum of displacements with fixed weights: the
-slope along one axis times the mean along the other (A. Savitzky, M. J. E. Golay, Analytical Chemistry 36
-(1964) 1627-1639). A study computes it for many settings, so it does not fit each window anew.
+weights of a slope along one axis times those of a mean along the other (A. Savitzky, M. J. E. Golay,
+Analytical Chemistry 36 (1964) 1627-1639). A study computes strain for many settings, so it uses these weights
+instead of a fit in each window.
 """
 
 from functools import cache
@@ -33,7 +34,7 @@ def window_strain(u_px: Float, v_px: Float, step_px: int, strain: StrainSettings
     Returns
     -------
     ndarray, shape (2, rows, columns)
-        NaN where a window is not complete.
+        The strains exx and eyy; NaN at points whose window is not complete.
     """
     gradient = np.full((*u_px.shape, 2, 2), np.nan)
     window = strain.window_points
@@ -46,7 +47,7 @@ def window_strain(u_px: Float, v_px: Float, step_px: int, strain: StrainSettings
 
 
 def _slope(values: Float, axis: int, window: int) -> Float:
-    """Return the slopes per point along one axis of the planes through all complete windows."""
+    """Return the slope along `axis`, per point, of the plane fitted in each complete window."""
     offset = np.arange(window) - window // 2
     parts = np.lib.stride_tricks.sliding_window_view(values, window, axis=axis)
     slopes = parts @ (offset / (offset @ offset))
@@ -56,7 +57,7 @@ def _slope(values: Float, axis: int, window: int) -> Float:
 
 @cache
 def noise_factor_per_px(correlation: CorrelationSettings, strain: StrainSettings) -> float:
-    """Return the standard deviation of exx in a complete window per standard deviation of u, 1/px.
+    """Return the standard deviation of exx in a complete window divided by that of u, 1/px.
 
     The factor contains the correlation between the errors of overlapping subsets.
     """
