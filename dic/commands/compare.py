@@ -21,9 +21,15 @@ _HEADINGS = ("points", "mean", "rms", "5 %", "median", "95 %", "largest")
 @click.command()
 @click.argument("results", type=_PATH)
 @click.argument("peer", type=_PATH)
-@click.option("--image", type=int, help="Number of the image in RESULTS, from 1. Default: the only one.")
+@click.option("--image", type=int, help="Number of the image in RESULTS, from 1. Default: the only image.")
 @click.option("--camera", help="Camera of a run. Default: the only camera of the run.")
-@click.option("--peer-image", type=int, default=1, show_default=True, help="Image in a file of Ncorr.")
+@click.option(
+    "--peer-image",
+    type=int,
+    default=1,
+    show_default=True,
+    help="Number of the image in PEER, from 1, for Ncorr.",
+)
 @click.option(
     "--peer-strain", help="Strain measure of a file of OpenCorr: small or green-lagrange. Default: small."
 )

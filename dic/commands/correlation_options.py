@@ -39,7 +39,7 @@ gauges_option = click.option(
     "--gauges",
     "gauges_file",
     type=click.Path(path_type=Path),
-    help="TOML file of gauges to read in each image; with --csv also into gauges.csv, with --json into it.",
+    help="TOML file of gauges to read in each image. --csv and --json then also write the readings.",
 )
 comma_option = click.option(
     "--decimal-comma",

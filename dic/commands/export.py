@@ -19,7 +19,7 @@ _PATH = click.Path(path_type=Path)
 @click.option("-o", "--output", type=_PATH, required=True, help="Folder; each format gets a folder in it.")
 @click.option("--camera", help="Camera of a run. Default: all cameras.")
 @comma_option
-@click.option("--json", "json_file", type=_PATH, help="JSON file of what was written.")
+@click.option("--json", "json_file", type=_PATH, help="JSON file of the list of written images.")
 @FORCE
 def export(
     results: Path,

@@ -79,6 +79,6 @@ field_options = option_group(
         metavar="TEXT",
         help="A gauge as text, as in `dic gauges --gauge`.",
     ),
-    click.option("--gauge", help="Name of the gauge along the specimen. Default: the first one."),
+    click.option("--gauge", help="Name of the gauge along the specimen. Default: the first gauge."),
     click.option("--transverse-gauge", help="Name of the gauge across the specimen."),
 )

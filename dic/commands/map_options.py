@@ -171,7 +171,7 @@ map_group = option_group(
         "colours",
         default="viridis",
         show_default=True,
-        help="Range of colours: viridis, cividis, inferno, grey, or diverging (white at zero).",
+        help="Colour scale: viridis, cividis, inferno, grey, or diverging (white at zero).",
     ),
     click.option("--map-width-mm", "width_mm", default=250.0, show_default=True, help="Width of a picture."),
     click.option(

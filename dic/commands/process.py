@@ -82,7 +82,9 @@ class MotionOptions:
         help="Alignment file of a camera, from an earlier rotation on the same fixture. May be repeated.",
     ),
     click.option(
-        "--save-alignment", type=_FILE, help="Folder for JSON files of the alignments that a rotation gives."
+        "--save-alignment",
+        type=_FILE,
+        help="Folder for a JSON file of each camera's alignment, solved from a rotation.",
     ),
 )
 @option_group(

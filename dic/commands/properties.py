@@ -87,7 +87,9 @@ class StrainChoice:
 @option_group(
     "choice",
     StrainChoice,
-    click.option("--kind", "strain_kind", help="raw, calibrated or corrected. Default: the best there is."),
+    click.option(
+        "--kind", "strain_kind", help="Strain: raw, calibrated or corrected. Default: the best kind."
+    ),
     click.option("--camera", help="Camera of a run."),
 )
 @record_options

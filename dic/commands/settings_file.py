@@ -161,7 +161,7 @@ settings_option = click.option(
     is_eager=True,
     expose_value=False,
     callback=_use,
-    help="Settings file, TOML, such as `dic settings` writes. Options on the command line win over it.",
+    help="Settings file, TOML, such as `dic settings` writes. The command line has priority.",
 )
 """The option that reads a settings file before all other options."""
 

@@ -79,7 +79,7 @@ def mapped(homography: Float, points: Float) -> Float:
 
 
 def _homography(points_px: Float, position_mm: Float) -> Float | None:
-    """Return the best homography from pixels to millimetres; None if the points do not determine it.
+    """Return the least squares homography from pixels to mm; None if the points do not determine it.
 
     The homography rectifies the picture. It leaves out the lens distortion, because the distortion does not
     shift points visibly.

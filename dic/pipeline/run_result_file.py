@@ -153,8 +153,8 @@ def _steps_of(result: RunResult) -> Iterator[CorrectedStep]:
 def load_run_result(path: PathLike) -> RunResult:
     """Read the result file of a run. Stored values are not computed again.
 
-    The file stays open. The fields of a step are read from it when they are used, so a long run need not fit
-    into memory.
+    The file stays open. The fields of a step are read from the file when they are used, so a long run need
+    not fit into memory.
 
     Files of earlier versions lack some values, which are computed when the file is read. Result files do not
     store the gradients and the errors of calibrated displacements. `dic.measure` computes these gradients and

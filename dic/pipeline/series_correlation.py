@@ -34,7 +34,7 @@ class SeriesCorrelation:
     hint : ndarray, shape (3, 3), or None
         The expected motion of every image.
     kept : Unfinished or None
-        The folder of finished images, within `keeping`.
+        The folder of finished images; not None only inside the `with` block of `keeping`.
     known : SeriesResult or None
         After `look_up`: a result file that holds the fields of all images.
     begun : SeriesResult or None

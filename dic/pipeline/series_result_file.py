@@ -118,8 +118,8 @@ def is_series_result(path: PathLike) -> bool:
 def load_series_result(path: PathLike) -> SeriesResult:
     """Read the result file of `dic correlate`. Nothing is computed again.
 
-    The file stays open. The fields of an image are read from it when they are used, so a long series need not
-    fit into memory.
+    The file stays open. The fields of an image are read from the file when they are used, so a long series
+    need not fit into memory.
 
     Raises
     ------

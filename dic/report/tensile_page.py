@@ -156,7 +156,7 @@ def _about(test: TensileTest) -> list[tuple[str, str]]:
 
 
 def _lengths(test: TensileTest, name: str) -> str:
-    """Return the precise gauge lengths that were found in the images of all cameras, as text."""
+    """Return the gauge lengths between the measured points, in all images and cameras, as text."""
     found = set()
     for image in test.series.images:
         if name in image.readings:
