@@ -132,7 +132,7 @@ class Campaign:
 
     @cached_property
     def groups(self) -> list[Group]:
-        """The group of all specimens, and with several directions each direction with two or more specimens."""
+        """The group of all specimens, and a group for each direction that has two or more, but not all."""
         whole = self._group(None)
         apart = [self._group(direction) for direction in self.directions_deg]
         return [whole, *(group for group in apart if 1 < len(group.names) < len(whole.names))]

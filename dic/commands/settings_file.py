@@ -89,8 +89,8 @@ def read_settings(path: Path) -> dict[str, Any]:
     Raises
     ------
     CorrelationError
-        If the file cannot be read, or has unknown keys or values of a wrong type. The message names all of
-        them together.
+        If the file cannot be read, or has unknown keys or values of a wrong type. The message names all
+        mistakes together.
     """
     try:
         content = tomllib.loads(read_text(path))

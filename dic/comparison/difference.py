@@ -99,7 +99,7 @@ class Comparison:
 
 
 def compare(measurement: Measurement, peer: PeerField) -> Comparison:
-    """Compare raw displacements and strains with those of another program.
+    """Compare the raw displacements and strains of an image with the results of another program.
 
     The measurement is interpolated bilinearly to the other program's points, each between the four grid
     points around it. All four must have a value, and the region must be without a gap between them. A point

@@ -42,7 +42,7 @@ def sums_at_places(position: Float, valid: Mask, places: Float) -> Float:
     Parameters
     ----------
     position : ndarray, shape (places, m, 2)
-        Points around each place; those that are `valid` do not lie on one line.
+        Points around each place. The points of a place that are `valid` must not lie on one line.
     valid : ndarray of bool, shape (places, m)
         The weights of other points are 0.
     places : ndarray, shape (places, 2)

@@ -96,7 +96,7 @@ def draw_contact_sheet(
         Number of all images of the series.
     settings : MapSettings
     scale : mapping
-        Lower and upper end of the colours of each quantity.
+        Lower and upper end of the colour scale of each quantity.
     """
     if not images:
         raise CorrelationError("contact sheet", "draw", "at least one measured image", "none", "measure one")

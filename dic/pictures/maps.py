@@ -45,7 +45,7 @@ def write_maps(
         calibrated ones.
     settings : MapSettings, optional
     scale : mapping, optional
-        Lower and upper end of the colours of each quantity, for example from `dic.map_scale`. Default: the
+        Lower and upper end of the colour scale of each quantity, for example from `dic.map_scale`. Default: the
         1st to the 99th percentile of this image.
 
     Raises

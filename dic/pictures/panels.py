@@ -137,7 +137,7 @@ def _raw_strain(measurement: Measurement) -> StrainField:
 
 
 Scale = Mapping[str, tuple[float, float]]
-"""Lower and upper end of the colours of each quantity."""
+"""Lower and upper end of the colour scale of each quantity."""
 
 
 def widened(scale: Scale, maps: Maps) -> Scale:

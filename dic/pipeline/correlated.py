@@ -135,7 +135,7 @@ def series_job(series: Series, reference: str, incremental: str) -> dict[str, An
 
 
 _MOST_BYTES = 2**36
-"""A larger file is not read as a whole to compute its digest, even if it is a stack of images: 64 GiB."""
+"""Largest file (64 GiB) that is read as a whole to compute a digest, even if it is a stack of images."""
 
 
 class FileDigests:

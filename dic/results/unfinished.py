@@ -230,7 +230,7 @@ def unfinished(
     Parameters
     ----------
     result : Path
-        The result file of the measurement. The folder is beside it.
+        The result file of the measurement. The folder of finished images is made beside this file.
     job : mapping
         Everything except the images that determines the results, as values for JSON.
     outputs : iterable of Path

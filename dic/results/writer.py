@@ -102,8 +102,8 @@ class ResultWriter:
         correction : Correction, optional
             The correction of the measurement. Give a correction for every image of a series, or for none.
         elsewhere : bool
-            True if the corrected displacements and strains are stored in another group of the file. They are
-            not stored twice, because they take most of the space in the file.
+            True if the corrected displacements and strains are stored in another group of the file. Corrected
+            fields are not stored twice, because they take most of the space in the file.
         """
         with self._room():
             group = self._file.get(place)

@@ -155,7 +155,7 @@ def wave_of(grey: Grey, deformed: Grey, region: Mask, settings: CorrelationSetti
 
 
 def _waves(values: Float, std: Float, axis: int, filters: Filters) -> tuple[float, float, float] | None:
-    """Return mean square and wave numbers (along and across, rad/px) of a strain; None if it is only noise."""
+    """Return mean square and wave numbers (along and across, rad/px) of a strain; None if only noise."""
     variance = float(np.nanmean(std**2))
     values = values - np.nanmean(values)
     square = float(np.nanmean(values**2)) - variance
