@@ -27,7 +27,8 @@ class Scatter:
         Standard deviation between the specimens, with n - 1 in the divisor; None for fewer than two values.
     standard_error : float or None
         Standard deviation of the mean, computed from the scatter: `std_between` divided by the square root of
-        n. It does not contain errors that are common to all specimens, such as the error of the load cell.
+        n. The standard error does not contain errors that are common to all specimens, such as the error of
+        the load cell.
     stated_std : float or None
         Root mean square of the stated standard deviations of the values; None if a value has none. If
         `std_between` is much larger than `stated_std`, the specimens differ. Otherwise the measurement alone

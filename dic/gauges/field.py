@@ -21,10 +21,10 @@ class GaugeField:
     Attributes
     ----------
     displacement : Displacement
-        The displacements. They have the errors that the images cause, if these errors are known.
+        The displacements. The displacements have the errors that the images cause, if these errors are known.
     common_noise : ndarray, shape (3, 3)
-        Covariance of errors of exx, eyy, exy that are the same at all points. Their cause is the noise of
-        this image, which changes the correction.
+        Covariance of errors of exx, eyy, exy that are the same at all points. The noise of this image causes
+        these errors, because it changes the correction.
     shared : ndarray, shape (3, 3)
         Covariance of errors of exx, eyy, exy that are the same at all points and have other causes: the
         calibration, and motion out of the grid's plane.
@@ -44,9 +44,9 @@ def fields_of(
     """Return the available fields of an image, keyed by kind: "raw", "calibrated" and "corrected".
 
     Result files contain no errors of calibrated displacements. The function computes these errors from the
-    errors of the displacements in pixels, and from the calibration. It uses the errors of calibrated
-    displacements also for corrected ones: motion out of the plane changes the image scale so little that the
-    change of the errors is below their uncertainty.
+    errors of the displacements in pixels, and from the calibration. The function uses the errors of
+    calibrated displacements also for corrected displacements: motion out of the plane changes the image scale
+    so little that the change of the errors is below their uncertainty.
 
     Parameters
     ----------

@@ -81,7 +81,7 @@ def mapped(homography: Float, points: Float) -> Float:
 def _homography(points_px: Float, position_mm: Float) -> Float | None:
     """Return the least squares homography from pixels to mm; None if the points do not determine it.
 
-    The homography rectifies the picture. It leaves out the lens distortion, because the distortion does not
+    The homography rectifies the picture. The homography does not contain the lens distortion, which does not
     shift points visibly.
     """
     import cv2

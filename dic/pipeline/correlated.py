@@ -72,8 +72,8 @@ def correlate_series(
     series : Series
     images : iterable of ndarray, path or SeriesImage
     finished : FinishedImages, optional
-        The images that were finished before. They are not correlated again. Every other image is added after
-        its correlation. All images must have digests.
+        The images that were finished before. These images are not correlated again. Every other image is
+        added after its correlation. All images must have digests.
     before : sequence of FinishedImage
         The outcomes of the first images of the series, from a result file. All these images must have been
         correlated with the first reference.

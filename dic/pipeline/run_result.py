@@ -52,8 +52,8 @@ class RunResult:
     def series(self, camera: str) -> MeasuredSeries:
         """Return a camera's results in the form that `measure_images` returns.
 
-        Each step has its best correction. This is the correction by two cameras together, if the step has
-        such a correction; otherwise it is the correction by this camera alone.
+        Each step has its best correction. The best correction is the correction by two cameras together, if
+        the step has such a correction; otherwise it is the correction by this camera alone.
 
         Parameters
         ----------

@@ -36,7 +36,7 @@ class SeriesFiles:
     Attributes
     ----------
     folders : list of path
-        Folders for tables and maps. They need not exist before `make_folders` is called.
+        Folders for tables and maps. The folders need not exist before `make_folders` is called.
     """
 
     def __init__(

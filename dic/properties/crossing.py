@@ -21,7 +21,7 @@ class Crossing:
     point : int
         First point beyond the line.
     std_mpa : float
-        Standard deviation of the stress. Its cause is that the curve between its points is not known.
+        Standard deviation of the stress. It is not zero because the curve between its points is not known.
     """
 
     stress_mpa: float

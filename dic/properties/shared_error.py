@@ -34,8 +34,8 @@ def with_shared_error(
         Error of the transverse strain. The first column is the change of the transverse strain, with its
         sign, when the error of the axial strain is one standard deviation. The second column is the standard
         deviation of the independent part. Without this argument, the transverse strain has no such error.
-        Example: a shift towards the camera adds the same error to both strains. It changes Poisson's ratio by
-        (1 + ν) times the relative error of the axial strain.
+        Example: a shift towards the camera adds the same error to both strains. The shift changes Poisson's
+        ratio by (1 + ν) times the relative error of the axial strain.
     """
     elastic = found.elastic
     curve = found.record.curve

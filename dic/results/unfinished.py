@@ -58,7 +58,7 @@ class FinishedImage:
     content : str
         The result of `dic.results.job.content_of`; "" if it is not known.
     time : ImageTime
-        When the image was taken. It is not written to the folder of finished images.
+        When the image was taken. The time is not written to the folder of finished images.
     """
 
     label: str

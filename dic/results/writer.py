@@ -27,7 +27,7 @@ from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField
 
 
 class ResultWriter:
-    """A writer that appends measurements to a file one by one. It keeps no fields in memory.
+    """A writer that appends measurements to a file one by one. The writer keeps no fields in memory.
 
     Parameters
     ----------

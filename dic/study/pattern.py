@@ -11,7 +11,7 @@ result has the same power as the pattern without noise, and waves that consist o
 remaining waves, the noise has slightly changed amplitude and phase. Therefore the result is not the exact
 pattern, but a pattern of the same kind with the same contrast and slopes.
 
-The deformed pattern is the sum of the cosines, evaluated at the displaced places. This is the exact
+The deformed pattern is the sum of the cosines, evaluated at the displaced places. Such a sum is the exact
 interpolation of a band-limited image that is continued beyond its edges by reflection. The splines of the
 correlation are not used.
 """
