@@ -56,8 +56,8 @@ def list_images(*sources: PathLike) -> list[Path]:
     A folder gives all its image files. A pattern such as ``img*.tif`` gives the files that match it. The
     files of a folder or pattern are in the natural order of their names (img2 before img10). A TIFF file of
     several pages gives all its pages, ``stack.tif#1``, ``stack.tif#2`` and so on, except smaller copies of
-    pages. A video gives all its frames, ``test.avi#1`` and so on. A shell lists names in alphabetical order
-    (img1, img10, img2); given names in this order are also put in natural order.
+    pages. A video gives all its frames, ``test.avi#1`` and so on. Sources in alphabetical order (img1, img10,
+    img2), as a shell lists them, are also put in natural order.
 
     Parameters
     ----------

@@ -145,7 +145,10 @@ def curved(sight: Sight, plane: Plane, curvatures: Float) -> Float:
 
 
 def by_plane(calibrated_mm: Float, centre_mm: Float, plane: Plane) -> Float:
-    """Return the derivative of positions on a plane by slope x, slope y and shift (mm), shape (n, 2, 3)."""
+    """Return derivatives of positions on a plane, shape (n, 2, 3).
+
+    The columns are derivatives with respect to slope x, slope y and shift (mm).
+    """
     at = np.array([plane.slope_x, plane.slope_y, plane.shift_mm])
     sides = [
         (

@@ -205,7 +205,7 @@ def _mapped_by(calibration: Calibration) -> Model:
 
 
 def by_centre(estimate: Callable[[Float], Float], centre_mm: Float) -> Float:
-    """Return the derivative of estimates (p,) by the camera's centre (X, Y, Z), per mm, shape (p, 3)."""
+    """Return the changes (p, 3) of estimates (p,) per mm of change of the camera's centre (X, Y, Z)."""
     step = _STEP * centre_mm[2]
     columns = []
     for shift in step * np.eye(3):

@@ -35,7 +35,7 @@ class Model:
     estimate : ndarray, shape (k,)
         Estimate of the parameters; the prior mean for free parameters.
     gain : ndarray, shape (k, p)
-        Derivative of the estimate by the data y; 0 for free parameters.
+        Derivative of the estimate with respect to the data y; 0 for free parameters.
     misfit : float
         Sum of the squares of the residuals and of the parameters, divided by their standard deviations.
     """

@@ -74,7 +74,7 @@ class JointSystem:
         )
 
     def weights(self) -> tuple[Float, Float]:
-        """Return the derivatives of the eleven estimates by the measured displacements, for each camera.
+        """Return the weight of each measured displacement in the eleven estimates, for each camera.
 
         The docstring of the class names the estimates. Both arrays have the shape (points, 2, 11).
         """
@@ -98,7 +98,7 @@ class JointSystem:
         return to_first, to_second.reshape(-1, 2, 11)
 
     def by_centres(self) -> Float:
-        """Return the derivative of the eleven estimates by both camera centres, per mm, shape (11, 6)."""
+        """Return the changes (11, 6) of the eleven estimates per mm of change of both camera centres."""
         first, second = self.centres_mm
         return np.hstack(
             [
@@ -176,7 +176,10 @@ class JointSolution:
 
 
 def _by_plane(after_mm: Float, centre_mm: Float, plane: Plane) -> Float:
-    """Return the derivative of positions on a plane by slope x, slope y and shift (mm), shape (n, 2, 3)."""
+    """Return derivatives of positions on a plane, shape (n, 2, 3).
+
+    The columns are derivatives with respect to slope x, slope y and shift (mm).
+    """
     at = np.array([plane.slope_x, plane.slope_y, plane.shift_mm])
     sides = [
         (Plane(*(at + step)).within(after_mm, centre_mm) - Plane(*(at - step)).within(after_mm, centre_mm))

@@ -105,7 +105,7 @@ class Linearised:
         return cls(plane, polynomial, data, columns, strain_along(gradient, along)[0])
 
     def models(self, expected: Expectations) -> list[Model]:
-        """Return the probable models; their gains are derivatives by the polynomial's coefficients."""
+        """Return the probable models. Their gains are the derivatives ∂/∂(coefficients of the polynomial)."""
         white = _whitening(self._noise)
         # The slopes since the reference are expected to be 0. So the expected change of the present plane is
         # minus its slopes.

@@ -86,7 +86,7 @@ class Plane:
         return np.asarray((met - [0.0, 0.0, self.shift_mm]) @ self.axes.T)
 
     def jacobian(self, calibrated_mm: Float, centre_mm: Float) -> Float:
-        """Return the derivative of `within` by the calibrated points, shape (…, 2, 2)."""
+        """Return the derivative of `within` with respect to the calibrated points, shape (…, 2, 2)."""
         denominator = self._denominator(calibrated_mm, centre_mm)
         reach = self._numerator(centre_mm) / denominator
         to_grid = _in_space(calibrated_mm) - centre_mm

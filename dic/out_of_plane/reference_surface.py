@@ -129,7 +129,7 @@ class _View:
         return np.asarray((self.at_mm - self.centre_mm[:2]) / self.centre_mm[2])
 
     def slopes(self, height_mm: Float) -> Float:
-        """Derivative of the true position (without the height's shift) by the errors, shape (n, 2, q)."""
+        """Derivative ∂/∂errors of the true position (without the height's shift), shape (n, 2, q)."""
         toward = self.of_centre[:2] + self.rise[:, :, None] * self.of_centre[2]
         away = (self.of_map - toward) / self.centre_mm[2]
         return np.asarray(self.of_map - height_mm[:, None, None] * away)

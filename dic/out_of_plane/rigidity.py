@@ -222,7 +222,7 @@ class _Solved:
 
 
 def _to_strain(gradients: Float) -> Float:
-    """Return the derivative of each step's strains xx, yy, xy by its gradient, shape (steps, 3, 4)."""
+    """Return the derivative (steps, 3, 4) of each step's strains xx, yy, xy with respect to its gradient."""
     return np.array([by_gradient(G) for G in gradients])
 
 
@@ -233,7 +233,7 @@ class _SlopeErrors:
     Attributes
     ----------
     by_step : ndarray, shape (steps, 4, 4)
-        Derivative of the slopes by the measured gradient of each step.
+        Derivative of the slopes with respect to the measured gradient of each step.
     prior : ndarray, shape (4, 4)
         Covariance of the slopes that comes from the prior and not from errors of the steps.
     """

@@ -139,7 +139,7 @@ def _turns_and_pivot(motions: Iterable[tuple[Float, Float]]) -> tuple[Float, Flo
 
 
 def by_gradient(gradient: Float) -> Float:
-    """Return the derivative of the Green-Lagrange strains xx, yy, xy by the gradient, shape (3, 4)."""
+    """Return the derivative (3, 4) of the Green-Lagrange strains xx, yy, xy with respect to the gradient."""
     F = gradient + np.eye(2)
     return np.array(
         [

@@ -180,7 +180,7 @@ class Points:
         weights : ndarray, shape (n, 2, p)
             Weights of the displacements in the estimates.
         by_centre : ndarray, shape (p, 3), optional
-            Derivative of the estimates by the camera's centre, per mm.
+            Derivative of the estimates with respect to the camera's centre, per mm.
         """
         of_map, of_centre = self.calibration_factors(weights)
         factors = of_map if by_centre is None else of_map + by_centre @ of_centre

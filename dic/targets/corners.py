@@ -200,7 +200,7 @@ class _Fit:
         return np.sqrt(_mean((window.level - self._model(window.places)[0]) ** 2, window.used))
 
     def _model(self, places: Float) -> tuple[Float, Float]:
-        """Return the model's grey levels (n, m) and their derivatives (n, m, 11) by the parameters."""
+        """Return the model's grey levels (n, m) and their derivatives ∂/∂parameters (n, m, 11)."""
         jacobian = np.empty((*places.shape[:2], _PARAMETERS))
         blur = self.parameters[:, _BLUR]
         from_corner = places - self.corner[:, None]
@@ -233,7 +233,7 @@ def _normals(parameters: Float) -> tuple[Float, Float]:
 
 
 def _edge(distance: Float, normal: Float, blur: Float) -> tuple[Float, Float, Float]:
-    """Return E = 2F − 1 of pixels at distances (n, m) from edges, and its derivatives by distance and blur.
+    """Return E = 2F − 1 of pixels at distances (n, m) from edges, ∂E/∂distance and ∂E/∂blur.
 
     The projection of a square pixel onto the edge's normal is the convolution of two boxes. The widths a and
     b of these boxes are the components of the normal. Let Φ be the normal distribution, and let Ψ be its
@@ -241,7 +241,7 @@ def _edge(distance: Float, normal: Float, blur: Float) -> tuple[Float, Float, Fl
 
         F(t) = Σ ± Ψ(t ± a/2 ± b/2)/(a b),    Ψ(t) = ((t² + s²) Φ(t/s) + s t φ(t/s))/2.
 
-    The derivative of any blurred function by s is s times its second derivative.
+    The derivative of any blurred function with respect to s is s times its second derivative.
     """
     from scipy.special import ndtr
 

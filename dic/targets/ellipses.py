@@ -232,7 +232,7 @@ class _Fit:
         return determinant
 
     def _model(self, pixels: Float, sensor: _Sensor) -> tuple[Float, Float]:
-        """Return the model's grey levels (n, m) and their derivatives (n, m, 12) by the parameters."""
+        """Return the model's grey levels (n, m) and their derivatives ∂/∂parameters (n, m, 12)."""
         from scipy.special import ndtr
 
         distance, by_centre, by_shape = distance_from_ellipses(pixels, self.centre, self._matrix)

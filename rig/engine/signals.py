@@ -21,11 +21,11 @@ class Abortable(Protocol):
 
 @contextmanager
 def aborting_on_signals(engine: Abortable) -> Iterator[None]:
-    """Make `SIGNALS` call `Engine.abort`. Python permits this only in the main thread.
+    """Within the `with` block, make each of the `SIGNALS` abort the run or the motion by hand.
 
-    A separate thread receives the signals and calls `abort`. So the abort comes at once, even if the main
-    thread hangs in a call or holds a lock. A signal that was ignored before, for example SIGHUP under
-    ``nohup``, stays ignored.
+    Python permits this only in the main thread. A separate thread receives the signals and calls
+    `engine.abort`. So the abort comes at once, even if the main thread hangs in a call or holds a lock. A
+    signal that was ignored before, for example SIGHUP under ``nohup``, stays ignored.
     """
     arriving, departing = os.pipe()
     os.set_blocking(departing, False)

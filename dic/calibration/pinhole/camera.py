@@ -155,7 +155,8 @@ class Pinhole:
         ideal = self._ideal(px)
         direction = self._directions(ideal)
         across, depth = direction[:, :2, None], direction[:, 2, None, None]
-        # These are the derivatives of the ray's direction (rows X, Y, Z) by x and y of the undistorted point.
+        # These are the derivatives of the ray's direction (rows X, Y, Z) with respect to x and y of the
+        # undistorted point.
         slopes = (self.rotation[:2] * np.array([[1.0], [-1.0]]) / self.focal_px).T
         by_ideal = -self.centre_mm[2] * (slopes[:2] * depth - across * slopes[2:]) / depth**2
         with np.errstate(invalid="ignore"):
@@ -204,7 +205,7 @@ class Pinhole:
         return factors
 
     def _slopes_by_parameters(self, points_mm: Float) -> Float:
-        """Return the derivatives of grid points' image coordinates by `PARAMETERS`, shape (n, 2, 13)."""
+        """Return derivatives (n, 2, 13) of grid points' image coordinates with respect to `PARAMETERS`."""
         seen = points_mm @ self.rotation[:, :2].T - self.rotation @ self.centre_mm
         ideal = self.focal_px * seen[:, :2] * np.array([-1.0, 1.0]) / seen[:, 2:]
         by_seen = np.zeros((len(seen), 2, 3))

@@ -45,7 +45,7 @@ def distortion_jacobian(ideal_px: Float, distortion: Float) -> Float:
     x, y = ideal_px[:, 0], ideal_px[:, 1]
     square = x * x + y * y
     radial = 1 + k1 * square + k2 * square**2
-    # The slope is twice the derivative of the radial factor by the squared radius.
+    # The slope is twice the derivative of the radial factor with respect to the squared radius.
     slope = 2 * (k1 + 2 * k2 * square)
     across = slope * x * y + 2 * (p1 * x + p2 * y)
     jacobian = np.empty((len(x), 2, 2))

@@ -103,7 +103,7 @@ class CameraModel:
         values : ndarray, shape (13,)
             Values in the order of `dic.calibration.pinhole.camera.PARAMETERS`. The small rotation is 0.
         derivatives : ndarray, shape (13, parameters)
-            Derivatives of `values` by the parameters of this model.
+            Derivatives of `values` with respect to the parameters of this model.
         """
         own = LENS + POSE * view
         pose = parameters[own : own + POSE]

@@ -1,10 +1,10 @@
 """Explicit vectors for numba: groups of 8 or 16 float32 numbers that one processor instruction works on.
 
 LLVM, the compiler behind numba, vectorises plain loops. LLVM cannot vectorise the correlation loop, because
-the loads in this loop depend on the warp. With the vector types of this module, the loop itself says which
-operations are parallel. The user's machine needs no compiler, and LLVM chooses the widest instructions of the
-processor. The width of a vector is part of its type. So one function can be compiled for each width, and also
-for single float32 numbers.
+the memory addresses from which this loop reads depend on the warp. With the vector types of this module, the
+loop itself says which operations are parallel. The user's machine needs no compiler, and LLVM chooses the
+widest instructions of the processor. The width of a vector is part of its type. So one function can be
+compiled for each width, and also for single float32 numbers.
 
 Compiled code calls `ramp16`, `ramp8`, `load`, `splat`, `fma`, `select`, `at_least` and `total`. The operators
 +, - and * also work on vectors. The other public names of this module generate code for

@@ -49,9 +49,10 @@ class EspAxis:
             )
 
     def take_errors(self, *, after_command: bool = False) -> list[QueuedError]:
-        """Return all errors from the error queue, and record those that mean a failed motion.
+        """Return all errors from the error queue. Record errors that mean a failed motion in the reference.
 
-        Reading an error removes it from the queue.
+        Reading an error removes it from the queue. If `after_command` is True, an error that may only mean a
+        refused command is not recorded.
         """
         errors = []
         for _ in range(QUEUE_DEPTH + 1):

@@ -52,7 +52,10 @@ def discs(diameter_px: float, blur_px: float, size_px: int = 260, seed: int = 1)
 
 
 def real_pattern(path: Path, factor: int, blur_px: float, crop: tuple[slice, slice] = np.s_[:, :]) -> Draw:
-    """Return a function that shifts a real image, blurred by `blur_px`, with `factor` times wider pixels."""
+    """Return a function that draws a real image, shifted, blurred and with `factor` times wider pixels.
+
+    The blur's standard deviation is `blur_px`, in the wider pixels.
+    """
     grey = read_image(path)[crop].astype(np.float64)
     tile = np.block([[grey, grey[:, ::-1]], [grey[::-1], grey[::-1, ::-1]]])
     waves = np.fft.fft2(tile)

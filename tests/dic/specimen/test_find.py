@@ -23,8 +23,8 @@ _EDGE_PX = 4
 def shares(scene: Scene, subset_px: int = 21) -> tuple[float, float]:
     """Return the share of the specimen's points that are measured, and the share of points beside it.
 
-    The specimen's points are those of a grid that could be measured with the exact mask: they lie at least
-    5 px (the reach of a quintic spline) inside the mask, at least 40 % of their subset does so, and the
+    The specimen's points are the grid points that could be measured with the exact mask. Such a point and at
+    least 40 % of its subset lie more than 5 px (the reach of a quintic spline) inside the mask, and the whole
     subset lies inside the image.
     """
     settings = CorrelationSettings(subset_px=subset_px, step_px=5, smoothing_px=0.0)

@@ -1,4 +1,4 @@
-"""`rig unload` and `rig jog` with a wrong load cell on the virtual rig, which knows the true load."""
+"""`rig unload` and `rig jog`, while the load cell reads wrong values. The virtual rig knows the true load."""
 
 import random
 from collections.abc import Callable, Iterator

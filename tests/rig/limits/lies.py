@@ -1,4 +1,4 @@
-"""Tension tests on the virtual rig with a wrong load cell. The simulated machine knows the true load."""
+"""Simulated tension tests whose load cell reads wrong values. The simulated machine knows the true load."""
 
 import random
 import tomllib

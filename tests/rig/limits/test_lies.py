@@ -1,4 +1,4 @@
-"""A wrong load cell must not break a specimen, for random materials, machines and increments."""
+"""A load cell that reads wrong values must break no specimen, for random materials, machines, increments."""
 
 import random
 
@@ -15,7 +15,7 @@ BEYOND_MAX = 0.03
 
 
 def faults_of(result: Result, case: Case) -> list[str]:
-    """Return one sentence for each violated limit at the end of a test with a wrong load cell."""
+    """Return one sentence for each violated limit at the end of a test whose load cell reads wrong values."""
     found = []
     if result.outcome.status != "failed" or result.outcome.unsafe:
         found.append(f"{result.outcome}")

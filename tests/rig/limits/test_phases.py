@@ -1,4 +1,4 @@
-"""A wrong load cell must not break a specimen in a test with phases."""
+"""A load cell that reads wrong values must not break a specimen in a test with phases."""
 
 import random
 import tomllib
