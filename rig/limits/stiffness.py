@@ -1,8 +1,8 @@
 """The plausible stiffness of specimen, grips and load frame in series, from protocol and rig file.
 
-If a load cell shows only a fraction of the load, specimen and machine look softer by this fraction. A wrong
-load cell is noticed only if the measured stiffness is below the lower bound of the stiffness. So narrow
-bounds protect the specimen better than wide bounds.
+If a load cell shows only a fraction of the load, the measured stiffness is this fraction of the true
+stiffness. This error is noticed only if the measured stiffness is below the lower bound of the stiffness. So
+narrow bounds protect the specimen better than wide bounds.
 """
 
 from dataclasses import dataclass

@@ -53,7 +53,7 @@ def seen_box(window, path):
 
 
 def places(window, *points):
-    """Where places of the image are in the window."""
+    """Return the positions in the window of points given in the image."""
     corner = window.ask("(() => { const b = view.place.getBoundingClientRect(); return [b.x, b.y]; })()")
     found = [window.ask(f"view.onScreen({list(point)})") for point in points]
     return [(corner[0] + x, corner[1] + y) for x, y in found]
