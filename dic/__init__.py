@@ -46,6 +46,7 @@ if TYPE_CHECKING:
         MeasurementError,
         OutputError,
         RunFileError,
+        WorkerError,
     )
     from dic.example.copy import write_example
     from dic.gauges.cut_plot import plot_cuts
@@ -79,7 +80,6 @@ if TYPE_CHECKING:
     from dic.pipeline.animation import Animation, write_animation
     from dic.pipeline.camera_result import CameraResult
     from dic.pipeline.compared import compare_results
-    from dic.pipeline.correlated import SeriesImage
     from dic.pipeline.export import Export, export_results
     from dic.pipeline.export_tables import to_pandas, to_xarray
     from dic.pipeline.gauge_record import GaugeCurve, ImageClock, gauge_curve, join_record
@@ -91,6 +91,7 @@ if TYPE_CHECKING:
     from dic.pipeline.run_result import RunResult
     from dic.pipeline.run_result_file import load_run_result, save_run_result
     from dic.pipeline.series_corrections import corrected_rotation
+    from dic.pipeline.series_image import SeriesImage
     from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
     from dic.pipeline.series_result_file import SeriesResult, load_series_result
     from dic.pipeline.strain_anew import strain_of_run, strain_of_series
@@ -139,38 +140,41 @@ if TYPE_CHECKING:
     )
     from dic.targets.points import GridPoints
     from dic.targets.sheet.draw import draw_target
+    from dic.workers.cluster import ClusterWorkers
+    from dic.workers.local import LocalWorkers
 
     __version__: str
 
 __all__ = [
     "Alignment", "Animation", "Assessment", "AsymmetricDotTarget", "BicubicMap", "Calibration",
     "CalibrationError", "CameraResult", "Campaign", "CampaignSpecimen", "CharucoTarget",
-    "CheckerboardTarget", "Comparison", "Correction", "CorrectionSettings", "Corrections",
-    "CorrelationError", "CorrelationSettings", "Correlator", "Curve", "CurveColumns", "CurveError",
-    "Difference", "Displacement", "DotTarget", "Export", "Extensometer", "Field", "Gauge", "GaugeChoice",
-    "GaugeCurve", "GaugeError", "GaugeImage", "GaugeSeries", "GridPoints", "ImageClock", "ImageError",
-    "JoinedRecord", "JointCorrections", "KnownCamera", "LineCut", "LineGridTarget", "MachineRecord",
-    "MapSettings", "MeanStrain", "MeasuredImage", "MeasuredSeries", "Measurement", "MeasurementError",
-    "Motion", "Noise", "OutputError", "PeerField", "Pinhole", "Plane", "PlotSettings", "PointGauge",
-    "Profile", "Properties", "PropertySettings", "PropertyValue", "Quality", "Reading", "RegionFiles",
-    "ReportDetails", "Residuals", "ResultPlace", "RunCorrections", "RunFileError", "RunInfo", "RunResult",
-    "RunStep", "Sensitivity", "Series", "SeriesImage", "SeriesResult", "Specimen", "SpecimenTest",
-    "StatedFacts", "Status", "StrainField", "StrainGauge", "StrainSettings", "StudiedSettings", "Study",
-    "Sweep", "Target", "TensileTest", "TransverseExtensometer", "TwoCameraStep", "Wave", "__version__",
-    "assess_method", "assess_quality", "calibrate_images", "compare_results", "compare_specimens",
-    "corrected_rotation", "draw_target", "export_results", "find_specimen", "find_target", "gauge_curve",
-    "gauge_table_files", "gauge_text", "join_record", "list_images", "list_specimens", "load_alignment",
-    "load_calibration", "load_run_result", "load_series_result", "map_scale", "material_properties",
-    "measure", "measure_campaign", "measure_gauges", "measure_images", "measure_series", "planar_anisotropy",
+    "CheckerboardTarget", "ClusterWorkers", "Comparison", "Correction", "CorrectionSettings",
+    "Corrections", "CorrelationError", "CorrelationSettings", "Correlator", "Curve", "CurveColumns",
+    "CurveError", "Difference", "Displacement", "DotTarget", "Export", "Extensometer", "Field", "Gauge",
+    "GaugeChoice", "GaugeCurve", "GaugeError", "GaugeImage", "GaugeSeries", "GridPoints", "ImageClock",
+    "ImageError", "JoinedRecord", "JointCorrections", "KnownCamera", "LineCut", "LineGridTarget",
+    "LocalWorkers", "MachineRecord", "MapSettings", "MeanStrain", "MeasuredImage", "MeasuredSeries",
+    "Measurement", "MeasurementError", "Motion", "Noise", "OutputError", "PeerField", "Pinhole", "Plane",
+    "PlotSettings", "PointGauge", "Profile", "Properties", "PropertySettings", "PropertyValue", "Quality",
+    "Reading", "RegionFiles", "ReportDetails", "Residuals", "ResultPlace", "RunCorrections",
+    "RunFileError", "RunInfo", "RunResult", "RunStep", "Sensitivity", "Series", "SeriesImage",
+    "SeriesResult", "Specimen", "SpecimenTest", "StatedFacts", "Status", "StrainField", "StrainGauge",
+    "StrainSettings", "StudiedSettings", "Study", "Sweep", "Target", "TensileTest",
+    "TransverseExtensometer", "TwoCameraStep", "Wave", "WorkerError", "__version__", "assess_method",
+    "assess_quality", "calibrate_images", "compare_results", "compare_specimens", "corrected_rotation",
+    "draw_target", "export_results", "find_specimen", "find_target", "gauge_curve", "gauge_table_files",
+    "gauge_text", "join_record", "list_images", "list_specimens", "load_alignment", "load_calibration",
+    "load_run_result", "load_series_result", "map_scale", "material_properties", "measure",
+    "measure_campaign", "measure_gauges", "measure_images", "measure_series", "planar_anisotropy",
     "plot_assessment", "plot_calibration", "plot_campaign", "plot_cuts", "plot_gauges", "plot_properties",
     "plot_quality", "plot_study", "process_run", "quality_findings", "read_campaign", "read_curve",
     "read_gauges", "read_image", "read_image_times", "read_machine_record", "read_peer", "read_region",
     "read_stated_facts", "region_files", "rigid_motion", "save_alignment", "save_calibration",
     "save_run_result", "strain_of_run", "strain_of_series", "strain_resolution_px", "study_settings",
-    "tensile_test", "to_pandas", "to_xarray", "whole_field_gauges", "with_shared_error", "write_animation",
-    "write_campaign_report", "write_campaign_table", "write_contact_sheet", "write_csv",
-    "write_drawing_page", "write_example", "write_gauge_picture", "write_gauge_table", "write_maps",
-    "write_region", "write_report", "write_strain_table",
+    "tensile_test", "to_pandas", "to_xarray", "whole_field_gauges", "with_shared_error",
+    "write_animation", "write_campaign_report", "write_campaign_table", "write_contact_sheet",
+    "write_csv", "write_drawing_page", "write_example", "write_gauge_picture", "write_gauge_table",
+    "write_maps", "write_region", "write_report", "write_strain_table",
 ]  # fmt: skip
 
 _NAMES_OF = {
@@ -199,7 +203,7 @@ _NAMES_OF = {
     "dic.drawing.page": ("write_drawing_page",),
     "dic.errors": (
         "CalibrationError", "CorrelationError", "CurveError", "GaugeError", "ImageError",
-        "MeasurementError", "OutputError", "RunFileError",
+        "MeasurementError", "OutputError", "RunFileError", "WorkerError",
     ),
     "dic.example.copy": ("write_example",),
     "dic.gauges.cut_plot": ("plot_cuts",),
@@ -228,7 +232,6 @@ _NAMES_OF = {
     "dic.pipeline.animation": ("Animation", "write_animation"),
     "dic.pipeline.camera_result": ("CameraResult",),
     "dic.pipeline.compared": ("compare_results",),
-    "dic.pipeline.correlated": ("SeriesImage",),
     "dic.pipeline.export": ("Export", "export_results"),
     "dic.pipeline.export_tables": ("to_pandas", "to_xarray"),
     "dic.pipeline.gauge_record": ("GaugeCurve", "ImageClock", "gauge_curve", "join_record"),
@@ -241,6 +244,7 @@ _NAMES_OF = {
     "dic.pipeline.run_result": ("RunResult",),
     "dic.pipeline.run_result_file": ("load_run_result", "save_run_result"),
     "dic.pipeline.series_corrections": ("corrected_rotation",),
+    "dic.pipeline.series_image": ("SeriesImage",),
     "dic.pipeline.series_result": ("MeasuredImage", "MeasuredSeries"),
     "dic.pipeline.series_result_file": ("SeriesResult", "load_series_result"),
     "dic.pipeline.strain_anew": ("strain_of_run", "strain_of_series"),
@@ -283,6 +287,8 @@ _NAMES_OF = {
     ),
     "dic.targets.points": ("GridPoints",),
     "dic.targets.sheet.draw": ("draw_target",),
+    "dic.workers.cluster": ("ClusterWorkers",),
+    "dic.workers.local": ("LocalWorkers",),
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _NAMES_OF.items() for name in names}
 

@@ -41,6 +41,21 @@ class ImageWarning(UserWarning):
     """A warning that only a part of an image file's content is used, or that the image is turned."""
 
 
+_collected: ContextVar[list[tuple[str, str]] | None] = ContextVar("collected", default=None)
+"""Warnings about images that are collected and not given; None if they are given."""
+
+
+@contextmanager
+def collected_warnings() -> Iterator[list[tuple[str, str]]]:
+    """Collect warnings about image files as arguments of `warn_of_image`, to give them elsewhere."""
+    notes: list[tuple[str, str]] = []
+    before = _collected.set(notes)
+    try:
+        yield notes
+    finally:
+        _collected.reset(before)
+
+
 _given: ContextVar[set[str] | None] = ContextVar("given", default=None)
 """Warnings about images that were given in the present series; None outside of a series."""
 
@@ -57,8 +72,10 @@ def each_warning_once() -> Iterator[None]:
 
 def warn_of_image(path: object, note: str) -> None:
     """Give an `ImageWarning` about a file; within `each_warning_once`, only for the first file."""
-    given = _given.get()
-    if given is None:
+    given, collected = _given.get(), _collected.get()
+    if collected is not None:
+        collected.append((str(path), note))
+    elif given is None:
         warnings.warn(f"{path}: {note}", ImageWarning, stacklevel=3)
     elif note not in given:
         given.add(note)
@@ -87,6 +104,10 @@ class OutputError(MeasurementError):
 
 class RunFileError(MeasurementError):
     """A run file or result file is missing, damaged or incomplete."""
+
+
+class WorkerError(MeasurementError):
+    """The processes that correlate images cannot be started or used, or end again and again."""
 
 
 Check = tuple[bool, str, str, object, str]

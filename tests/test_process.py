@@ -211,23 +211,23 @@ def test_a_result_file_that_is_none_is_refused(run_file, tmp_path):
 
 
 def test_an_interrupt_does_not_wait_for_the_rest_of_the_run(run_file):
-    images, interrupted = [], threading.Event()
+    images, expected, interrupted = [], [], threading.Event()
 
     def interrupt(number, frame):
         interrupted.set()
         raise KeyboardInterrupt
 
-    def on_image():
+    def on_image(total):
         images.append(1)
+        expected.append(total)
         if len(images) == 1:
             signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
             assert interrupted.wait(10)
 
-    expected = []
     before = signal.signal(signal.SIGINT, interrupt)
     try:
         with pytest.raises(KeyboardInterrupt):
-            process_run(run_file, COARSE, on_image=on_image, on_count=expected.append)
+            process_run(run_file, COARSE, on_image=on_image)
     finally:
         signal.signal(signal.SIGINT, before)
     assert len(images) < expected[0]

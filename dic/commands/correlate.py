@@ -25,6 +25,7 @@ from dic.commands.series_options import (
     start_options,
 )
 from dic.commands.settings_file import settings_option, used_settings_file
+from dic.commands.worker_options import chosen_workers, worker_options
 from dic.errors import each_warning_once
 from dic.shell.output_paths import require_places
 
@@ -39,6 +40,7 @@ _FILE = click.Path(path_type=Path)
 @click.argument("deformed", type=_FILE, nargs=-1)
 @click.option("--calibration", "calibration_file", type=_FILE, help="Calibration file, for results in mm.")
 @settings_option
+@worker_options
 @correlation_options
 @strain_options
 @region_options
@@ -67,10 +69,11 @@ def correlate(
     the series after the current image and keeps its results. Exit status: 0 if all images are measured well,
     1 if an image is measured poorly, 2 if an image cannot be measured.
     """
-    from dic import Series, read_image, write_region
+    from dic import Series, SeriesImage, read_image, write_region
     from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
     from dic.pipeline.reuse import FIELDS, SAME
     from dic.pipeline.series_correlation import SeriesCorrelation
+    from dic.pipeline.series_image import FileDigests
     from dic.pipeline.series_sources import SeriesSources
     from dic.results.job import Job
     from dic.results.provenance import Provenance
@@ -94,15 +97,18 @@ def correlate(
     set_up = read_set_up(calibration_file, how, known)
     for note in sources.notes:
         say(note)
-    image = read_image(sources.reference)
-    series = Series(image, region.read(image.shape), settings, incremental=start.incremental)
-    set_up.require_use(series.shape)
-    if series.specimen is not None and not series.specimen.is_whole:
-        say(str(series.specimen))
-    correlated = SeriesCorrelation(series, sources, start.incremental, start.hint(image.shape))
-    places = SeriesPlaces(files, drawn, outputs.decimal_comma)
-    work = SeriesEvaluation(image, [str(path) for path in sources.images], settings, set_up, places)
     with ExitStack() as stack:
+        image = read_image(sources.reference)
+        digest = FileDigests().of(sources.reference)
+        source = SeriesImage(sources.reference, str(sources.reference), digest=digest)
+        workers = stack.enter_context(chosen_workers())
+        series = Series(source.read, region.read(image.shape), settings, incremental=start.incremental)
+        set_up.require_use(series.shape)
+        if series.specimen is not None and not series.specimen.is_whole:
+            say(str(series.specimen))
+        correlated = SeriesCorrelation(series, sources, start.incremental, start.hint(image.shape), workers)
+        places = SeriesPlaces(files, drawn, outputs.decimal_comma)
+        work = SeriesEvaluation(image, [str(path) for path in sources.images], settings, set_up, places)
         place, origin, same = outputs.place(), None, None
         if place is not None:
             same = correlated.look_up(place, set_up)

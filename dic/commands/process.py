@@ -26,6 +26,7 @@ from dic.commands.correlation_options import (
 from dic.commands.option_groups import all_of, option_group
 from dic.commands.run_output import OutputOptions, end_run, read_alignment, save_alignments
 from dic.commands.settings_file import settings_option, used_settings_file
+from dic.commands.worker_options import chosen_workers, worker_options
 from dic.shell.output_paths import FORCE
 
 if TYPE_CHECKING:
@@ -59,6 +60,7 @@ class MotionOptions:
 @click.command()
 @click.argument("run", type=_FILE)
 @settings_option
+@worker_options
 @click.option(
     "--plate-mm",
     type=float,
@@ -137,7 +139,12 @@ def process(
         outputs.fields_from if outputs.fields_from != output else None,
     ]
     outputs.require_places(read, output, motion.save_alignment, result_may_stand=True)
-    with progress("correlating") as bar:
+    with progress("correlating") as bar, chosen_workers() as workers:
+
+        def count(total: int) -> None:
+            bar.expect(total)
+            bar.advance()
+
         result = process_run(
             run,
             settings,
@@ -145,9 +152,9 @@ def process(
             correcting=correcting,
             incremental=incremental,
             plate_mm=plate_mm,
-            on_image=bar.advance,
-            on_count=bar.expect,
+            on_image=count,
             output=outputs.place(output),
+            workers=workers,
         )
     if result.note:
         say(result.note)

@@ -4,6 +4,7 @@ import numpy as np
 
 from dic.correlation import kernel
 from dic.correlation.consistency import consistent_field
+from dic.correlation.earlier_field import EarlierField
 from dic.correlation.field import Field
 from dic.correlation.initial_guess import checked_homography
 from dic.correlation.prepared_reference import PreparedReference
@@ -117,8 +118,8 @@ class Correlator:
         ----------
         deformed : ndarray, of the reference's shape, or path
         previous : Field, optional
-            The field of the previous image. The field is a good first guess if the specimen has moved little
-            since the previous image.
+            The field of an earlier image. The field is a good first guess if the specimen has moved little
+            since the earlier image.
         hint : ndarray, shape (3, 3), optional
             Expected homography from the reference to the deformed image. For a known rotation, such as the
             angle of a stage, `dic.rigid_motion` returns the homography.
@@ -130,13 +131,19 @@ class Correlator:
         """
         require_kind("previous", previous, Field | None, "give the field of the image before")
         hint = None if hint is None else checked_homography(hint)
+        return self.correlate_after(None if previous is None else EarlierField.of(previous), deformed, hint)
+
+    def correlate_after(
+        self, earlier: EarlierField | None, deformed: ImageLike, hint: Float | None = None
+    ) -> Field:
+        """Return the field of `correlate`; `earlier` has those parts of `previous` that are needed."""
         image = TurnableImage(self._reference, self.smoothing.apply(self._checked_deformed(deformed)))
-        seeds = self._first_seeds(image, previous, hint)
+        seeds = self._first_seeds(image, earlier, hint)
         solver = image.solver(seeds.quarters)
         solution = kernel.Solution.empty(self._reference.grid.active.shape, self.settings.parameters)
         self._solve_from_seeds(solver, solution, seeds)
         self._reject_inconsistent(solver, solution)
-        if self._solve_lost_points(image, seeds.quarters, solution, previous):
+        if self._solve_lost_points(image, seeds.quarters, solution, earlier):
             self._reject_inconsistent(solver, solution)
         failed = ~solution.converged
         solution.warps[failed] = solution.std[failed] = np.nan
@@ -162,10 +169,10 @@ class Correlator:
             )
         return grey
 
-    def _first_seeds(self, image: TurnableImage, previous: Field | None, hint: Float | None) -> Seeds:
+    def _first_seeds(self, image: TurnableImage, earlier: EarlierField | None, hint: Float | None) -> Seeds:
         """Return seeds, which are the start points of propagation, spread over the whole grid."""
         indices = scattered(self._reference.grid.active)
-        before = None if previous is None else previous.warps
+        before = None if earlier is None else earlier.warps
         seeds = self._seed_finder.find(image, indices, previous=before, hint=hint)
         fewest = min(FEWEST_SEEDS, len(indices))
         if len(seeds.indices) < fewest:
@@ -201,18 +208,18 @@ class Correlator:
             in_bands = False
 
     def _solve_lost_points(
-        self, image: TurnableImage, quarters: int, solution: kernel.Solution, previous: Field | None
+        self, image: TurnableImage, quarters: int, solution: kernel.Solution, earlier: EarlierField | None
     ) -> bool:
         """Search new start points among failed points, because failed points may lie on a second body.
 
         A second body can move in another way than the first. New start points ("seeds") are searched only
-        among points that converged in the previous image. So points that have failed in many images of a
+        among points that converged in the earlier image. So points that have failed in many images of a
         series are not searched again in every image. Return True if new seeds were found.
         """
         grid = self._reference.grid
         lost = grid.active & ~solution.converged & (solution.status != Status.OUT_OF_VIEW)
-        if previous is not None:
-            lost &= previous.converged
+        if earlier is not None:
+            lost &= earlier.converged
         if lost.sum() < max(FEWEST_SEEDS, _LOST_SHARE * grid.active.sum()):
             return False
         seeds = self._seed_finder.find(image, scattered(lost), quarters=quarters)

@@ -53,7 +53,7 @@ def guesses(
     half_px : int
         Half of the template width. The width is 2 * half_px + 1 pixels.
     previous : ndarray, shape (n, 6), optional
-        The warps of the points in the previous image.
+        The warps of the points in an earlier image. A warp is NaN if the point failed there.
     hint : ndarray, shape (3, 3), optional
         Expected homography from the reference to the deformed image.
     threads : int
@@ -66,8 +66,10 @@ def guesses(
     if hint is not None:
         for radius in SEARCH_RADII_PX:
             yield "hint", found_around(hint, radius)
-    if previous is not None:
+    if previous is not None and np.isfinite(previous).any():
         yield "previous", previous
+        # The specimen may have moved far since the earlier image.
+        yield "search", found_around(mean_motion(previous, points), small)
     yield "search", found_around(np.eye(3), small)
     shift = whole_shift(reference, deformed)
     if np.hypot(shift[0, 2], shift[1, 2]) > small / 2:
@@ -95,6 +97,18 @@ def whole_shift(reference: Grey, deformed: Grey) -> Float:
     return np.array(
         [[1.0, 0.0, round(x * width / size[0])], [0.0, 1.0, round(y * height / size[1])], [0, 0, 1]]
     )
+
+
+def mean_motion(warps: Float, points: Indices) -> Float:
+    """Return the homography (3, 3) with the mean displacement and gradient of warps (n, 6) at `points`.
+
+    Warps with NaN are left out.
+    """
+    known = np.isfinite(warps).all(axis=1)
+    u, u_x, u_y, v, v_x, v_y = warps[known].mean(axis=0)
+    x, y = points[known].mean(axis=0)
+    first, second = [1 + u_x, u_y, u - u_x * x - u_y * y], [v_x, 1 + v_y, v - v_x * x - v_y * y]
+    return np.array([first, second, [0.0, 0.0, 1.0]])
 
 
 def rigid_motion(angle_deg: float, shift_px: tuple[float, float], centre_px: tuple[float, float]) -> Float:

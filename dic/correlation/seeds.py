@@ -81,8 +81,8 @@ class SeedFinder:
         image : TurnableImage
         indices : ndarray of int, shape (n, 2)
             Row and column of the points to try.
-        previous : ndarray, shape (rows, columns, 6 or 12), optional
-            Warps of all points in the previous image.
+        previous : ndarray, shape (n, 6), optional
+            Warps of the points in an earlier image.
         hint : ndarray, shape (3, 3), optional
             Expected homography from the reference to the deformed image.
         quarters : int, optional
@@ -95,12 +95,11 @@ class SeedFinder:
             The seeds; their number may be 0.
         """
         settings, points = self._reference.settings, self._reference.grid.points_at(indices)
-        before = None if previous is None else previous[indices[:, 0], indices[:, 1], :6]
         template_radius_px = max(settings.radius_px, _SMALLEST_TEMPLATE_RADIUS_PX)
         best = Seeds("", 0, indices[:0], Solution.empty((0,), settings.parameters))
         for name, guess in guesses(
             self._grey, image.grey, self._features, points, template_radius_px,
-            previous=before, hint=hint, threads=self._reference.threads,
+            previous=previous, hint=hint, threads=self._reference.threads,
         ):  # fmt: skip
             turn = quarters_of(guess) if quarters is None else quarters
             solved = image.solver(turn).solve(indices, image.turned(guess, points, turn))

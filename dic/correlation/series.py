@@ -4,106 +4,36 @@ After a large deformation or a change of the pattern, subsets look different fro
 this reason, an earlier image of the series then becomes the new reference. The displacements from the first
 to the new reference are added to the displacements from the new reference. Every new reference adds an error,
 so the reference changes only when the correlation drops.
+
+The first guess of an image comes from an image that lies `GUESS_DISTANCE` images before. So that many images
+can be correlated at the same time. The results do not depend on how many really are.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cache
-from typing import Any
-
-import numpy as np
+from dataclasses import replace
+from functools import cache, partial
+from typing import Any, TypeVar
 
 from dic.correlation.chaining import chain, moved_region
-from dic.correlation.correlator import Correlator
 from dic.correlation.field import Field
+from dic.correlation.reference import Reference
+from dic.correlation.series_state import (
+    GUESS_DISTANCE,
+    Attempt,
+    CurrentReference,
+    LastImage,
+    SeriesFields,
+    quality_of,
+)
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
 from dic.image.given import grey_image
 from dic.specimen.find import Specimen
-from dic.typing import Float, Grey, ImageLike, Mask, PathLike
+from dic.typing import Float, ImageLike, Mask, PathLike
+
+_Value = TypeVar("_Value")
 
 INCREMENTAL = ("auto", "never", "always")
-
-_KEPT_SHARE = 0.98
-"""A reference is replaced if the fraction of converged points falls below this multiple of a first value.
-
-The first value is the fraction in the first image that was correlated with the reference.
-"""
-
-
-@dataclass(frozen=True)
-class SeriesFields:
-    """The fields of an image of a series.
-
-    Attributes
-    ----------
-    from_first : Field
-        The field from the first reference to the image, which is the result.
-    from_current : Field
-        The field from the reference with which the image was correlated. Until the first new reference, both
-        fields are the same.
-    """
-
-    from_first: Field
-    from_current: Field
-
-
-@dataclass(frozen=True)
-class _LastImage:
-    """The last image, which is read only if it becomes a reference, and its fields."""
-
-    read: Callable[[], ImageLike]
-    fields: SeriesFields
-
-
-@dataclass(frozen=True)
-class _CurrentReference:
-    """The current reference of a series.
-
-    Attributes
-    ----------
-    prepare : callable
-        Function that returns the reference's correlator. The function prepares the correlator when it is
-        first called.
-    before : Field or None
-        The field from the first reference to the current reference. None for the first reference.
-    updates : int
-        Number of earlier references.
-    quality : (float, float) or None
-        Fraction of converged points and median ZNCC of the first image that was correlated with the current
-        reference.
-    last : _LastImage or None
-    """
-
-    prepare: Callable[[], Correlator]
-    before: Field | None = None
-    updates: int = 0
-    quality: tuple[float, float] | None = None
-    last: _LastImage | None = None
-
-    @property
-    def correlator(self) -> Correlator:
-        """The prepared reference."""
-        return self.prepare()
-
-    def correlate(self, deformed: Grey, hint: Float | None) -> Field:
-        """Return the field from the current reference to the image `deformed`."""
-        previous = None if self.last is None else self.last.fields.from_current
-        return self.correlator.correlate(
-            deformed, previous=previous, hint=hint if self.before is None else None
-        )
-
-    def has_dropped(self, field: Field) -> bool:
-        """Return True if the correlation has dropped since the first image with the current reference.
-
-        The correlation has dropped if the fraction of converged points has fallen by more than 2 %, or if the
-        median ZNCC has lost more than half of its margin above `min_zncc`.
-        """
-        if self.quality is None:
-            return False
-        (share, zncc), (first_share, first_zncc) = _quality(field), self.quality
-        limit = (first_zncc + self.correlator.settings.min_zncc) / 2
-        return share < _KEPT_SHARE * first_share or zncc < limit
 
 
 class Series:
@@ -113,8 +43,8 @@ class Series:
 
     Parameters
     ----------
-    reference : ndarray, shape (height, width), or path
-        Grey levels, or an image file.
+    reference : ndarray, shape (height, width), or path, or callable
+        Grey levels, or an image file. A function without arguments returns the image when it is needed.
     region : ndarray of bool, shape (height, width), or path, optional
         The region to measure. The default is the specimen, which is found by its speckles.
     settings : CorrelationSettings, optional
@@ -138,7 +68,7 @@ class Series:
 
     def __init__(
         self,
-        reference: ImageLike,
+        reference: ImageLike | Callable[[], ImageLike],
         region: Mask | PathLike | None = None,
         settings: CorrelationSettings | None = None,
         *,
@@ -148,20 +78,23 @@ class Series:
         threads: int = 0,
     ) -> None:
         self.require_incremental(incremental)
-        self._incremental, self._threads = incremental, threads
-        first = Correlator(
-            reference, region, settings, clip=clip is not False, within=within, threads=threads
+        self._incremental, self._threads, self._images = incremental, threads, 0
+        read = reference if callable(reference) else partial(_given, reference)
+        image = Reference(
+            read, partial(_given, region), settings, clip=clip is not False, within=within, threads=threads
         )
+        self._first_image, first = image, image.prepared
         specimen = first.specimen
         self._clip = (specimen is None or not specimen.mask.all()) if clip is None else clip
-        self._current, self._first_region = _CurrentReference(lambda: first), first.region
+        self._current, self._first_region = CurrentReference(image), first.region
         self._settings, self._specimen, self._grid = first.settings, first.specimen, first.grid
         # Smooth later references like the first one, because a different filter would shift the
         # displacements.
         self._later_settings = replace(first.settings, smoothing_px=first.smoothing.width_px)
+        self._shown = repr(first)
 
     def __repr__(self) -> str:
-        return f"Series({self._current.correlator!r}, incremental {self._incremental})"
+        return f"Series({self._shown}, incremental {self._incremental})"
 
     @staticmethod
     def require_incremental(incremental: str) -> None:
@@ -238,13 +171,56 @@ class Series:
         The method `accept` of a second `Series` takes these fields. The second series can then go on after
         the image `deformed` without correlating it.
         """
-        grey = grey_image(deformed, "deformed image")
-        reference, field = self._best_reference(grey, hint)
+        read = cache(lambda: grey_image(deformed, "deformed image"))
+        return self.follow(lambda attempt: attempt.correlate(read()), read, hint)
+
+    @property
+    def at_once(self) -> int:
+        """Largest number of images that can be correlated at the same time."""
+        return 1 if self._incremental == "always" else GUESS_DISTANCE
+
+    def expected_attempt(self, ahead: int, hint: Float | None) -> Attempt:
+        """Return the first attempt at an image, if no earlier image becomes a reference.
+
+        Parameters
+        ----------
+        ahead : int
+            Number of images before this image that have not been correlated, less than `at_once`.
+        hint : ndarray, shape (3, 3), or None
+            As for `correlate`.
+        """
+        return self._current.attempt(self._images + ahead, hint)
+
+    def follow(
+        self, correlate: Callable[[Attempt], Field], read: Callable[[], ImageLike], hint: Float | None
+    ) -> SeriesFields:
+        """Return the fields of `correlate_fields`, of the next image, which `correlate` correlates.
+
+        Parameters
+        ----------
+        correlate : callable
+            Function that returns the field from an attempt's reference to the image. It is mostly called
+            once. It raises a `CorrelationError` if the image cannot be correlated.
+        read : callable
+            Function that returns the image. The function is called only if the image becomes a reference.
+        hint : ndarray, shape (3, 3), or None
+            As for `correlate`.
+        """
+        number = self._images
+        self._images += 1
+        reference, field = self._best_reference(correlate, number, hint)
         fields = SeriesFields(field if reference.before is None else chain(reference.before, field), field)
-        self._go_on(reference, lambda: grey, fields)
+        self._current = reference.after(number, LastImage(read, fields))
         return fields
 
-    def accept(self, read: Callable[[], ImageLike], fields: SeriesFields) -> None:
+    def completed(self, attempt: Attempt, field: Field) -> Field:
+        """Return a field with the region and the grid that all fields from the first reference share.
+
+        Only the displacements of a field from a later reference are used, so it stays as it is.
+        """
+        return replace(field, **self.shared) if attempt.reference is self._first_image else field
+
+    def accept(self, read: Callable[[], ImageLike], fields: SeriesFields | None) -> None:
         """Go on after an image that a first `Series` has correlated, without correlating the image again.
 
         Both series must have equal settings, references and images. All later results then equal those of the
@@ -254,58 +230,66 @@ class Series:
         ----------
         read : callable
             Function that returns the image. The function is called only if the image becomes a reference.
-        fields : SeriesFields
-            The result of `correlate_fields` of the first series for the image.
+        fields : SeriesFields or None
+            The result of `correlate_fields` of the first series for the image. None if the image could not be
+            correlated.
         """
-        reference = self._current
+        number, reference = self._images, self._current
+        self._images += 1
+        if fields is None:
+            return
         if reference.last is not None and fields.from_first.updates > reference.updates:
             reference = self._updated(reference.last)
-        self._go_on(reference, read, fields)
+        self._current = reference.after(number, LastImage(read, fields))
 
-    def _go_on(
-        self, reference: _CurrentReference, read: Callable[[], ImageLike], fields: SeriesFields
-    ) -> None:
-        quality = reference.quality or _quality(fields.from_current)
-        self._current = replace(reference, quality=quality, last=_LastImage(read, fields))
-
-    def _best_reference(self, deformed: Grey, hint: Float | None) -> tuple[_CurrentReference, Field]:
+    def _best_reference(
+        self, correlate: Callable[[Attempt], Field], number: int, hint: Float | None
+    ) -> tuple[CurrentReference, Field]:
         """Return the reference to use for an image, and the field from this reference to the image."""
         current, last = self._current, self._current.last
-        if self._incremental == "never" or last is None:
-            return current, current.correlate(deformed, hint)
-        if self._incremental == "always":
+        if self._incremental == "always" and last is not None:
             updated = self._updated(last)
-            return updated, updated.correlate(deformed, hint)
+            return updated, correlate(updated.attempt(number, hint))
+        if self._incremental == "never" or last is None:
+            return current, self._field(correlate, number, hint)
         try:
-            field = current.correlate(deformed, hint)
+            field = self._field(correlate, number, hint)
         except CorrelationError:
             updated = self._updated(last)
-            return updated, updated.correlate(deformed, None)
+            return updated, correlate(updated.attempt(number, None))
         if not current.has_dropped(field):
             return current, field
         try:
             updated = self._updated(last)
-            other = updated.correlate(deformed, None)
+            other = correlate(updated.attempt(number, None))
         except CorrelationError:
             return current, field
-        return (updated, other) if _quality(other) > _quality(field) else (current, field)
+        return (updated, other) if quality_of(other) > quality_of(field) else (current, field)
 
-    def _updated(self, last: _LastImage) -> _CurrentReference:
+    def _field(self, correlate: Callable[[Attempt], Field], number: int, hint: Float | None) -> Field:
+        """Return the field from the current reference; if necessary, begin from the last image's field."""
+        first, nearest = self._current.attempt(number, hint), self._current.nearest_attempt(hint)
+        if nearest.equals(first):
+            return correlate(first)
+        try:
+            field = correlate(first)
+        except CorrelationError:
+            return correlate(nearest)
+        if self._incremental == "never" or not self._current.has_dropped(field):
+            return field
+        try:
+            other = correlate(nearest)
+        except CorrelationError:
+            return field
+        return other if quality_of(other) > quality_of(field) else field
+
+    def _updated(self, last: LastImage) -> CurrentReference:
         """Return the last image as a new reference."""
-
-        @cache
-        def prepare() -> Correlator:
-            region = moved_region(self._first_region, last.fields.from_first)
-            return Correlator(
-                last.read(), region, self._later_settings, clip=self._clip, threads=self._threads
-            )
-
-        return _CurrentReference(prepare, last.fields.from_first, self._current.updates + 1)
+        region = partial(moved_region, self._first_region, last.fields.from_first)
+        reference = Reference(last.read, region, self._later_settings, clip=self._clip, threads=self._threads)
+        return CurrentReference(reference, last.fields.from_first, self._current.updates + 1)
 
 
-def _quality(field: Field) -> tuple[float, float]:
-    """Return the fraction of points in view that converged, and the median ZNCC of the converged points."""
-    converged = field.converged
-    if not converged.any():
-        return 0.0, 0.0
-    return float(converged.sum() / field.in_view), float(np.median(field.zncc[converged]))
+def _given(value: _Value) -> _Value:
+    """Return the argument; in contrast to a lambda, other processes can be given this function."""
+    return value

@@ -6,20 +6,41 @@ threads.
 
 import itertools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
 import numpy as np
 
 from dic.typing import Indices
 
+_limit: int | None = None
+"""Largest number of processors that `limited_to` allows; None for no limit."""
+
+
+@contextmanager
+def limited_to(count: int) -> Iterator[None]:
+    """Within a `with` block, limit the number of processors that this process uses."""
+    import cv2
+
+    global _limit
+    before, threads = _limit, cv2.getNumThreads()
+    _limit = count
+    cv2.setNumThreads(count)
+    try:
+        yield
+    finally:
+        _limit = before
+        cv2.setNumThreads(threads)
+
 
 def processors() -> int:
     """Return the number of processors that this program may use."""
     try:
-        return len(os.sched_getaffinity(0))
+        there = len(os.sched_getaffinity(0))
     except AttributeError:  # only Linux has `sched_getaffinity`
-        return os.cpu_count() or 1
+        there = os.cpu_count() or 1
+    return there if _limit is None else min(there, _limit)
 
 
 def in_parallel(work: Callable[[slice], None], bands: Sequence[slice], threads: int) -> None:

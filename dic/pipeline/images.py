@@ -14,8 +14,9 @@ from dic.image.pages import list_images
 from dic.image.times import SeriesTimes
 from dic.out_of_plane.correct import Motion
 from dic.out_of_plane.diagnosis import Sensitivity
-from dic.pipeline.correlated import SeriesImage, correlate_series
+from dic.pipeline.correlated import correlate_series
 from dic.pipeline.series_corrections import corrected, corrected_rotation, require_calibration
+from dic.pipeline.series_image import SeriesImage
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
 from dic.pipeline.series_set_up import require_size
 from dic.pipeline.series_sources import SeriesSources, expanded, only_paths

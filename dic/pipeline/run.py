@@ -25,6 +25,7 @@ from dic.runfile.joined import open_run
 from dic.runfile.reader import RunFile
 from dic.strain.strain import StrainSettings
 from dic.typing import PathLike
+from dic.workers.workers import Workers
 
 
 def process_run(
@@ -35,9 +36,9 @@ def process_run(
     correcting: CorrectionSettings | None = None,
     incremental: str = "auto",
     plate_mm: float | None = None,
-    on_image: Callable[[], None] = lambda: None,
-    on_count: Callable[[int], None] = lambda _: None,
+    on_image: Callable[[int], None] = lambda total: None,
     output: PathLike | ResultPlace | None = None,
+    workers: Workers | None = None,
 ) -> RunResult:
     """Calibrate and correlate all cameras of a run in parallel.
 
@@ -60,15 +61,17 @@ def process_run(
         Distance of the specimen's surface behind the grid's lines. Default: the value in the run file, which
         is 0 if neither the protocol nor the rig file declares a distance.
     on_image : callable, optional
-        Function that is called after each image.
-    on_count : callable, optional
-        Function that is called once, before the first image, with the number of images.
+        Function that is called after each image with the number of all images.
     output : path or ResultPlace, optional
         The result file, which is replaced when it is complete. Until then the finished images are in a folder
         beside the file, with the ending ".unfinished". If the program is stopped or killed, a call with the
         same arguments continues after these images. If the file already holds the results of the same call,
         these results are returned. If only settings of strain or corrections have changed, the fields in the
         file are used, and nothing is correlated. Default: a temporary file.
+
+    workers : Workers, optional
+        Processes that correlate several images at the same time, such as `LocalWorkers`. The results have the
+        same bits. By default, threads of this process share the work at each image.
 
     Raises
     ------
@@ -93,7 +96,7 @@ def process_run(
         kinds = {step.kind for step in run.series()[1:]}
         correcting.require_use(str(path), list(run.cameras), kinds)
         correcting = correcting.completed(run.mounting)
-        on_count(len(run.cameras) * (len(run.series()) - 1))
+        done = partial(on_image, len(run.cameras) * (len(run.series()) - 1))
         fields = _fields_job(run, settings, incremental)
         set_up = RunSetUp(str(run.path), run.info, settings, strain, correcting, plate_mm)
         job = Job.of(fields, set_up.as_dict())
@@ -103,8 +106,8 @@ def process_run(
         require_replaceable(place)
         with unfinished(file, fields, anew=place.anew) as kept:
             if known is not None:
-                return replace(strain_with(known, set_up, file, on_image), note=f"{known.file}: {FIELDS}")
-            work = RunCorrelation(run, kept, settings, strain, incremental, plate_mm, on_image)
+                return replace(strain_with(known, set_up, file, done), note=f"{known.file}: {FIELDS}")
+            work = RunCorrelation(run, kept, settings, strain, incremental, plate_mm, done, workers)
             cameras = work.correlate_all()
             set_up.write(file, cameras, Provenance.of([run.path], job))
         result = load_run_result(file)

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import partial
 from threading import Event
 from typing import Any
 
@@ -13,12 +12,14 @@ from dic.calibration.calibration import Calibration
 from dic.calibration.plate import behind
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import CalibrationError, RunFileError
+from dic.errors import CalibrationError
 from dic.files.lazy import Computed
 from dic.image.threads import processors
 from dic.pipeline.camera_result import CameraResult
-from dic.pipeline.correlated import UNREADABLE, SeriesImage, correlate_series
+from dic.pipeline.correlated import correlate_series
 from dic.pipeline.images import measurement_of
+from dic.pipeline.run_image import RunImage
+from dic.pipeline.series_image import UNREADABLE, SeriesImage
 from dic.results.job import content_of
 from dic.results.unfinished import Unfinished
 from dic.runfile.reader import RunFile, RunStep
@@ -34,7 +35,8 @@ from dic.targets.find import (
     Target,
     find_target,
 )
-from dic.typing import Float, Grey, Mask
+from dic.typing import Float, ImageLike, Mask
+from dic.workers.workers import Workers
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,8 @@ class RunCorrelation:
         Distance of the specimen's surface behind the grid's lines.
     on_image : callable
         Function that is called after each image.
+    workers : Workers or None
+        Workers that correlate the images of all cameras. By default each camera has a thread of its own.
     """
 
     run: RunFile
@@ -62,6 +66,7 @@ class RunCorrelation:
     incremental: str
     plate_mm: float
     on_image: Callable[[], None]
+    workers: Workers | None = None
     stopped: Event = field(default_factory=Event)
 
     def correlate_all(self) -> list[CameraResult]:
@@ -83,19 +88,18 @@ class RunCorrelation:
         run, lines = self.run, _calibrate(self.run, camera)
         calibration = behind(lines, self.plate_mm) if self.plate_mm else lines
         first, *others = run.series()
-        reference = run.image(camera, first)
-        region = _calibrated_region(lines, reference.shape)
-        series = self._series(reference, region)
+        taken = RunImage(run, camera, first)
+        reference = taken()
+        source = SeriesImage(taken, f"step {first.index}", digest=taken.digest()).read
+        series = self._series(source, _calibrated_region(lines, reference.shape))
         finished = self.kept.series(run.cameras.index(camera))
         turn = _Turn(lines, first.angle_deg)
         images = (
-            SeriesImage(partial(run.image, camera, step), f"step {step.index}", hint, digest)
-            for step in others
-            if not self.stopped.is_set()
-            for hint, digest in [(turn.hint(step), step_digest(run, camera, step))]
+            SeriesImage(taken, f"step {taken.step.index}", turn.hint(taken.step), taken.digest())
+            for taken in (RunImage(run, camera, step) for step in others)
         )
         steps, numbers, failures, outcomes = [], [], [], []
-        correlated = correlate_series(series, images, finished)
+        correlated = correlate_series(series, images, finished, workers=self.workers)
         for number, (step, found) in enumerate(zip(others, correlated, strict=False), 1):
             outcomes.append(replace(found.outcome, content=step_content(run, camera, step)))
             if found.fields is None:
@@ -104,7 +108,9 @@ class RunCorrelation:
                 numbers.append(number)
                 steps.append(step)
             self.on_image()
-
+            if self.stopped.is_set():
+                break
+        correlated.close()
         shared = series.shared
 
         def measurement(k: int) -> Measurement:
@@ -115,7 +121,7 @@ class RunCorrelation:
             camera, calibration, reference, steps, measurements, failures, series.specimen, outcomes
         )
 
-    def _series(self, reference: Grey, area: Mask) -> Series:
+    def _series(self, reference: Callable[[], ImageLike], area: Mask) -> Series:
         """Return a camera's series on the specimen, or on the calibrated area if no specimen is found."""
         how: dict[str, Any] = {
             "incremental": self.incremental,
@@ -131,18 +137,9 @@ class RunCorrelation:
 
 def step_content(run: RunFile, camera: str, step: RunStep) -> str:
     """Return the text that identifies an image of a run, with the angle that gives its first guess."""
-    digest = step_digest(run, camera, step)
+    digest = RunImage(run, camera, step).digest()
     turned_deg = step.angle_deg - run.series()[0].angle_deg
     return "" if digest == UNREADABLE else content_of(digest, [turned_deg])
-
-
-def step_digest(run: RunFile, camera: str, step: RunStep) -> str:
-    """Return the digest of a camera's frames at a step; `UNREADABLE` if they cannot be read."""
-    try:
-        return run.digest(camera, step)
-    except RunFileError:
-        # The later reading of the image will raise an error with the reason.
-        return UNREADABLE
 
 
 def _calibrate(run: RunFile, camera: str) -> Calibration:

@@ -9,8 +9,9 @@ from typing import Any
 from dic.correlation.series import Series
 from dic.files.lazy import Computed
 from dic.image.times import SeriesTimes
-from dic.pipeline.correlated import FileDigests, SeriesImage, correlate_series, of_page, series_job
+from dic.pipeline.correlated import correlate_series, series_job
 from dic.pipeline.reuse import fields_on_file, require_replaceable
+from dic.pipeline.series_image import FileDigests, SeriesImage, of_page
 from dic.pipeline.series_result_file import SeriesResult, load_series_result
 from dic.pipeline.series_set_up import SeriesSetUp
 from dic.pipeline.series_sources import SeriesSources
@@ -19,6 +20,7 @@ from dic.results.job import Outcome, as_text
 from dic.results.place import ResultPlace
 from dic.results.unfinished import FinishedImage, Unfinished, result_place, unfinished
 from dic.typing import Float
+from dic.workers.workers import Workers
 
 
 @dataclass
@@ -33,6 +35,8 @@ class SeriesCorrelation:
         The rule for new references.
     hint : ndarray, shape (3, 3), or None
         The expected motion of every image.
+    workers : Workers or None
+        Workers that correlate images ahead of their turn; None to correlate each image when it is needed.
     kept : Unfinished or None
         The folder of finished images; not None only inside the `with` block of `keeping`.
     known : SeriesResult or None
@@ -46,6 +50,7 @@ class SeriesCorrelation:
     sources: SeriesSources
     incremental: str
     hint: Float | None = None
+    workers: Workers | None = None
     kept: Unfinished | None = None
     known: SeriesResult | None = None
     begun: SeriesResult | None = None
@@ -115,11 +120,14 @@ class SeriesCorrelation:
         """Yield the finished images one by one; each is correlated, or read, when the caller asks for it."""
         if self.known is not None:
             return map(self.again, range(len(self.sources.images)))
-        # Digests are needed only to find images in the folder of finished images.
+        # Digests are needed only to find images in the folder of finished images, and by workers.
         kept, before = self.kept, range(self.used_again)
-        given = (self._image(path, digested=kept is not None) for path in self.sources.images)
+        digested = kept is not None or self.workers is not None
+        given = (self._image(path, digested=digested) for path in self.sources.images)
         finished = None if kept is None else kept.series(0)
-        return correlate_series(self.series, given, finished, Computed(len(before), self._before))
+        return correlate_series(
+            self.series, given, finished, Computed(len(before), self._before), self.workers
+        )
 
     def again(self, number: int) -> FinishedImage:
         """Return an image that was correlated before; `number` is its index in the series."""

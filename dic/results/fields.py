@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dic.correlation.field import Field
-from dic.correlation.series import SeriesFields
+from dic.correlation.series_state import SeriesFields
 from dic.correlation.settings import CorrelationSettings
 from dic.files.lazy import Computed
 from dic.image.point_grid import PointGrid

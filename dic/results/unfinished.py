@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from dic.correlation.field import Field
-from dic.correlation.series import SeriesFields
+from dic.correlation.series_state import SeriesFields
 from dic.errors import OutputError
 from dic.files.lock import lock_file
 from dic.files.reading import read_text

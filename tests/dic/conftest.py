@@ -141,11 +141,11 @@ def draw_grid() -> Callable[..., GridPicture]:
 def correlated(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """A list to which one element is added for each image that is correlated."""
     seen: list[int] = []
-    correlate = Series.correlate_fields
+    follow = Series.follow
 
     def counted(self: Series, *given: object, **named: object) -> object:
         seen.append(1)
-        return correlate(self, *given, **named)
+        return follow(self, *given, **named)
 
-    monkeypatch.setattr(Series, "correlate_fields", counted)
+    monkeypatch.setattr(Series, "follow", counted)
     return seen

@@ -1,0 +1,76 @@
+"""The options that choose who correlates the images: threads, processes, or other computers."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from dic.workers.workers import Workers
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+_CHOSEN = "dic.workers"
+"""Place of the options' values among the notes of a command's context."""
+
+
+def _keep(context: click.Context, parameter: click.Parameter, value: Any) -> None:
+    context.meta.setdefault(_CHOSEN, {})[parameter.name] = value
+
+
+def worker_options(command: Command) -> Command:
+    """Add the options to a command, which reads them by `chosen_workers`."""
+    options = [
+        click.option(
+            "--workers",
+            type=int,
+            expose_value=False,
+            callback=_keep,
+            help="Number of processes, each of which correlates one image at a time; 1 uses one processor and"
+            " no further process. The results have the same bits. Default: this process with all processors.",
+        ),
+        click.option(
+            "--scheduler",
+            metavar="ADDRESS",
+            expose_value=False,
+            callback=_keep,
+            help="Scheduler of a Dask cluster, such as tcp://192.168.1.5:8786, whose workers correlate the"
+            " images. They read the image files under the same paths as this command.",
+        ),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+@contextmanager
+def chosen_workers() -> "Iterator[Workers | None]":
+    """Provide the workers that the options of the running command choose; None for one processor.
+
+    Raises
+    ------
+    WorkerError
+        If the options contradict each other, or the scheduler cannot be used.
+    """
+    from dic import ClusterWorkers, LocalWorkers, WorkerError
+    from dic.shell.console import say
+    from dic.workers.workers import ThreadWorker, one_processor
+
+    chosen = click.get_current_context().meta.get(_CHOSEN, {})
+    count, address = chosen.get("workers"), chosen.get("scheduler")
+    if count is not None and address is not None:
+        remedy = "leave --workers out, because the cluster has its own workers"
+        raise WorkerError("settings", "workers", "--workers or --scheduler", "both", remedy)
+    if address is not None:
+        with ClusterWorkers(address) as cluster:
+            yield cluster
+    elif count is None:
+        with ThreadWorker() as thread:
+            yield thread
+    elif count == 1:
+        with one_processor():
+            yield None
+    else:
+        with LocalWorkers(count, lambda lost: say(f"warning: {lost}", err=True)) as processes:
+            yield processes

@@ -1,0 +1,157 @@
+"""The correlation of a series' images ahead of their turn, on threads, processes or other computers.
+
+The first attempt at an image mostly depends only on images that are finished, so the attempts at the next
+images can be made at the same time. The decisions of the series are made in the order of the images: whether
+an attempt is good, and whether the reference changes. If a decision makes an earlier attempt useless, that
+attempt is withdrawn and another one is made. So the results do not depend on the number of workers.
+"""
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future
+from dataclasses import dataclass
+from functools import cache
+from itertools import islice
+
+from dic.correlation.field import Field
+from dic.correlation.series import Series
+from dic.correlation.series_state import Attempt
+from dic.errors import MeasurementError, WorkerError, warn_of_image
+from dic.pipeline.image_task import ImageAnswer, ImageTask
+from dic.pipeline.series_image import SeriesImage
+from dic.results.unfinished import FinishedImage
+from dic.workers.workers import Workers
+
+
+def outcomes(
+    series: Series, images: Iterable[tuple[int, SeriesImage]], workers: Workers | None = None
+) -> Iterator[tuple[int, SeriesImage, FinishedImage]]:
+    """Correlate the images of a series; yield each with its number and its outcome, in their order.
+
+    Parameters
+    ----------
+    series : Series
+    images : iterable of (int, SeriesImage)
+        The images with their numbers.
+    workers : Workers, optional
+        The workers that correlate images ahead of their turn. By default, each image is correlated in this
+        thread when the caller asks for it.
+
+    Raises
+    ------
+    WorkerError
+        If the workers cannot correlate, for reasons that have nothing to do with the image.
+    """
+    if workers is None or series.at_once == 1:
+        for number, image in images:
+            yield number, image, _outcome(series, image)
+        return
+    line, remaining = _Line(series, workers), iter(images)
+    # One image is being evaluated. One more waits, so that no worker waits if the evaluation is quick.
+    at_once = min(series.at_once, workers.count + 2)
+    try:
+        while True:
+            for number, image in islice(remaining, at_once - len(line.waiting)):
+                line.add(number, image)
+            if not line.waiting:
+                return
+            first = line.waiting[0]
+            outcome = _outcome(series, first.image, line)
+            line.go_on()
+            yield first.number, first.image, outcome
+    finally:
+        line.withdraw()
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """An attempt at an image that is going on or done; the image's number is that in `outcomes`."""
+
+    number: int
+    image: SeriesImage
+    attempt: Attempt
+    answer: Future[ImageAnswer]
+
+
+class _Line:
+    """The images whose turn comes next, each with an attempt that its turn will probably need.
+
+    Attributes
+    ----------
+    waiting : deque of _Begun
+        The first image is the one whose turn it is.
+    """
+
+    def __init__(self, series: Series, workers: Workers) -> None:
+        self._series, self._workers = series, workers
+        self.waiting: deque[_Begun] = deque()
+
+    def add(self, number: int, image: SeriesImage) -> None:
+        """Begin the expected attempt at another image."""
+        self.waiting.append(self._begun(number, image, self._expected(image, len(self.waiting))))
+
+    def field(self, attempt: Attempt) -> Field:
+        """Return the field of an attempt at the first image; raise its error if it has failed."""
+        first = self.waiting[0]
+        if not attempt.equals(first.attempt):
+            # Other attempts would be done before this one, so withdraw those that have not begun.
+            self.withdraw()
+            self.waiting[0] = first = self._begun(first.number, first.image, attempt)
+        try:
+            answer = first.answer.result()
+        except WorkerError:
+            raise
+        except MeasurementError as error:
+            # The worker could not begin, because it has no run file or no reference.
+            raise _elsewhere(error) from error
+        for path, note in answer.warnings:
+            warn_of_image(path, note)
+        if answer.unread:
+            # If this program cannot read the image either, it tells the reason in its own words.
+            first.image.grey()
+            raise _elsewhere(answer.error)
+        if answer.error is not None:
+            raise answer.error
+        assert answer.field is not None
+        return self._series.completed(attempt, answer.field)
+
+    def go_on(self) -> None:
+        """Remove the first image; make other attempts at images whose attempt is withdrawn or useless."""
+        self.waiting.popleft()
+        for ahead, begun in enumerate(self.waiting):
+            attempt = self._expected(begun.image, ahead)
+            if begun.answer.cancelled() or not attempt.equals(begun.attempt):
+                begun.answer.cancel()
+                self.waiting[ahead] = self._begun(begun.number, begun.image, attempt)
+
+    def withdraw(self) -> None:
+        """Withdraw the attempts that have not begun."""
+        for begun in self.waiting:
+            begun.answer.cancel()
+
+    def _expected(self, image: SeriesImage, ahead: int) -> Attempt:
+        return self._series.expected_attempt(ahead, image.hint)
+
+    def _begun(self, number: int, image: SeriesImage, attempt: Attempt) -> _Begun:
+        return _Begun(number, image, attempt, self._workers.submit(ImageTask.of(attempt, image)))
+
+
+def _elsewhere(error: MeasurementError | None) -> WorkerError:
+    """Return the error of a worker that cannot read a file which this program has read."""
+    assert error is not None
+    remedy = "give all workers the same files under the same paths"
+    return WorkerError(f"a worker: {error.source}", error.step, error.expected, error.got, remedy)
+
+
+def _outcome(series: Series, image: SeriesImage, line: _Line | None = None) -> FinishedImage:
+    try:
+        if line is None:
+            read = cache(image.grey)
+            fields = series.follow(lambda attempt: attempt.correlate(read()), read, image.hint)
+        else:
+            fields = series.follow(line.field, image.read, image.hint)
+    except WorkerError:
+        raise
+    except MeasurementError as error:
+        return FinishedImage(image.label, image.digest, failure=str(error))
+    return FinishedImage(image.label, image.digest, fields)

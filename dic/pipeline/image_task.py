@@ -1,0 +1,89 @@
+"""The correlation of one image as a task that other threads, processes and computers can do."""
+
+import platform
+from dataclasses import dataclass, replace
+from functools import cache
+
+from dic.correlation.field import Field
+from dic.correlation.series_state import Attempt
+from dic.errors import CorrelationError, MeasurementError, WorkerError, collected_warnings
+from dic.pipeline.series_image import SeriesImage
+from dic.results.provenance import versions
+
+
+@dataclass(frozen=True)
+class ImageAnswer:
+    """The answer of an `ImageTask`.
+
+    Attributes
+    ----------
+    field : Field or None
+        The field from the attempt's reference to the image, without the region and the grid, which the caller
+        knows. None if the image could not be correlated.
+    error : MeasurementError or None
+        The reason why the image could not be correlated.
+    warnings : list of (str, str)
+        Arguments of `warn_of_image`.
+    unread : bool
+        True if the image could not be read.
+    """
+
+    field: Field | None
+    error: MeasurementError | None
+    warnings: list[tuple[str, str]]
+    unread: bool = False
+
+
+@dataclass(frozen=True)
+class ImageTask:
+    """One attempt at the correlation of an image. The object is called without arguments.
+
+    Attributes
+    ----------
+    attempt : Attempt
+    image : SeriesImage
+    versions : str
+        The versions of the program that needs the answer; with others, the bits could differ.
+    """
+
+    attempt: Attempt
+    image: SeriesImage
+    versions: str
+
+    @classmethod
+    def of(cls, attempt: Attempt, image: SeriesImage) -> "ImageTask":
+        """Return the task for a program with the versions of this one."""
+        return cls(attempt, image, own_versions())
+
+    def __call__(self) -> ImageAnswer:
+        """Read the image and correlate it.
+
+        Raises
+        ------
+        WorkerError
+            If the computer that does the task has other versions of the programs that compute.
+        """
+        if own_versions() != self.versions:
+            raise WorkerError(
+                f"worker on {platform.node()}",
+                "compare versions",
+                self.versions,
+                own_versions(),
+                "install the same versions on all computers",
+            )
+        with collected_warnings() as warnings:
+            try:
+                grey = self.image.grey()
+            except WorkerError:
+                raise
+            except MeasurementError as error:
+                return ImageAnswer(None, error, warnings, unread=True)
+            try:
+                field = self.attempt.correlate(grey)
+            except CorrelationError as error:
+                return ImageAnswer(None, error, warnings)
+        return ImageAnswer(replace(field, region=None, grid=None), None, warnings)
+
+
+own_versions = cache(versions)
+"""The result of `versions` for this process."""

@@ -1,0 +1,121 @@
+"""An image of a series: where it is, its name and its digest, and the expected motion of the specimen."""
+
+import os
+import platform
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dic.errors import WorkerError
+from dic.image.given import grey_image
+from dic.image.pages import split_page
+from dic.image.times import ImageTime
+from dic.results.job import content_of
+from dic.results.provenance import file_digest
+from dic.typing import Float, Grey, ImageLike
+
+UNREADABLE = "unreadable"
+"""This text replaces the digest of an image that cannot be read."""
+
+
+@dataclass(frozen=True)
+class SeriesImage:
+    """An image of a series, with its name and the expected motion of the specimen in the image.
+
+    Attributes
+    ----------
+    image : ndarray, shape (height, width), or path, or callable
+        A function without arguments returns the image when it is needed.
+    label : str
+        Name of the image in results.
+    hint : ndarray, shape (3, 3), optional
+        Expected homography from the reference image to this image, for example from `rigid_motion`.
+    digest : str
+        SHA-256 of the image's file or frames; "" if it is not known.
+    time : ImageTime
+        When the image was taken.
+    made_in : (str, int)
+        The computer and the process in which the object was made.
+    """
+
+    image: ImageLike | Callable[[], ImageLike]
+    label: str
+    hint: Float | None = None
+    digest: str = ""
+    time: ImageTime = field(default_factory=ImageTime)
+    made_in: tuple[str, int] = field(default_factory=lambda: (platform.node(), os.getpid()))
+
+    @property
+    def content(self) -> str:
+        """Text that identifies the content of the image, and the expected motion; see `content_of`."""
+        known = self.digest if self.digest != UNREADABLE else ""
+        if known and isinstance(self.image, str | Path):
+            known = of_page(known, Path(self.image))
+        return content_of(known, () if self.hint is None else self.hint.ravel())
+
+    def read(self) -> ImageLike:
+        """Return the image or its path; if the image is given by a function, call the function.
+
+        Raises
+        ------
+        WorkerError
+            If another process made this object, and this process finds another image in the same place.
+        """
+        here = platform.node(), os.getpid()
+        if here != self.made_in and self.digest and self._digest_here() != self.digest:
+            raise WorkerError(
+                f"{self.label}, read on {here[0]}",
+                "read image",
+                "the image that the command reads",
+                "none that can be read" if self._digest_here() == UNREADABLE else "another one",
+                "give all workers the same files under the same paths",
+            )
+        return self.image() if callable(self.image) else self.image
+
+    def grey(self) -> Grey:
+        """Return the grey levels of the image, shape (height, width)."""
+        return grey_image(self.read(), "deformed image")
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Another process may work in another folder.
+        path = self.image.absolute() if isinstance(self.image, Path) else self.image
+        return vars(self) | {"image": path}
+
+    def _digest_here(self) -> str:
+        if isinstance(self.image, str | Path):
+            return _DIGESTS.of(Path(self.image))
+        found = getattr(self.image, "digest", None)
+        return self.digest if found is None else str(found())
+
+
+def of_page(digest: str, image: Path) -> str:
+    """Return a text that identifies an image by the digest of its file, and by its page if it has one."""
+    page = split_page(image)[1]
+    return digest if page is None else f"{digest}#{page}"
+
+
+_MOST_BYTES = 2**36
+"""Largest file (64 GiB) that is read as a whole to compute a digest, even if it is a stack of images."""
+
+
+class FileDigests:
+    """SHA-256 digests of image files; a file with many images is read only once."""
+
+    def __init__(self) -> None:
+        self._known: dict[Path, str] = {}
+
+    def of(self, image: Path) -> str:
+        """Return the digest of the file that holds an image; `UNREADABLE` if the file cannot be read."""
+        file, page = split_page(image)
+        if page is None or file not in self._known:
+            try:
+                self._known[file] = file_digest(file, _MOST_BYTES)
+            except OSError:
+                # The reader of the image will report the reason.
+                return UNREADABLE
+        return self._known[file]
+
+
+_DIGESTS = FileDigests()
+"""Digests of files that hold images which other processes have sent."""

@@ -1,0 +1,114 @@
+"""Workers of a Dask cluster, on this computer or on others."""
+
+import logging
+import pickle
+import warnings
+from collections.abc import Callable
+from concurrent.futures import Future
+from threading import Lock
+from typing import Any
+
+from dic.errors import MeasurementError, WorkerError
+from dic.image.threads import limited_to
+from dic.workers.workers import Given, Result, Workers
+
+_WAIT_S = 20
+
+
+class ClusterWorkers(Workers):
+    """The workers of a Dask cluster. Each does one function at a time, with as many threads as it has.
+
+    If a worker is lost, Dask gives its function to another worker.
+
+    Parameters
+    ----------
+    address : str
+        Address of the cluster's scheduler, such as "tcp://192.168.1.5:8786".
+
+    Raises
+    ------
+    WorkerError
+        If Dask is not installed, if no scheduler answers, or if the scheduler has no worker.
+    """
+
+    def __init__(self, address: str) -> None:
+        try:
+            from distributed import Client
+        except ImportError as error:
+            remedy = "install it with pip install 'offaxis[cluster]'"
+            raise WorkerError("--scheduler", "import", "the package distributed", "none", remedy) from error
+        # Errors are told in one sentence.
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        try:
+            with warnings.catch_warnings():
+                # Dask warns of other versions of Python. Every task compares the versions that matter.
+                warnings.simplefilter("ignore")
+                self._client = Client(address, timeout=_WAIT_S, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            remedy = "start one with `dask scheduler`, and give its address, such as tcp://localhost:8786"
+            got = " ".join(str(error).split()) or type(error).__name__
+            raise WorkerError(address, "connect", "the scheduler of a Dask cluster", got, remedy) from error
+        try:
+            self._client.wait_for_workers(1, timeout=_WAIT_S)
+        except TimeoutError as error:
+            self._client.close()
+            remedy = f"start workers with `dask worker {address}`"
+            raise WorkerError(address, "find workers", "at least one worker", "none", remedy) from error
+        self._address, self._pool = address, self._client.get_executor(pure=False)
+        self.count = len(self._client.ncores())
+
+    def submit(
+        self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs
+    ) -> Future[Result]:
+        """Run a function on one of the workers; it and its arguments must be picklable."""
+        # Give Dask bytes, because it would search other arguments for its own objects.
+        task = pickle.dumps((fn, args, kwargs), protocol=5)
+        return _Answer(self._pool.submit(_run, task), self._address)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Leave the cluster. Its workers go on for other programs."""
+        self._pool.shutdown(wait and not cancel_futures)
+        self._client.close()
+
+
+class _Answer(Future[Any]):
+    """The answer to a task, whose errors of the cluster are told in one sentence."""
+
+    def __init__(self, begun: Future[Any], address: str) -> None:
+        super().__init__()
+        self._begun, self._address = begun, address
+        begun.add_done_callback(self._take)
+
+    def cancel(self) -> bool:
+        """Withdraw the task, also from a worker that has begun it."""
+        self._begun.cancel()
+        return super().cancel()
+
+    def _take(self, begun: Future[Any]) -> None:
+        if self.done():
+            return
+        if begun.cancelled():
+            super().cancel()
+            return
+        error = begun.exception()
+        if error is None:
+            self.set_result(begun.result())
+        elif isinstance(error, MeasurementError):
+            self.set_exception(error)
+        else:
+            got = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            remedy = "see the logs of the workers, and give the same command again to go on"
+            self.set_exception(WorkerError(self._address, "correlate", "an answer of a worker", got, remedy))
+
+
+_alone = Lock()
+"""Held while a worker does a function, for which it uses all its threads."""
+
+
+def _run(task: bytes) -> Any:
+    """Run a pickled function with its arguments, on as many processors as the worker has threads."""
+    from distributed import get_worker
+
+    with _alone, limited_to(get_worker().state.nthreads):
+        function, arguments, named = pickle.loads(task)
+        return function(*arguments, **named)

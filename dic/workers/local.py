@@ -1,0 +1,181 @@
+"""Worker processes on this computer."""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import suppress
+from queue import SimpleQueue
+from threading import Lock, Thread
+from typing import Any
+
+from dic.errors import WorkerError
+from dic.image.threads import processors
+from dic.workers.pipes import receive, send
+from dic.workers.workers import Given, Result, Workers
+
+_ATTEMPTS = 3
+"""Number of processes that may end during the same task. A task that ends each of them is given up."""
+
+
+_GONE_S = 5.0
+"""Longest wait, in seconds, for the end of a process that has closed its pipe."""
+
+
+class LocalWorkers(Workers):
+    """Worker processes on this computer, each of which runs one function at a time.
+
+    If a process is killed, a new process takes its place and runs the same function again.
+
+    Parameters
+    ----------
+    count : int
+        Number of processes.
+    on_lost : callable, optional
+        Function that is called with a sentence if a process was killed. It is called in another thread.
+    """
+
+    def __init__(self, count: int, on_lost: Callable[[str], None] = lambda _: None) -> None:
+        if count < 1:
+            raise WorkerError(
+                "settings", "workers", "a number of processes, at least 1", str(count), "give --workers 2"
+            )
+        self.count, self._on_lost, self._threads_each = count, on_lost, max(1, processors() // count)
+        self._tasks: SimpleQueue[tuple[Future[Any], bytes] | None] = SimpleQueue()
+        self._lock, self._ended = Lock(), False
+        self._processes: dict[int, _Process] = {}
+        self._threads = [Thread(target=self._serve, args=(k,), daemon=True) for k in range(1, count + 1)]
+        for thread in self._threads:
+            thread.start()
+
+    def submit(
+        self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs
+    ) -> Future[Result]:
+        """Run a function in one of the processes; it and its arguments must be picklable."""
+        future: Future[Result] = Future()
+        self._tasks.put((future, pickle.dumps((fn, args, kwargs), protocol=5)))
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End all processes; with `wait`, first run the functions that were submitted before."""
+        while cancel_futures and not self._tasks.empty():
+            task = self._tasks.get()
+            if task is not None:
+                task[0].cancel()
+        for _ in self._threads:
+            self._tasks.put(None)
+        if not wait:
+            self._kill()
+        for thread in self._threads:
+            thread.join()
+
+    def _kill(self) -> None:
+        with self._lock:
+            self._ended = True
+            for process in self._processes.values():
+                process.stop()
+
+    def _serve(self, number: int) -> None:
+        """Give the tasks to one process, one by one."""
+        while (task := self._tasks.get()) is not None:
+            future, content = task
+            if not future.set_running_or_notify_cancel():
+                continue
+            try:
+                result, error = pickle.loads(self._answer(number, content))
+            except Exception as failure:
+                result, error = None, failure
+            if error is None:
+                future.set_result(result)
+            else:
+                future.set_exception(error)
+        with self._lock:
+            process = self._processes.pop(number, None)
+        if process is not None:
+            process.stop()
+            process.ended()
+
+    def _answer(self, number: int, task: bytes) -> bytes:
+        ending = ""
+        for attempt in range(_ATTEMPTS):
+            process = self._process(number)
+            try:
+                return process.ask(task)
+            except (EOFError, OSError):
+                ending = process.ended()
+            with self._lock:
+                self._processes.pop(number)
+                if self._ended:
+                    break
+            if attempt + 1 < _ATTEMPTS:
+                self._on_lost(f"worker {number} of {len(self._threads)} {ending}; its image is done again")
+        raise WorkerError(
+            f"worker {number}",
+            "correlate",
+            "a process that runs until its image is done",
+            f"{_ATTEMPTS} processes, the last of which {ending}",
+            "give fewer --workers, because each of them needs memory, and the same command goes on",
+        )
+
+    def _process(self, number: int) -> "_Process":
+        with self._lock:
+            if self._ended:
+                raise WorkerError("workers", "correlate", "open workers", "ended ones", "start new workers")
+            if number not in self._processes:
+                self._processes[number] = _Process(self._threads_each)
+            return self._processes[number]
+
+
+class _Process:
+    """One worker process, which uses the given number of threads."""
+
+    def __init__(self, threads: int) -> None:
+        # The process finds this package in the same folders as this program.
+        found = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        limits = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), str(threads))
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "dic.workers.process", str(threads)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=os.environ | found | limits,
+            # Ctrl-C ends this program after the image, and this program then ends its workers.
+            start_new_session=True,
+        )
+
+    def ask(self, task: bytes) -> bytes:
+        """Let the process run a task, and return its answer.
+
+        Raises
+        ------
+        EOFError, OSError
+            If the process has ended.
+        """
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        send(self._process.stdin, task)  # type: ignore[arg-type]
+        return receive(self._process.stdout)  # type: ignore[arg-type]
+
+    def stop(self) -> None:
+        """End the process at once. The thread that waits for its answer then gets an error."""
+        self._process.kill()
+
+    def ended(self) -> str:
+        """Wait until the process is gone, and return words that say how it ended."""
+        try:
+            # The pipe of a process that ends is closed shortly before the process is gone.
+            status = self._process.wait(_GONE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            status = self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                with suppress(OSError):
+                    pipe.close()
+        if status >= 0:
+            return f"ended with status {status}"
+        name = signal.Signals(-status).name
+        return f"was killed ({name}; memory may be short)" if name == "SIGKILL" else f"crashed ({name})"

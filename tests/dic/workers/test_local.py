@@ -1,0 +1,58 @@
+"""Worker processes on this computer: killed ones are replaced, and nothing that was given to them is lost."""
+
+import os
+import signal
+from concurrent.futures import CancelledError
+from pathlib import Path
+
+import pytest
+
+from dic.errors import CorrelationError, WorkerError
+from dic.workers.local import LocalWorkers
+
+
+def mark_and_die(marks: str, times: int) -> int:
+    """End this process by a signal, but only the first `times` times; then return the number of deaths."""
+    deaths = len(list(Path(marks).iterdir()))
+    if deaths < times:
+        (Path(marks) / str(deaths)).touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return deaths
+
+
+def refuse() -> None:
+    raise CorrelationError("settings", "subset", "an odd number", "20", "give 21")
+
+
+def test_function_of_a_killed_process_runs_again_and_the_user_is_told(tmp_path):
+    told = []
+    with LocalWorkers(1, told.append) as workers:
+        killed, after = workers.submit(mark_and_die, str(tmp_path), 1), workers.submit(os.getpid)
+        assert killed.result() == 1
+        assert after.result() != os.getpid()
+        with pytest.raises(CorrelationError, match="give 21"):
+            workers.submit(refuse).result()
+    (sentence,) = told
+    assert "worker 1 of 1 was killed (SIGKILL" in sentence
+    assert "its image is done again" in sentence
+
+
+def test_function_that_ends_every_process_is_given_up_in_one_sentence(tmp_path):
+    with LocalWorkers(1) as workers, pytest.raises(WorkerError, match="give fewer --workers") as refusal:
+        workers.submit(mark_and_die, str(tmp_path), 9).result()
+    assert len(list(tmp_path.iterdir())) == 3
+    assert "\n" not in str(refusal.value)
+
+
+def test_nothing_waits_for_workers_that_are_closed(tmp_path):
+    with LocalWorkers(1) as workers:
+        assert workers.submit(os.getpid).result() > 0
+        busy = workers.submit(signal.pause)
+        waiting = workers.submit(os.getpid)
+        while not busy.running():
+            pass
+    assert isinstance(busy.exception(), WorkerError)
+    with pytest.raises(CancelledError):
+        waiting.result()
+    with pytest.raises(WorkerError, match="at least 1, got 0"):
+        LocalWorkers(0)
