@@ -49,6 +49,7 @@ if TYPE_CHECKING:
         WorkerError,
     )
     from dic.example.copy import write_example
+    from dic.exports.tensile_ontology import AboutTest, write_tensile_ontology
     from dic.gauges.cut_plot import plot_cuts
     from dic.gauges.declared import (
         Extensometer,
@@ -111,6 +112,7 @@ if TYPE_CHECKING:
     from dic.records.machine import MachineRecord, read_image_times, read_machine_record
     from dic.report.campaign_page import plot_campaign, write_campaign_report
     from dic.report.details import ReportDetails
+    from dic.report.ontology import write_test_ontology
     from dic.report.page import write_report
     from dic.report.stated_facts import StatedFacts, read_stated_facts
     from dic.report.tensile_test import TensileTest, tensile_test
@@ -146,35 +148,35 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "Alignment", "Animation", "Assessment", "AsymmetricDotTarget", "BicubicMap", "Calibration",
+    "AboutTest", "Alignment", "Animation", "Assessment", "AsymmetricDotTarget", "BicubicMap", "Calibration",
     "CalibrationError", "CameraResult", "Campaign", "CampaignSpecimen", "CharucoTarget",
-    "CheckerboardTarget", "ClusterWorkers", "Comparison", "Correction", "CorrectionSettings",
-    "Corrections", "CorrelationError", "CorrelationSettings", "Correlator", "Curve", "CurveColumns",
-    "CurveError", "Difference", "Displacement", "DotTarget", "Export", "Extensometer", "Field", "Gauge",
-    "GaugeChoice", "GaugeCurve", "GaugeError", "GaugeImage", "GaugeSeries", "GridPoints", "ImageClock",
-    "ImageError", "JoinedRecord", "JointCorrections", "KnownCamera", "LineCut", "LineGridTarget",
-    "LocalWorkers", "MachineRecord", "MapSettings", "MeanStrain", "MeasuredImage", "MeasuredSeries",
-    "Measurement", "MeasurementError", "Motion", "Noise", "OutputError", "PeerField", "Pinhole", "Plane",
-    "PlotSettings", "PointGauge", "Profile", "Properties", "PropertySettings", "PropertyValue", "Quality",
-    "Reading", "RegionFiles", "ReportDetails", "Residuals", "ResultPlace", "RunCorrections",
-    "RunFileError", "RunInfo", "RunResult", "RunStep", "Sensitivity", "Series", "SeriesImage",
-    "SeriesResult", "Specimen", "SpecimenTest", "StatedFacts", "Status", "StrainField", "StrainGauge",
-    "StrainSettings", "StudiedSettings", "Study", "Sweep", "Target", "TensileTest",
-    "TransverseExtensometer", "TwoCameraStep", "Wave", "WorkerError", "__version__", "assess_method",
-    "assess_quality", "calibrate_images", "compare_results", "compare_specimens", "corrected_rotation",
-    "draw_target", "export_results", "find_specimen", "find_target", "gauge_curve", "gauge_table_files",
-    "gauge_text", "join_record", "list_images", "list_specimens", "load_alignment", "load_calibration",
-    "load_run_result", "load_series_result", "map_scale", "material_properties", "measure",
-    "measure_campaign", "measure_gauges", "measure_images", "measure_series", "planar_anisotropy",
-    "plot_assessment", "plot_calibration", "plot_campaign", "plot_cuts", "plot_gauges", "plot_properties",
-    "plot_quality", "plot_study", "process_run", "quality_findings", "read_campaign", "read_curve",
-    "read_gauges", "read_image", "read_image_times", "read_machine_record", "read_peer", "read_region",
-    "read_stated_facts", "region_files", "rigid_motion", "save_alignment", "save_calibration",
-    "save_run_result", "strain_of_run", "strain_of_series", "strain_resolution_px", "study_settings",
-    "tensile_test", "to_pandas", "to_xarray", "whole_field_gauges", "with_shared_error",
-    "write_animation", "write_campaign_report", "write_campaign_table", "write_contact_sheet",
-    "write_csv", "write_drawing_page", "write_example", "write_gauge_picture", "write_gauge_table",
-    "write_maps", "write_region", "write_report", "write_strain_table",
+    "CheckerboardTarget", "ClusterWorkers", "Comparison", "Correction", "CorrectionSettings", "Corrections",
+    "CorrelationError", "CorrelationSettings", "Correlator", "Curve", "CurveColumns", "CurveError",
+    "Difference", "Displacement", "DotTarget", "Export", "Extensometer", "Field", "Gauge", "GaugeChoice",
+    "GaugeCurve", "GaugeError", "GaugeImage", "GaugeSeries", "GridPoints", "ImageClock", "ImageError",
+    "JoinedRecord", "JointCorrections", "KnownCamera", "LineCut", "LineGridTarget", "LocalWorkers",
+    "MachineRecord", "MapSettings", "MeanStrain", "MeasuredImage", "MeasuredSeries", "Measurement",
+    "MeasurementError", "Motion", "Noise", "OutputError", "PeerField", "Pinhole", "Plane", "PlotSettings",
+    "PointGauge", "Profile", "Properties", "PropertySettings", "PropertyValue", "Quality", "Reading",
+    "RegionFiles", "ReportDetails", "Residuals", "ResultPlace", "RunCorrections", "RunFileError", "RunInfo",
+    "RunResult", "RunStep", "Sensitivity", "Series", "SeriesImage", "SeriesResult", "Specimen",
+    "SpecimenTest", "StatedFacts", "Status", "StrainField", "StrainGauge", "StrainSettings",
+    "StudiedSettings", "Study", "Sweep", "Target", "TensileTest", "TransverseExtensometer", "TwoCameraStep",
+    "Wave", "WorkerError", "__version__", "assess_method", "assess_quality", "calibrate_images",
+    "compare_results", "compare_specimens", "corrected_rotation", "draw_target", "export_results",
+    "find_specimen", "find_target", "gauge_curve", "gauge_table_files", "gauge_text", "join_record",
+    "list_images", "list_specimens", "load_alignment", "load_calibration", "load_run_result",
+    "load_series_result", "map_scale", "material_properties", "measure", "measure_campaign",
+    "measure_gauges", "measure_images", "measure_series", "planar_anisotropy", "plot_assessment",
+    "plot_calibration", "plot_campaign", "plot_cuts", "plot_gauges", "plot_properties", "plot_quality",
+    "plot_study", "process_run", "quality_findings", "read_campaign", "read_curve", "read_gauges",
+    "read_image", "read_image_times", "read_machine_record", "read_peer", "read_region", "read_stated_facts",
+    "region_files", "rigid_motion", "save_alignment", "save_calibration", "save_run_result", "strain_of_run",
+    "strain_of_series", "strain_resolution_px", "study_settings", "tensile_test", "to_pandas", "to_xarray",
+    "whole_field_gauges", "with_shared_error", "write_animation", "write_campaign_report",
+    "write_campaign_table", "write_contact_sheet", "write_csv", "write_drawing_page", "write_example",
+    "write_gauge_picture", "write_gauge_table", "write_maps", "write_region", "write_report",
+    "write_strain_table", "write_tensile_ontology", "write_test_ontology",
 ]  # fmt: skip
 
 _NAMES_OF = {
@@ -206,6 +208,7 @@ _NAMES_OF = {
         "MeasurementError", "OutputError", "RunFileError", "WorkerError",
     ),
     "dic.example.copy": ("write_example",),
+    "dic.exports.tensile_ontology": ("AboutTest", "write_tensile_ontology"),
     "dic.gauges.cut_plot": ("plot_cuts",),
     "dic.gauges.declared": (
         "Extensometer", "Gauge", "LineCut", "PointGauge", "StrainGauge", "TransverseExtensometer",
@@ -263,6 +266,7 @@ _NAMES_OF = {
     "dic.records.machine": ("MachineRecord", "read_image_times", "read_machine_record"),
     "dic.report.campaign_page": ("plot_campaign", "write_campaign_report"),
     "dic.report.details": ("ReportDetails",),
+    "dic.report.ontology": ("write_test_ontology",),
     "dic.report.page": ("write_report",),
     "dic.report.stated_facts": ("StatedFacts", "read_stated_facts"),
     "dic.report.tensile_test": ("TensileTest", "tensile_test"),

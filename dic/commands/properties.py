@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ import click
 
 from dic.commands.column_options import COLUMN_OPTIONS
 from dic.commands.field_options import FieldOptions, field_options
+from dic.commands.ontology_options import TTL_IRI_OPTION, TTL_OPTION, ontology_line
 from dic.commands.option_groups import option_group
 from dic.commands.record_options import RecordOptions, record_options
 from dic.commands.test_options import TestOptions, test_options
@@ -18,7 +19,7 @@ from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
 
 if TYPE_CHECKING:
-    from dic import Curve, Properties
+    from dic import AboutTest, Curve, Properties
 
 _PATH = click.Path(path_type=Path)
 _SHOWN = {"GPa": 1, "MPa": 1, "%": 3, "1": 4}
@@ -76,6 +77,37 @@ class StrainChoice:
     camera: str | None
 
 
+@dataclass(frozen=True)
+class PropertyOutputs:
+    """Options that name the output files of `dic properties`."""
+
+    plot_file: Path | None
+    json_file: Path | None
+    ttl_file: Path | None
+    ttl_iri: str | None
+    facts_file: Path | None
+    force: bool
+
+    def about(self, name: str) -> "AboutTest":
+        """Return what the ontology's file says of the test beside its values."""
+        from dic import AboutTest, read_stated_facts
+
+        facts = {} if self.facts_file is None else read_stated_facts(self.facts_file).tables
+        return AboutTest(name, facts, iri=self.ttl_iri or "")
+
+    def write(self, found: "Properties", content: dict[str, Any], about: "AboutTest") -> None:
+        """Write all files, and print which values the ontology cannot hold."""
+        from dic import plot_properties, write_tensile_ontology
+
+        if self.json_file is not None:
+            content = content | found.as_dict()
+            write_text(self.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+        if self.plot_file is not None:
+            plot_properties(found, self.plot_file)
+        if self.ttl_file is not None:
+            say(ontology_line(self.ttl_file, write_tensile_ontology(found, self.ttl_file, about)))
+
+
 @click.command()
 @click.argument("curve", type=_PATH)
 @option_group(
@@ -94,9 +126,24 @@ class StrainChoice:
 )
 @record_options
 @test_options
-@click.option("--plot", "plot_file", type=_PATH, help="PNG file of the curve with elastic line and marks.")
-@click.option("--json", "json_file", type=_PATH, help="JSON file of all values.")
-@FORCE
+@option_group(
+    "outputs",
+    PropertyOutputs,
+    click.option(
+        "--plot", "plot_file", type=_PATH, help="PNG file of the curve with elastic line and marks."
+    ),
+    click.option("--json", "json_file", type=_PATH, help="JSON file of all values."),
+    TTL_OPTION,
+    TTL_IRI_OPTION,
+    click.option(
+        "--facts",
+        "facts_file",
+        type=_PATH,
+        help="TOML file for --ttl: laboratory, specimen, machine.",
+    ),
+    FORCE,
+    needs={"--ttl-iri": ["--ttl"], "--facts": ["--ttl"]},
+)
 def properties(
     curve: Path,
     columns: ColumnOptions,
@@ -104,9 +151,7 @@ def properties(
     choice: StrainChoice,
     record: RecordOptions,
     test: TestOptions,
-    plot_file: Path | None,
-    json_file: Path | None,
-    force: bool,
+    outputs: PropertyOutputs,
 ) -> None:
     """Compute E, Rp0.2, ReH, ReL, Rm, elongations, Poisson's ratio, r and n from a tensile test.
 
@@ -117,11 +162,14 @@ def properties(
 
     Exit status: 0 if E was found, 1 if not, 2 if the record cannot be used.
     """
-    from dic import gauge_curve, material_properties, plot_properties, with_shared_error
+    from dic import gauge_curve, material_properties, with_shared_error
     from dic.pipeline.gauge_series import is_results
+    from dic.pipeline.test_ontology import with_gauge
 
     settings = test.settings()
-    require_places([curve, field.gauges_file, *record.files], [plot_file, json_file], force=force)
+    inputs = [curve, field.gauges_file, outputs.facts_file, *record.files]
+    require_places(inputs, [outputs.plot_file, outputs.json_file, outputs.ttl_file], force=outputs.force)
+    about = outputs.about(curve.stem)
     content: dict[str, Any] = {"curve": str(curve)}
     if is_results(curve):
         columns.require_results(curve)
@@ -134,15 +182,13 @@ def properties(
         content |= {"strain_kind": read.kind, "images": images, "left_out": read.left_out}
         content |= {} if joined is None else {"record": joined.as_dict()}
         say(f"{read.kind} strain of {images} images, {read.left_out} without a reading")
+        about = with_gauge(about, series, gauge, read.kind)
     else:
         _require_no_gauges(curve, field.given, choice, record)
         found = material_properties(columns.read(curve), settings)
-    if json_file is not None:
-        content |= found.as_dict()
-        write_text(json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+        about = replace(about, gauge_length_mm=columns.gauge_length_mm)
     _say_all(found)
-    if plot_file is not None:
-        plot_properties(found, plot_file)
+    outputs.write(found, content, about)
     click.get_current_context().exit(0 if found.elastic is not None else 1)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dic.commands.field_options import FieldOptions, field_options
+from dic.commands.ontology_options import TTL_IRI_OPTION, TTL_OPTION, ontology_line
 from dic.commands.option_groups import option_group
 from dic.commands.record_options import RecordOptions, record_options
 from dic.commands.test_options import TestOptions, test_options
@@ -65,10 +66,40 @@ class PropertyOptions:
         return content
 
 
+@dataclass(frozen=True)
+class ReportOutputs:
+    """Options that name the output files of `dic report`."""
+
+    output: Path
+    pdf: Path | None
+    json_file: Path | None
+    ttl_file: Path | None
+    ttl_iri: str | None
+    force: bool
+
+    def require_test(self, tests: "Sequence[TensileTest]") -> None:
+        """Raise an error if there is no tensile test for a file of its values."""
+        from dic import RunFileError
+
+        for option, path in (("--json", self.json_file), ("--ttl", self.ttl_file)):
+            if path is not None and not tests:
+                expected, remedy = "a tensile test", f"declare a gauge with --declare, or leave out {option}"
+                raise RunFileError(str(path), option, expected, "none", remedy)
+
+    def write_values(self, tests: "Sequence[TensileTest]") -> None:
+        """Write the values of the test as JSON and after the ontology."""
+        from dic import write_test_ontology
+
+        if self.json_file is not None:
+            content = {"tests": [each.as_dict() for each in tests]}
+            write_text(self.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+        if self.ttl_file is not None:
+            left_out = write_test_ontology(tests[0], self.ttl_file, iri=self.ttl_iri or "")
+            say(ontology_line(self.ttl_file, left_out))
+
+
 @click.command()
 @click.argument("results", type=_FILE, nargs=-1, required=True)
-@click.option("-o", "--output", type=_FILE, default=Path("report.html"), show_default=True)
-@click.option("--pdf", type=_FILE, help="The same report as a PDF file; needs the extra offaxis[pdf].")
 @field_options
 @option_group(
     "about",
@@ -95,18 +126,24 @@ class PropertyOptions:
 )
 @record_options
 @test_options
-@click.option("--json", "json_file", type=_FILE, help="JSON file of all material properties and curves.")
-@FORCE
+@option_group(
+    "outputs",
+    ReportOutputs,
+    click.option("-o", "--output", type=_FILE, default=Path("report.html"), show_default=True),
+    click.option("--pdf", type=_FILE, help="The same report as a PDF file; needs the extra offaxis[pdf]."),
+    click.option("--json", "json_file", type=_FILE, help="JSON file of all material properties and curves."),
+    TTL_OPTION,
+    TTL_IRI_OPTION,
+    FORCE,
+    needs={"--ttl-iri": ["--ttl"]},
+)
 def report(
     results: tuple[Path, ...],
-    output: Path,
-    pdf: Path | None,
     field: FieldOptions,
     about: PropertyOptions,
     record: RecordOptions,
     test: TestOptions,
-    json_file: Path | None,
-    force: bool,
+    outputs: ReportOutputs,
 ) -> None:
     """Write one self-contained HTML report from RESULTS.
 
@@ -121,15 +158,13 @@ def report(
 
     require_places(
         [*results, field.gauges_file, about.known_file, about.facts_file, *record.files],
-        [output, json_file],
-        force=force,
+        [outputs.output, outputs.pdf, outputs.json_file, outputs.ttl_file],
+        force=outputs.force,
     )
     tests = _tests(results, field, about, record, test)
-    if json_file is not None and not tests:
-        expected, remedy = "a tensile test", "declare a gauge with --declare, or leave out --json"
-        raise RunFileError(str(json_file), "--json", expected, "none", remedy)
+    outputs.require_test(tests)
     try:
-        _write(results, tests, output, pdf)
+        _write(results, tests, outputs.output, outputs.pdf)
     except (MeasurementError, OSError):
         raise
     except Exception as error:
@@ -141,10 +176,8 @@ def report(
             f"some that do not ({type(error).__name__}: {' '.join(str(error).split())[:200]})",
             "make them again with `dic process` or `dic correlate`",
         ) from error
-    if json_file is not None:
-        content = {"tests": [each.as_dict() for each in tests]}
-        write_text(json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
-    say(f"report: {output}")
+    outputs.write_values(tests)
+    say(f"report: {outputs.output}")
 
 
 def _write(results: Sequence[Path], tests: "Sequence[TensileTest]", output: Path, pdf: Path | None) -> None:

@@ -8,6 +8,7 @@ import sys
 import h5py
 import numpy as np
 import pytest
+import rdflib
 
 import dic
 from dic.report.states import chosen_states
@@ -42,9 +43,22 @@ def reported(folder, tmp_path_factory):
         "--facts", place / "facts.toml", "--fields-at", "half", "--fields-at", "stress=200",
         "--fields-at", "last", "--static", STATIC[0], "--static", STATIC[1],
         "-o", place / "report.html", "--json", place / "report.json", "--pdf", place / "report.pdf",
+        "--ttl", place / "report.ttl", "--ttl-iri", "https://lab.example/",
     )  # fmt: skip
     assert done.status == 0, done
     return place
+
+
+def test_the_ontologys_file_has_the_values_of_the_json(reported):
+    (test,) = json.loads((reported / "report.json").read_text())["tests"]
+    graph = rdflib.Graph().parse(reported / "report.ttl")
+    has_value = rdflib.URIRef("https://w3id.org/pmd/co/PMD_0000006")
+    for name, key in (("proofStrength_Rp02", "Rp02_mpa"), ("modulusOfElasticity_E", "E_gpa")):
+        value = graph.value(rdflib.URIRef(f"https://lab.example/r_{name}_svs"), has_value)
+        assert float(value) == test["columns"][-1]["values"][key]["value"]
+    named = {str(text) for text in graph.objects(None, has_value)}
+    assert {"2024-T3", "r"} <= named
+    assert any(text.endswith("gauge axial, raw strain") for text in named)
 
 
 def test_every_number_can_be_followed_to_its_file_image_and_rule(folder, reported):

@@ -1,0 +1,22 @@
+"""Options of `dic properties` and `dic report` for a file after the Tensile Test Ontology."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+TTL_OPTION = click.option(
+    "--ttl",
+    "ttl_file",
+    type=click.Path(path_type=Path),
+    help="Turtle file of the values after the Tensile Test Ontology.",
+)
+TTL_IRI_OPTION = click.option(
+    "--ttl-iri", metavar="IRI", help="Beginning of the names in this file. Default: the place of the file."
+)
+
+
+def ontology_line(path: Path, left_out: Sequence[str]) -> str:
+    """Return a line that names the file, and the properties that have no class in the ontology."""
+    without = f"; the ontology has no class for {', '.join(left_out)}" if left_out else ""
+    return f"ontology: {path}{without}"

@@ -1,0 +1,53 @@
+"""Write statements of RDF in the Turtle format (RDF 1.1 Turtle, W3C Recommendation of 2014)."""
+
+import re
+from collections.abc import Mapping
+
+_ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\t": "\\t"}
+_SEVERAL = " ,\n        "
+_OTHER = re.compile(r"[^A-Za-z0-9_]+")
+
+
+def quoted(text: str) -> str:
+    """Return a text as a literal."""
+    escaped = "".join(_ESCAPES.get(sign, sign if sign >= " " else f"\\u{ord(sign):04X}") for sign in text)
+    return f'"{escaped}"'
+
+
+def number(value: float) -> str:
+    """Return a finite number as a literal of the type xsd:double, with all its digits."""
+    return f'"{float(value)!r}"^^xsd:double'
+
+
+def local_name(text: str) -> str:
+    """Return a name for IRIs: letters, digits and "_"."""
+    return _OTHER.sub("_", text).strip("_") or "test"
+
+
+class Statements:
+    """Statements about subjects, in the order in which the subjects were first named.
+
+    Parameters
+    ----------
+    prefixes : mapping of str to str
+        The beginning of the IRIs of each prefix. Subjects, predicates and objects are given as in Turtle,
+        such as "obo:BFO_0000030".
+    """
+
+    def __init__(self, prefixes: Mapping[str, str]) -> None:
+        self._prefixes = dict(prefixes)
+        self._about: dict[str, dict[str, list[str]]] = {}
+
+    def add(self, subject: str, predicate: str, *objects: str) -> None:
+        """Add a statement for each object; a repeated statement has no effect."""
+        known = self._about.setdefault(subject, {}).setdefault(predicate, [])
+        known += [each for each in dict.fromkeys(objects) if each not in known]
+
+    def text(self) -> str:
+        """Return the content of the file."""
+        heads = [f"@prefix {name}: <{iri}> ." for name, iri in self._prefixes.items()]
+        blocks = []
+        for subject, about in self._about.items():
+            parts = [f"{name} {_SEVERAL.join(objects)}" for name, objects in about.items() if objects]
+            blocks.append(f"{subject} " + " ;\n    ".join(parts) + " .")
+        return "\n".join(heads) + "\n\n" + "\n\n".join(blocks) + "\n"
