@@ -44,7 +44,7 @@ def draw(
 ) -> None:
     """Write a page on which you draw regions, cracks and gauges over IMAGE in a browser.
 
-    The page is one HTML file that works offline. It saves region.toml for --roi of `dic correlate`,
+    The page is one HTML file that works offline. The page saves region.toml for --roi of `dic correlate`,
     `dic quality` and `dic study`, and gauges.toml for --gauges of `dic correlate` and `dic process` and for
     `dic gauges`.
     """

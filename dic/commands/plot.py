@@ -33,14 +33,14 @@ plot.add_command(animation)
 
 @dataclass(frozen=True)
 class SourceOptions:
-    """Options that choose gauges and their values."""
+    """Options of `dic plot` that choose gauges and the kinds of their values."""
 
     texts: tuple[str, ...]
     camera: str | None
     kinds: tuple[str, ...]
 
     def read(self, results: Path, gauges_file: Path | None) -> "GaugeSeries":
-        """Read the gauges in the results."""
+        """Read the chosen gauges in all images of the results."""
         from dic import measure_gauges, read_gauges
 
         series: GaugeSeries = measure_gauges(
@@ -190,7 +190,7 @@ def _numbers(text: str) -> list[int]:
 
 
 def _end(picture: Path, gaps: Sequence[str]) -> None:
-    """Print what is missing in the picture, and end the command."""
+    """Print sentences about gaps in the picture, and end the command with its exit status."""
     for sentence in gaps:
         say(sentence)
     say(f"picture: {picture}")

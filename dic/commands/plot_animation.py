@@ -19,7 +19,7 @@ _PATH = click.Path(path_type=Path)
 
 @dataclass(frozen=True)
 class FrameOptions:
-    """Options for the maps of the frames; they mean the same as those of `dic correlate --maps`."""
+    """Options for the maps in the frames; they mean the same as the `--map-…` options of `dic correlate`."""
 
     quantity: str
     kind: str

@@ -9,7 +9,7 @@ from dic.files.reading import read_text
 from dic.typing import PathLike
 
 TEXT, NUMBER, NUMBERS = "a line of text", "a number", "a list of numbers"
-"""Kinds of values, as they are named in messages."""
+"""The kinds of values that a key may have, named as in error messages."""
 _MOST_CHARACTERS = 500
 _MOST_REASON = 200
 
@@ -55,13 +55,13 @@ def wrong_values(
     place : str
         The file and the table, for messages.
     table : mapping
-        Values by their keys, as they stand in the file.
+        Keys and values of the table in the file.
     known : mapping of str to str
         The kind of value of each known key: `TEXT`, `NUMBER` or `NUMBERS`.
     error : type
         Class of the errors.
     kind : str
-        What the table describes, such as "a result file", for messages.
+        Description of the table's subject, such as "a result file", for messages.
     """
     for key, value in table.items():
         if key not in known:

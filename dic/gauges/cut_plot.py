@@ -32,9 +32,9 @@ QUANTITIES = {
     "eyy": "εyy",
     "exy": "εxy",
 }
-"""What can be drawn along a cut, and its name."""
+"""The quantities that can be drawn along a cut, and their names on the axis."""
 MOST_IMAGES = 8
-"""More images than this number are drawn only if they are asked for."""
+"""Largest number of images that are drawn if the user does not choose images."""
 _COLOUR_MAP, _LIGHTEST = "viridis", 0.88
 _LONGEST_LABEL = 24
 
@@ -158,7 +158,7 @@ def _numbers(series: GaugeSeries, given: Sequence[int], images: Sequence[GaugeIm
 
 
 def _profile(image: GaugeImage, gauge: str, kind: str, quantity: str) -> Profile | None:
-    """Return the values of a cut in an image; None if no place has a value."""
+    """Return the values of a line cut in an image; None if no place of the cut has a value."""
     found = image.readings.get(gauge, {}).get(kind)
     return found if isinstance(found, Profile) and np.isfinite(found.values[quantity]).any() else None
 

@@ -25,7 +25,7 @@ from dic.pictures.plots import (
 from dic.typing import Float, PathLike
 
 AGAINST = {"image": "number of the image", "time": "time, s", "load": "load, {}"}
-"""What readings can be drawn against, and the name of the axis."""
+"""The quantities against which readings can be drawn, and the names of their axes."""
 _STRAINS = ("strain", "exx", "eyy", "exy", "e1", "e2")
 _LENGTHS = ("extension", "u", "v")
 _KEYS = {"time": "time_s", "load": "load_n"}
@@ -41,7 +41,7 @@ _NAMES = {
     "v": "displacement upwards",
 }
 _IN_KN = 1000.0
-"""Loads from this value, in newtons, are drawn in kN."""
+"""If the largest load is at least this value, in N, loads are drawn in kN."""
 
 
 @dataclass(frozen=True)
@@ -109,17 +109,17 @@ def plot_gauges(
 
 
 def refused(series: GaugeSeries, step: str, expected: str, got: str, remedy: str) -> GaugeError:
-    """Return an error about the readings of a series."""
+    """Return the error that names a series whose readings cannot be drawn."""
     return GaugeError(series.source or "gauges", step, expected, got, remedy)
 
 
 def chosen_kinds(series: GaugeSeries, kinds: Sequence[str]) -> tuple[str, ...]:
-    """Return the kinds to draw, the best first.
+    """Return the kinds of strain to draw, from the most accurate to the least accurate.
 
     Raises
     ------
     GaugeError
-        If no image could be measured, or none has a kind.
+        If no image could be measured, or no image has one of the kinds.
     """
     if not series.kinds:
         remedy = "measure at least one image"
@@ -215,7 +215,7 @@ def _draw(
 
 
 def _note(lines: list[_Line], series: GaugeSeries, against: str) -> str:
-    """Return what the reader must know about bands and gaps."""
+    """Return a note for the legend that explains the bands and the gaps in the lines."""
     parts = [BAND_TEXT] if any(np.isfinite(line.std).any() for line in lines) else ["no standard deviations"]
     lacks = ["no reading"] if any(not np.isfinite(line.values).all() for line in lines) else []
     lacks += [f"no {against}"] if any(not np.isfinite(line.x).all() for line in lines) else []

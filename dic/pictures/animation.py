@@ -16,13 +16,17 @@ from dic.typing import PathLike
 
 FORMATS = ("gif", "mp4")
 LEAST_PER_S, MOST_PER_S = 0.01, 50.0
-"""GIF counts time in 1/100 s, and viewers slow down pictures that last less than 2/100 s."""
+"""Least and largest number of frames per second. GIF counts time in 1/100 s, and viewers slow down frames
+that last less than 2/100 s.
+"""
 
 Frame = NDArray[np.uint8]
-"""Colours of one picture, shape (height, width, 3), red, green and blue."""
+"""One frame: red, green and blue of each pixel, shape (height, width, 3)."""
 
 _SHADES, _UNDER = 48, (0.15, 0.4, 0.65, 1.0)
-"""Number of colours of a map in a GIF file over each of these grey levels; the colour bar lies over white."""
+"""Number of map colours in a GIF file, repeated over each of these grey levels of the image below; the last
+level is the white below the colour bar.
+"""
 _HEADER_BYTES = 13
 _LOOP = b"\x21\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"
 _END = b"\x3b"
@@ -31,7 +35,7 @@ _GLOBAL_TABLE = 0x80
 
 @contextmanager
 def animation_writer(path: PathLike, per_s: float, colours: Frame) -> Iterator[Callable[[Frame], None]]:
-    """Provide a function that adds a frame to a GIF or MP4 file, which is written whole or not at all.
+    """Provide a function that adds a frame to a GIF or MP4 file; the file is written whole or not at all.
 
     One frame at a time is in memory. All frames must have the shape of the first one.
 
@@ -42,7 +46,7 @@ def animation_writer(path: PathLike, per_s: float, colours: Frame) -> Iterator[C
     per_s : float
         Number of frames in a second.
     colours : ndarray of uint8, shape (1, n, 3)
-        At most 256 colours, among them white. The colours of all frames of a GIF file are rounded to them.
+        At most 256 colours, including white. All frames of a GIF file are drawn in these colours.
 
     Raises
     ------
@@ -62,7 +66,8 @@ def animation_writer(path: PathLike, per_s: float, colours: Frame) -> Iterator[C
                 yield gif.add
                 gif.finish()
         else:
-            # OpenCV chooses the kind of file by the ending of its name.
+            # OpenCV chooses the format from the suffix of the file name, so the temporary file needs this
+            # suffix.
             video = partial.with_name(f"{partial.name}.mp4")
             try:
                 yield from _mp4(video, per_s, Path(path))
@@ -101,7 +106,8 @@ class _Gif:
         buffer = BytesIO()
         rounded = Image.fromarray(frame).quantize(palette=self._palette, dither=Image.Dither.NONE)
         places = np.array(rounded)
-        # Pillow finds a near colour fast, but not always the nearest, and a grey page would be seen.
+        # Pillow does not always find the nearest colour; set white pixels exactly, or the page would look
+        # grey.
         places[(frame == 255).all(axis=2)] = self._white
         picture = Image.fromarray(places)
         picture.putpalette(self._colours)
@@ -111,7 +117,7 @@ class _Gif:
         table_bytes = 3 * 2 ** ((flags & 0x07) + 1) if flags & _GLOBAL_TABLE else 0
         table = content[_HEADER_BYTES : _HEADER_BYTES + table_bytes]
         if not self._begun:
-            # The logical screen has the frame's size and no table of its own.
+            # The logical screen has the size of the frame, and no global colour table.
             self._file.write(b"GIF89a" + content[6:10] + b"\x00\x00\x00" + _LOOP)
             self._begun = True
         body = content[_HEADER_BYTES + table_bytes :]
@@ -128,7 +134,7 @@ class _Gif:
 
 
 def _image_place(body: bytes) -> int:
-    """Return where the image descriptor begins, behind the extensions of a GIF file."""
+    """Return the index at which the image descriptor begins, after the extension blocks of a GIF file."""
     at = 0
     while body[at] == 0x21:
         at += 2
@@ -145,7 +151,7 @@ def _mp4(video: Path, per_s: float, path: Path) -> Iterator[Callable[[Frame], No
     writers: list[cv2.VideoWriter] = []
 
     def add(frame: Frame) -> None:
-        # The video code needs an even width and height.
+        # The video codec needs an even width and height.
         even = np.pad(frame, ((0, frame.shape[0] % 2), (0, frame.shape[1] % 2), (0, 0)), mode="edge")
         if not writers:
             code = cv2.VideoWriter.fourcc(*"mp4v")

@@ -12,17 +12,19 @@ from dic.pictures.settings import require_format, size_checks
 from dic.typing import Float, PathLike
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
-"""Colours for all kinds of colour vision, after Okabe and Ito, without the yellow that white paper hides."""
+"""Colours of Okabe and Ito, which colour-blind people can distinguish, without yellow, which is pale on
+white.
+"""
 MARKERS = "os^Dv"
 DASHES = {"corrected": "-", "calibrated": "--", "raw": ":"}
-"""Dashes of a line by the kind of its values."""
+"""Dashes of a line for each kind of values."""
 HALF_BAND = 1.959964
 """Half width of the 95 % interval of a normal distribution, in standard deviations."""
 BAND_TEXT = "band: 95 % interval (± 1.96 standard deviations)"
 
 _HEIGHTS_MM = (20.0, 2000.0)
 _MICRO_BELOW = 0.02
-"""Strains below this bound are drawn in µε, larger ones in %."""
+"""Strains are drawn in µε if all are below this bound, otherwise in %."""
 _RC: Any = {
     "font.size": 8,
     "axes.titlesize": 9,
@@ -52,7 +54,7 @@ class PlotSettings:
     Attributes
     ----------
     width_mm, height_mm : float
-        Size of the picture on paper. The height is that of a picture with one panel.
+        Size of the picture on paper. `height_mm` is the height of a picture with one panel.
     dpi : int
         Resolution of a PNG file, points per inch.
 
@@ -100,7 +102,7 @@ def write_plot(figure: Any, path: PathLike, settings: PlotSettings) -> None:
 
 
 def strain_unit(values: Float) -> tuple[str, float]:
-    """Return the unit in which strains (n,) are drawn, and the number of these units in the strain 1."""
+    """Return the unit in which strains (n,) are drawn, "µε" or "%", and its number in a strain of 1."""
     known = np.abs(values[np.isfinite(values)])
     small = not known.size or float(known.max()) < _MICRO_BELOW
     return ("µε", 1e6) if small else ("%", 100.0)
@@ -109,7 +111,8 @@ def strain_unit(values: Float) -> tuple[str, float]:
 def draw_banded(axis: Any, x: Float, values: Float, std: Float, label: str, style: dict[str, Any]) -> None:
     """Draw values (n,) against x with the 95 % interval of each value as a band.
 
-    Line and band have a gap where a value is NaN. A value between two gaps is seen by its marker and its bar.
+    Line and band have a gap where a value is NaN. A single value between two gaps is drawn as a marker with
+    an error bar.
     """
     axis.plot(x, values, label=label, **style)
     reach = HALF_BAND * std

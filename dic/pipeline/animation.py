@@ -30,14 +30,14 @@ _LONGEST_NAME = 32
 
 @dataclass(frozen=True)
 class Animation:
-    """What an animation shows.
+    """The number of frames of an animation that was written, and the images that could not be measured.
 
     Attributes
     ----------
     frames : int
         Number of frames, one for each image.
     failures : list of str
-        One sentence for each image that could not be measured; its frame says so.
+        One sentence for each image that could not be measured. The frame of such an image says so.
     """
 
     frames: int
@@ -132,7 +132,7 @@ def _only_source(results: MeasuredSeries | SeriesResult | RunResult, camera: str
 def _images_of(
     results: MeasuredSeries | SeriesResult | RunResult, source: ExportSource, settings: MapSettings
 ) -> tuple[Grey, Callable[[int], Grey]]:
-    """Return the reference image, and a function that returns the image under the maps by its index."""
+    """Return the reference image, and a function that returns the image under the k-th map."""
     if isinstance(results, RunResult):
         reference = results.series(source.camera).reference
     else:
@@ -153,7 +153,7 @@ def _images_of(
 
 @dataclass
 class _Whole:
-    """What the frames share: scale, range of the values, view in mm, and the maps of the first image."""
+    """Data common to all frames: scale, range of the values, view in mm, and maps of the first image."""
 
     scale: Scale
     reach: dict[str, tuple[float, float]]
@@ -172,7 +172,7 @@ class _Whole:
 
 
 def _whole(source: ExportSource, settings: MapSettings, count: Callable[[], None]) -> _Whole:
-    """Read all images once, and return what their frames share.
+    """Read all images once, and return the data that are common to all frames.
 
     Raises
     ------
@@ -210,7 +210,7 @@ def _title(k: int, source: ExportSource, image: MeasuredImage) -> str:
     name = str(known.get("step") or PurePath(image.label).name)
     name = name if len(name) <= _LONGEST_NAME else f"…{name[1 - _LONGEST_NAME :]}"
     parts = [name, f"{k + 1} of {len(source.images)}"]
-    # The last change of a file says little about the time of the image.
+    # Do not show the time of the last change of a file, because it may not be the time of the exposure.
     shown = known if known.get("time_source") != "file" else {}
     for key, unit, digits in (("load_n", "N", 0), ("time_s", "s", 1)):
         value = shown.get(key)

@@ -1,4 +1,4 @@
-"""The tables of analysis settings and noise floors that the iDICs Good Practices Guide asks a report for."""
+"""The report's tables of analysis settings and noise floors, as in the iDICs Good Practices Guide."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -73,7 +73,7 @@ def _settings(images: CameraImages, software: str) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class NoiseRow:
-    """The noise floor of one quantity: predicted from the images' noise, measured at rest, and the bias."""
+    """A row of the table of noise floors: a quantity, its predicted and measured noise, and its bias."""
 
     quantity: str
     unit: str
@@ -84,7 +84,7 @@ class NoiseRow:
 
 @dataclass(frozen=True)
 class NoiseFloor:
-    """The noise floors of one camera; `static` are the names of the images at rest."""
+    """The noise floors of one camera; `static` contains the names of the images at rest."""
 
     camera: str
     static: list[str]
@@ -94,14 +94,15 @@ class NoiseFloor:
 def noise_floor_of(images: CameraImages, test: TensileTest) -> NoiseFloor | None:
     """Return the noise floor of each quantity; None if the camera measured nothing.
 
-    Predicted is the median over the points, in the first measured image, of the standard deviation that the
-    noise and the interpolation of the images cause. Measured is the standard deviation over the points in
-    images of the specimen at rest, the root mean square of all these images. The bias is the mean.
+    The predicted noise is the standard deviation that noise and interpolation of the images cause: the median
+    over the points of the first measured image. The measured noise is the standard deviation over the points
+    in images of the specimen at rest, as root mean square over these images. The bias is the mean over the
+    points in these images.
 
     Raises
     ------
     CurveError
-        If the images at rest that the user names are not measured images of the results.
+        If the user named an image at rest that is not a measured image of the results.
     """
     measurement = _first(images)
     if measurement is None:

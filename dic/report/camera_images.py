@@ -20,7 +20,7 @@ from dic.typing import Float, Grey
 
 Results = RunResult | SeriesResult
 _TAKEN = ("exif", "video")
-"""Sources of times that are those of the camera."""
+"""Sources of image times that contain the camera's own time."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,8 @@ class CameraImages:
         Measurements and corrections; an image is read from the result file when it is used.
     calibration : Calibration or None
     labels : tuple of str
-        Name of each image of the series, as the curve of the test names it: a file, or the run's step.
+        Name of each image of the series: its file, or the run's step. The curve of the test uses the same
+        names.
     times_s : ndarray, shape (images,)
         When each image was taken; NaN where it is not known. The time of the last change of a file does not
         count.
@@ -49,7 +50,7 @@ class CameraImages:
     _read: Callable[[int], Grey]
 
     def place(self, label: str) -> int | None:
-        """Return the index of a measured image in the series; None if there is none of this name."""
+        """Return the index of the measured image with this label; None if there is no such image."""
         if label not in self.labels:
             return None
         place = self.labels.index(label)
@@ -61,7 +62,7 @@ class CameraImages:
         Raises
         ------
         MeasurementError
-            If the image is not at its place any more, or is another image than the measured one.
+            If the image file is missing, or is not the image that was measured.
         """
         return self._read(place)
 
@@ -85,7 +86,7 @@ def images_of(result: Results) -> list[CameraImages]:
 
 
 def beside(path: str, result_file: str) -> Path:
-    """Return the place of a file that a result names: as it is named, else in the folder of the result."""
+    """Return the path of a file that a result names; if it does not exist, in the folder of the result."""
     named = Path(path)
     if named.exists() or named.is_absolute() or not result_file:
         return named

@@ -51,7 +51,7 @@ def conditions_of(test: TensileTest, result: Results, images: Sequence[CameraIma
         If the stated facts, the points of the curve or the images at rest do not fit the results.
     """
     facts, known = test.details.facts, _known(result)
-    # What may be refused comes before the pictures, which take most of the time.
+    # Check everything that may be refused before drawing the pictures, which take most of the time.
     facts.require_cameras(each.camera for each in images)
     states = chosen_states(test.main, test.details.fields_at)
     floors = [noise_floor_of(each, test) for each in images]
@@ -70,7 +70,7 @@ def conditions_of(test: TensileTest, result: Results, images: Sequence[CameraIma
 
 
 def _known(result: Results) -> Mapping[str, Mapping[str, str]]:
-    """Return the facts that the run file states of laboratory and specimen."""
+    """Return the facts about laboratory and specimen that the run file contains."""
     if not isinstance(result, RunResult):
         return {}
     info = result.info

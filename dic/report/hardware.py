@@ -1,4 +1,4 @@
-"""The table of cameras, lenses and patterns that the iDICs Good Practices Guide asks a report for."""
+"""The report's table of cameras, lenses and patterns, which the iDICs Good Practices Guide requires."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -35,16 +35,16 @@ class FactTable:
 
 
 def hardware_table(result: Results, images: Sequence[CameraImages], facts: StatedFacts) -> FactTable:
-    """Return what is known of cameras, lenses and patterns; what nobody stated is "not stated"."""
+    """Return the facts about cameras, lenses and patterns; a fact that is not known is "not stated"."""
     columns = [_facts_of(each, facts, _recorded(result, each.camera)) for each in images]
     rows = [(name, [column[name] for column in columns]) for name in columns[0]]
     return FactTable([each.camera for each in images], rows)
 
 
 def stated_table(facts: StatedFacts, table: str, known: Mapping[str, str]) -> list[tuple[str, str]]:
-    """Return name and text of each fact of a table such as "specimen"; `known` has facts from the results.
+    """Return name and text of each fact in a table such as "specimen"; `known` has facts from the results.
 
-    What the user states replaces what the results know.
+    A fact that the user states replaces the same fact from the results.
     """
     return [
         (fact.name, facts.given(table, key) or known.get(key) or NOT_STATED)
@@ -53,7 +53,7 @@ def stated_table(facts: StatedFacts, table: str, known: Mapping[str, str]) -> li
 
 
 def _recorded(result: Results, camera: str) -> dict[str, Any]:
-    """Return what the run file says of a camera; empty without a run file."""
+    """Return the run file's data about a camera; an empty dict if there is no run file."""
     if not isinstance(result, RunResult):
         return {}
     try:
@@ -63,7 +63,7 @@ def _recorded(result: Results, camera: str) -> dict[str, Any]:
             exposure_us = run.columns(f"instrument/{camera}")["exposure_us"]
             return run.identity(camera) | {"exposure_us": float(np.median(exposure_us))}
     except MeasurementError:
-        # The report needs only the result file. The facts of the run file are then not stated.
+        # The report also works without the run file; its facts are then "not stated".
         return {}
 
 

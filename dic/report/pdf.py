@@ -9,7 +9,7 @@ from dic.typing import PathLike
 
 
 def require_pdf(path: PathLike) -> None:
-    """Raise an error if no PDF can be written, so that the work does not begin in vain.
+    """Raise an error if no PDF can be written; call this before the work of the report begins.
 
     Raises
     ------
@@ -20,7 +20,7 @@ def require_pdf(path: PathLike) -> None:
 
 
 def write_pdf(page: str, path: PathLike) -> None:
-    """Write a page as a PDF file, completely or not at all. The page has the style for print of `report.css`.
+    """Write an HTML page as a PDF file, completely or not at all, with the print style of `report.css`.
 
     Raises
     ------

@@ -15,17 +15,17 @@ _UNKNOWN = "not known: the result file is of an earlier version"
 
 @dataclass(frozen=True)
 class Repeat:
-    """What somebody needs to repeat an evaluation.
+    """The data with which another person can repeat the evaluation of a tensile test.
 
     Attributes
     ----------
     commands : list of (str, str)
-        What each command does, and the command; in their order.
+        Description and text of each command, in the order in which they must be given.
     versions : list of (str, str)
     settings : str
         The settings of correlation, strain and properties, as JSON.
     files : list of (str, str)
-        Name and SHA-256 of each file beside the images.
+        Name and SHA-256 of each input file except the images.
     images : list of (str, str)
         Name and SHA-256 of each image of the curve.
     """
@@ -43,7 +43,7 @@ def result_of(test: TensileTest, results: Sequence[Results]) -> Results:
     Raises
     ------
     RunFileError
-        If it is none of the results.
+        If the test was computed from none of the results.
     """
     for result in results:
         names = {result.source, result.file} if isinstance(result, RunResult) else {result.source}

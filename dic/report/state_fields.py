@@ -21,12 +21,14 @@ _ALONG_Y_DEG = 45.0
 _PAGE = MapSettings(width_mm=PAGE_WIDTH_IN * MM_PER_IN)
 _DPI = 100
 _LEAST_COLUMNS = 3
-"""A picture of one or two points has maps of the same size as one of three points."""
+"""Least number of columns of a picture, so that the maps of one or two points are not larger than those of
+three.
+"""
 
 
 @dataclass(frozen=True)
 class StatePicture:
-    """The maps of one camera at the chosen points.
+    """The maps of one camera at the chosen points of the stress-strain curve.
 
     Attributes
     ----------
@@ -60,10 +62,10 @@ def quantity_along(direction_deg: float) -> str:
 
 
 def state_picture(images: CameraImages, states: Sequence[State], quantity: str) -> StatePicture | None:
-    """Return the maps of a camera at chosen points; None if the camera measured none of them.
+    """Return the maps of a camera at the chosen points; None if the camera measured none of these points.
 
-    One image at a time is in memory. The values of its map and a small picture are kept, of at most
-    `dic.report.states.MOST_STATES` images.
+    Only one image at a time is in memory. For each point, only the values of its map and a small picture are
+    kept. There are at most `dic.report.states.MOST_STATES` points.
     """
     shown: list[_Shown] = []
     missing: list[str] = []

@@ -1,4 +1,4 @@
-"""What only the user knows of a test: laboratory, specimen, machine, pattern, cameras and lenses."""
+"""Facts about a test that only the user knows: laboratory, specimen, machine, pattern, cameras, lenses."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from dic.files.toml import NUMBER, TEXT, read_toml, wrong_values
 from dic.typing import PathLike
 
 NOT_STATED = "not stated"
-"""Stands in a report for each fact that is neither measured nor given by the user."""
+"""Text in the report for a fact that is neither measured nor stated by the user."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Fact:
     unit: str = ""
 
     def text(self, value: Any) -> str:
-        """Return a value with its unit."""
+        """Return a value of this fact as text, with its unit."""
         number = value if isinstance(value, str) else f"{value:g}"
         return f"{number} {self.unit}".rstrip()
 
@@ -68,22 +68,24 @@ FACTS: Mapping[str, Mapping[str, Fact]] = {
         "lighting": Fact("Lighting"),
     },
 }
-"""All facts, by their tables and keys in the file. The facts of `cameras` may also stand in the table of a
-single camera."""
+"""All facts, keyed by table and key in the file. A fact of `cameras` may also be in the table of a single
+camera.
+"""
 _CAMERAS = "cameras"
 _EXAMPLE = 'write [specimen], material = "2024-T3"; docs/report.md has an example'
 
 
 @dataclass(frozen=True)
 class StatedFacts:
-    """What the user states of a test.
+    """The facts that the user states about a test.
 
     Attributes
     ----------
     tables : mapping of str to mapping
-        Values by table and key, as in the file; of `cameras`, the facts that hold for all cameras.
+        Values, keyed by table and key as in the file. The table `cameras` has the facts common to all
+        cameras.
     cameras : mapping of str to mapping
-        The facts of single cameras, by the camera's name.
+        Facts about single cameras, keyed by the camera's name.
     """
 
     tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -100,7 +102,7 @@ class StatedFacts:
         return self.given(table, key, camera) or NOT_STATED
 
     def require_cameras(self, names: Iterable[str]) -> None:
-        """Raise an error if facts are stated of a camera that the results do not have.
+        """Raise an error if the user states facts about a camera that the results do not have.
 
         Raises
         ------
@@ -116,7 +118,7 @@ class StatedFacts:
             raise RunFileError("stated facts", "cameras", expected, f"[cameras.{unknown[0]}]", remedy)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all facts for JSON."""
+        """Return all stated facts as a dict for JSON."""
         found: dict[str, Any] = {name: dict(table) for name, table in self.tables.items()}
         if self.cameras:
             found[_CAMERAS] = found.get(_CAMERAS, {}) | {
@@ -126,7 +128,7 @@ class StatedFacts:
 
 
 def read_stated_facts(path: PathLike) -> StatedFacts:
-    """Read what the user states of a test from a TOML file.
+    """Read the facts that the user states about a test from a TOML file.
 
     The file has the tables [laboratory], [specimen], [machine], [pattern] and [cameras], and a table
     [cameras.NAME] for facts of one camera. All tables and keys are optional. `docs/report.md` describes them.

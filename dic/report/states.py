@@ -13,7 +13,7 @@ from dic.report.tensile_test import SYMBOLS, TestColumn
 
 DEFAULT_STATES = ("Rp02", "half", "Rm")
 MOST_STATES = 12
-"""More maps side by side are too small to read."""
+"""Largest number of points; more maps side by side would be too small to read."""
 HALF = "half of the strain at the largest stress"
 _NAMED = ("half", "Rp02", "ReH", "Rm", "last")
 _EXAMPLES = "half, Rp02, ReH, Rm, last, strain=0.5 (%), stress=200 (MPa) or image=NAME"
@@ -26,7 +26,7 @@ class State:
     Attributes
     ----------
     words : str
-        Why the point was chosen, such as "Rp0,2".
+        Name of the point, such as "Rp0,2".
     label : str
         The image or the run's step.
     stress_mpa, strain : float
@@ -40,7 +40,7 @@ class State:
 
     @property
     def text(self) -> str:
-        """Stress and strain as text."""
+        """Stress and strain of the point as text."""
         return f"{fixed(self.stress_mpa, 1)} MPa, {fixed(100.0 * self.strain, 3)} %"
 
 
@@ -52,8 +52,8 @@ def chosen_states(column: TestColumn, wanted: Sequence[str] = ()) -> list[State]
     column : TestColumn
     wanted : sequence of str
         Each is one of "half" (half of the strain at the largest stress), "Rp02", "ReH", "Rm", "last",
-        "strain=PERCENT", "stress=MPA" or "image=NAME". Default: Rp02, half and Rm, as far as the curve has
-        them.
+        "strain=PERCENT", "stress=MPA" or "image=NAME". Default: those of Rp02, half and Rm that the curve
+        has.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def _words(text: str) -> str:
 
 
 def _point(column: TestColumn, text: str, *, required: bool) -> int | None:
-    """Return the point of the curve that a text names; None if there is none and none is required."""
+    """Return the point of the curve that a text names; None if it does not exist and is not required."""
     kind, equals, value = text.partition("=")
     if equals:
         return _given_point(column, kind, value)
@@ -145,7 +145,7 @@ def _given_point(column: TestColumn, kind: str, value: str) -> int:
 
 
 def names_of(label: str) -> set[str]:
-    """Return the names by which a user may call an image or a step: with and without folder and ending."""
+    """Return the names that a user may give for an image or a step: with and without folder and suffix."""
     file = label.replace("\\", "/").rpartition("/")[2]
     stem = file.rpartition(".")[0] or file
     number = {label.rpartition(" ")[2]} if " " in label else set()

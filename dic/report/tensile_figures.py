@@ -19,7 +19,9 @@ from dic.typing import Float
 
 _MICRO = 1e6
 _WIDEST, _NARROWEST = 4.0, 1.3
-"""Width of the first and of the last curve, points: a curve under others stands out at both sides."""
+"""Width of the first and of the last curve, points. A curve that others cover is wider, so that it remains
+visible.
+"""
 _LINEAR_MICRO = 50.0
 """Differences of strain up to this size have a linear scale, and larger ones a logarithmic scale, µε."""
 _DASHES = {"corrected": "-", "calibrated": (0, (2.5, 1)), "raw": (0, (1, 1))}
@@ -28,8 +30,9 @@ _DASHES = {"corrected": "-", "calibrated": (0, (2.5, 1)), "raw": (0, (1, 1))}
 def curves_figure(test: TensileTest) -> Any:
     """Return a figure of stress against strain of all columns of a test.
 
-    Curves of good cameras lie upon each other. So the first curve is the widest and the last the narrowest,
-    the markers of the curves take turns, and a third chart shows the differences from the last column.
+    Curves of good cameras nearly coincide. So that all remain visible, the first curve is the widest and the
+    last the narrowest, and their markers are at different points. A third chart shows the differences from
+    the last column.
     """
     figure, axes = new_figure(3 if len(test.columns) > 1 else 2, 4.4)
     ends = []
@@ -98,7 +101,7 @@ def _style(columns: Sequence[TestColumn], order: int) -> dict[str, Any]:
 
 
 def _draw_differences(axis: Any, test: TensileTest) -> None:
-    """Draw by how much the strain of each column differs from that of the last one, in the same images."""
+    """Draw the difference of each column's strain from the strain of the last column, in the same images."""
     main = test.main
     wanted = dict(zip(main.labels, main.read.curve.strain, strict=True))
     furthest = 0.0
