@@ -39,7 +39,7 @@ def assess(output: Path, json_file: Path | None, force: bool) -> None:
     A simulated pinhole camera records an image of an exact grid. This grid and its image have no errors. So
     the remaining error of the bicubic map is the error of the calibration method alone. Helm and Deaner claim
     errors below 0.02 px. The command prints the angles and distortions beyond which this claim does not hold.
-    The command also compares the errors of the bicubic map with those of the pinhole model.
+    The command also compares the errors of the bicubic map with the errors of the pinhole model.
     """
     from dic import assess_method, plot_assessment
 

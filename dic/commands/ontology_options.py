@@ -1,4 +1,4 @@
-"""Options of `dic properties` and `dic report` for a file after the Tensile Test Ontology."""
+"""Options of `dic properties` and `dic report` for a file in terms of the Tensile Test Ontology."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +17,6 @@ TTL_IRI_OPTION = click.option(
 
 
 def ontology_line(path: Path, left_out: Sequence[str]) -> str:
-    """Return a line that names the file, and the properties that have no class in the ontology."""
+    """Return a line that names the written file, and the properties that have no class in the ontology."""
     without = f"; the ontology has no class for {', '.join(left_out)}" if left_out else ""
     return f"ontology: {path}{without}"

@@ -89,14 +89,14 @@ class PropertyOutputs:
     force: bool
 
     def about(self, name: str) -> "AboutTest":
-        """Return what the ontology's file says of the test beside its values."""
+        """Return the data of the test, other than its properties, for the ontology's file."""
         from dic import AboutTest, read_stated_facts
 
         facts = {} if self.facts_file is None else read_stated_facts(self.facts_file).tables
         return AboutTest(name, facts, iri=self.ttl_iri or "")
 
     def write(self, found: "Properties", content: dict[str, Any], about: "AboutTest") -> None:
-        """Write all files, and print which values the ontology cannot hold."""
+        """Write all files, and print which values the ontology cannot contain."""
         from dic import plot_properties, write_tensile_ontology
 
         if self.json_file is not None:

@@ -186,7 +186,7 @@ def _check(
 
 
 def _require_one(images: list[Path], options: dict[str, Path | None]) -> None:
-    """Raise an error if there are several images, but an option holds for a single image."""
+    """Raise an error if there are several images, but an option applies to a single image."""
     from dic import CorrelationError
 
     for option, value in options.items():

@@ -41,7 +41,7 @@ class PropertyOptions:
         return any(each not in (None, ()) for each in vars(self).values())
 
     def details(self, inputs: Sequence[Path | None]) -> "ReportDetails":
-        """Return what the report shows beside the values; `inputs` are further files of the test."""
+        """Return the options as `ReportDetails`; `inputs` are further input files of the test."""
         from dic import ReportDetails, StatedFacts, read_stated_facts
 
         facts = StatedFacts() if self.facts_file is None else read_stated_facts(self.facts_file)

@@ -26,15 +26,15 @@ def series_table(names: Sequence[str], *, only_raw: bool) -> StrainTable:
 def image_lines(table: StrainTable, summary: dict[str, Any], *, first: bool = True) -> list[str]:
     """Return the lines that `dic correlate` prints for an image: its strains, and notes about them.
 
-    Notes that hold for the whole series are printed with the first image.
+    Notes that apply to the whole series are printed with the first image.
 
     Parameters
     ----------
     table : StrainTable
         The table of the series.
     summary : dict
-        The result of `Measurement.summary`. If the strain of the image was corrected, the key "corrected"
-        holds the corrected values.
+        The result of `Measurement.summary`. If the strain of the image was corrected, the key "corrected" has
+        the corrected values.
     """
     rotation_deg = summary["raw"]["rotation_deg"]
     rotation = "" if rotation_deg is None else f"{rotation_deg:z.2f}°"
@@ -57,9 +57,9 @@ def corrected_lines(table: StrainTable, summary: dict[str, Any]) -> list[str]:
 def strains_of(summary: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     """Return the mean strains that were measured, by their kind: raw, calibrated and corrected.
 
-    With a calibration, raw strain has no standard deviations here, because the noise alone is a small part of
-    its error. For the same reason, calibrated strain has standard deviations only if they contain the motion
-    out of the grid's plane. If the strain was not corrected, corrected strain is left out.
+    If there is a calibration, raw strain is returned without standard deviations, because the noise alone is
+    a small part of its error. For the same reason, calibrated strain has standard deviations only if they
+    contain the motion out of the grid's plane. If the strain was not corrected, corrected strain is left out.
     """
     if "calibrated" not in summary:
         return {"raw": summary["raw"]}

@@ -33,7 +33,7 @@ _FILE = click.Path(path_type=Path)
 
 @dataclass(frozen=True)
 class AnewOptions:
-    """Options for calibration, plate, motion and corrections; None stands for the value in RESULTS."""
+    """Options for calibration, plate, motion and corrections; None means the value in RESULTS."""
 
     calibration_file: Path | None
     plate_mm: float | None
@@ -58,7 +58,7 @@ class AnewOptions:
         return replace(known, **values)
 
     def of_run(self, known: "CorrectionSettings") -> "CorrectionSettings | None":
-        """Return a run's settings of corrections; None without options, so that the old settings hold."""
+        """Return a run's settings of corrections; None without options, so that the old settings are used."""
         values = self._values()
         if self.alignments:
             found = all_of(*(partial(read_alignment, text) for text in self.alignments))
@@ -142,8 +142,8 @@ def strain(results: Path, strain: StrainOptions, anew: AnewOptions, outputs: Out
     """Compute strain again from the displacement fields in RESULTS, without images and without correlation.
 
     RESULTS is the result file of `dic correlate` or `dic process`. Settings without an option stay as they
-    were in RESULTS: strain window, calibration, assumed motion. The results are the same as those of a
-    complete new measurement with the same settings.
+    were in RESULTS: strain window, calibration, assumed motion. A complete new measurement with the same
+    settings would give the same results.
 
     Exit status: 0 if all images are measured well, 1 if an image is measured poorly, 2 if an image could not
     be measured.

@@ -53,7 +53,7 @@ def target(
     pitch, as in OpenCV's asymmetric grid of circles).
 
     The sheet has two rulers, by which you check that the printer did not change the size. The command prints
-    the options by which `dic calibrate` finds the target.
+    the options with which `dic calibrate` finds the target.
     """
     from dic import draw_target
 

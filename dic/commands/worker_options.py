@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 _CHOSEN = "dic.workers"
-"""Place of the options' values among the notes of a command's context."""
+"""Key under which the context of a click command stores the values of these options."""
 
 
 def _keep(context: click.Context, parameter: click.Parameter, value: Any) -> None:
@@ -20,7 +20,7 @@ def _keep(context: click.Context, parameter: click.Parameter, value: Any) -> Non
 
 
 def worker_options(command: Command) -> Command:
-    """Add the options to a command, which reads them by `chosen_workers`."""
+    """Add the options of workers to a command, which reads their values with `chosen_workers`."""
     options = [
         click.option(
             "--workers",
@@ -46,7 +46,7 @@ def worker_options(command: Command) -> Command:
 
 @contextmanager
 def chosen_workers() -> "Iterator[Workers | None]":
-    """Provide the workers that the options of the running command choose; None for one processor.
+    """Provide the workers that the options of the running command choose; None for `--workers 1`.
 
     Raises
     ------

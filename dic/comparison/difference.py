@@ -56,7 +56,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A measurement beside the results of another program.
+    """The differences between a measurement and the results of another program.
 
     Attributes
     ----------

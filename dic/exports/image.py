@@ -59,7 +59,7 @@ class ExportImage:
     Attributes
     ----------
     number : int
-        Number of the image in the series, from 1. Images that could not be measured count too.
+        Number of the image in the series, from 1. Images that could not be measured are also counted.
     name : str
         Name of the image's files, without suffix.
     points : PointValues

@@ -1,10 +1,10 @@
-"""Material properties as statements after the Tensile Test Ontology (TTO) of the Platform MaterialDigital.
+"""Writes material properties in terms of the Tensile Test Ontology (TTO) of the Platform MaterialDigital.
 
-The classes are those of TTO of 2026-04-08 (https://w3id.org/pmd/tto/, CC BY 4.0; M. Schilling et al.,
-Advanced Engineering Materials 2024, 2400138). The pattern of process, test piece, measurement datum and value
-specification is that of the ontology's example data of an S355 steel. This example was published in several
-forms: with properties of the PMD core ontology, and with properties of OBI and IAO. All forms are written, so
-that the queries that were published with them find the values.
+The classes are from the version 2026-04-08 of TTO (https://w3id.org/pmd/tto/, CC BY 4.0; M. Schilling et al.,
+Advanced Engineering Materials 2024, 2400138). Process, test piece, measurement datum and value specification
+are linked as in the ontology's example data of an S355 steel. This example was published in several forms:
+with properties of the PMD core ontology, and with properties of OBI and IAO. This module writes all these
+forms, so that the queries published with each form find the values.
 """
 
 import re
@@ -44,7 +44,7 @@ CLASSES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "Agt_percent": ("percentageTotalExtensionAtMaximumForce_Agt", ("tto:TTO_0000040",)),
     "A_percent": ("percentageElongationAfterFracture_A", ("tto:TTO_0000033",)),
 }
-"""Name in IRIs, and classes, of each property that the ontology has."""
+"""The name in IRIs and the classes of each property that the ontology has, keyed by property."""
 _RP01, _ANY_RP = "tto:TTO_0000046", "tto:TTO_0000044"
 _UNITS = {"GPa": "GigaPA", "MPa": "MegaPA", "%": "PERCENT", "mm²": "MilliM2", "mm": "MilliM"}
 _IRI = re.compile(r"(https?|urn):[^\s<>\"{}|\\^`]+")
@@ -53,7 +53,7 @@ _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 
 @dataclass(frozen=True)
 class AboutTest:
-    """What the statements say of a test beside its properties.
+    """The data of a test other than its properties, which the file also contains.
 
     Attributes
     ----------
@@ -66,8 +66,8 @@ class AboutTest:
         Name of the extensometer, such as "offaxis, gauge axial, corrected strain"; "" if it is not known.
     gauge_length_mm : float or None
     iri : str
-        Beginning of the IRIs of this test's individuals, such as "https://lab.example/tests/". "" for IRIs
-        relative to the place of the file.
+        Beginning of the IRIs (identifiers) of this test's individuals, such as "https://lab.example/tests/".
+        "" for IRIs relative to the path of the file.
     """
 
     name: str
@@ -87,7 +87,7 @@ class AboutTest:
 
 
 def write_tensile_ontology(properties: Properties, path: PathLike, about: AboutTest) -> list[str]:
-    """Write the properties of a tensile test as a Turtle file after the Tensile Test Ontology.
+    """Write the properties of a tensile test as a Turtle file, in terms of the Tensile Test Ontology.
 
     Each property has its unit, its standard deviation (QUDT's standardUncertainty), its 95 % interval
     (classes of STATO), and comments with its rule and its flags.
@@ -128,7 +128,7 @@ def write_tensile_ontology(properties: Properties, path: PathLike, about: AboutT
 
 
 def _offsets(properties: Properties) -> dict[str, tuple[str, tuple[str, ...]]]:
-    """Return name and class of the offset strengths other than Rp0.2."""
+    """Return name and classes of each offset yield strength other than Rp0.2, keyed by property."""
     found: dict[str, tuple[str, tuple[str, ...]]] = {}
     for offset in properties.settings.offsets_percent:
         key = offset_key(offset)
@@ -215,7 +215,7 @@ class _Test:
     def add_value(
         self, name: str, classes: tuple[str, ...], value: PropertyValue, bearer: str | None = None
     ) -> None:
-        """Add a measured value with its uncertainty; by default it is a quality of the material."""
+        """Add a measured value with its uncertainty, as a quality of `bearer` (default: the material)."""
         if value.value is None:
             raise ValueError(f"{name} has no value")
         add, quality = self.statements.add, self._of(f"{name}_quality")
@@ -239,7 +239,7 @@ class _Test:
             self._add_interval(name, quality, value)
 
     def _add_interval(self, name: str, quality: str, value: PropertyValue) -> None:
-        """Add the 95 % interval: a confidence interval with two limits and a level."""
+        """Add the 95 % interval of a value: a confidence interval with two limits and a level."""
         add, interval = self.statements.add, self._of(f"{name}_interval")
         add(interval, "a", "obo:STATO_0000196")
         add(interval, "obo:IAO_0000136", quality)

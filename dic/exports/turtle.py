@@ -9,18 +9,18 @@ _OTHER = re.compile(r"[^A-Za-z0-9_]+")
 
 
 def quoted(text: str) -> str:
-    """Return a text as a literal."""
+    """Return a text as a literal of the Turtle format."""
     escaped = "".join(_ESCAPES.get(sign, sign if sign >= " " else f"\\u{ord(sign):04X}") for sign in text)
     return f'"{escaped}"'
 
 
 def number(value: float) -> str:
-    """Return a finite number as a literal of the type xsd:double, with all its digits."""
+    """Return a finite number as a Turtle literal of the type xsd:double, with all its digits."""
     return f'"{float(value)!r}"^^xsd:double'
 
 
 def local_name(text: str) -> str:
-    """Return a name for IRIs: letters, digits and "_"."""
+    """Return a text as a name for IRIs, with only letters, digits and "_"."""
     return _OTHER.sub("_", text).strip("_") or "test"
 
 
@@ -44,7 +44,7 @@ class Statements:
         known += [each for each in dict.fromkeys(objects) if each not in known]
 
     def text(self) -> str:
-        """Return the content of the file."""
+        """Return all statements as the text of a Turtle file."""
         heads = [f"@prefix {name}: <{iri}> ." for name, iri in self._prefixes.items()]
         blocks = []
         for subject, about in self._about.items():

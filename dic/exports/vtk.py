@@ -83,7 +83,7 @@ def _places(points: PointValues) -> Float:
 
 
 def _filled(values: Float, x_px: Float, y_px: Float) -> Float:
-    """Replace unknown coordinates by those of the plane fitted to the known ones; such points are hidden."""
+    """Replace unknown coordinates by a plane fitted to the known coordinates; such points are hidden."""
     known = np.isfinite(values)
     if known.all() or not known.any():
         return np.nan_to_num(values)

@@ -42,7 +42,7 @@ def write_maps(
         Title of the picture. Default: the measurement's label.
     correction : Correction, optional
         Correction of the measurement. If the image was corrected, the maps show corrected values instead of
-        calibrated ones.
+        calibrated values.
     settings : MapSettings, optional
     scale : mapping, optional
         Lower and upper end of the colour scale of each quantity, for example from `dic.map_scale`. Default:

@@ -1,9 +1,9 @@
-"""The correlation of a series' images ahead of their turn, on threads, processes or other computers.
+"""Correlates several images of a series at the same time, on threads, processes or other computers.
 
-The first attempt at an image mostly depends only on images that are finished, so the attempts at the next
-images can be made at the same time. The decisions of the series are made in the order of the images: whether
-an attempt is good, and whether the reference changes. If a decision makes an earlier attempt useless, that
-attempt is withdrawn and another one is made. So the results do not depend on the number of workers.
+The first attempt to correlate an image mostly depends only on images that are finished. So the next images
+can be correlated ahead of their turn, at the same time. Two decisions are made in the order of the images:
+whether an attempt is good, and whether the reference changes. If a decision makes an attempt useless, this
+attempt is withdrawn and another attempt is made. So the results do not depend on the number of workers.
 """
 
 from collections import deque
@@ -40,14 +40,15 @@ def outcomes(
     Raises
     ------
     WorkerError
-        If the workers cannot correlate, for reasons that have nothing to do with the image.
+        If the workers cannot correlate for a reason other than the image.
     """
     if workers is None or series.at_once == 1:
         for number, image in images:
             yield number, image, _outcome(series, image)
         return
     line, remaining = _Line(series, workers), iter(images)
-    # One image is being evaluated. One more waits, so that no worker waits if the evaluation is quick.
+    # One image is being evaluated. One more image waits, so that no worker is idle if the evaluation is
+    # quick.
     at_once = min(series.at_once, workers.count + 2)
     try:
         while True:
@@ -65,7 +66,7 @@ def outcomes(
 
 @dataclass(frozen=True)
 class _Begun:
-    """An attempt at an image that is going on or done; the image's number is that in `outcomes`."""
+    """An attempt to correlate an image, running or finished; `number` is the image's number in `outcomes`."""
 
     number: int
     image: SeriesImage
@@ -74,12 +75,12 @@ class _Begun:
 
 
 class _Line:
-    """The images whose turn comes next, each with an attempt that its turn will probably need.
+    """The next images, each with the attempt that will probably be needed when it is the image's turn.
 
     Attributes
     ----------
     waiting : deque of _Begun
-        The first image is the one whose turn it is.
+        The attempts in the order of the images; it is the turn of the first image.
     """
 
     def __init__(self, series: Series, workers: Workers) -> None:
@@ -87,11 +88,11 @@ class _Line:
         self.waiting: deque[_Begun] = deque()
 
     def add(self, number: int, image: SeriesImage) -> None:
-        """Begin the expected attempt at another image."""
+        """Begin the expected attempt to correlate a further image."""
         self.waiting.append(self._begun(number, image, self._expected(image, len(self.waiting))))
 
     def field(self, attempt: Attempt) -> Field:
-        """Return the field of an attempt at the first image; raise its error if it has failed."""
+        """Return the field from an attempt to correlate the first image, or raise the attempt's error."""
         first = self.waiting[0]
         if not attempt.equals(first.attempt):
             # Other attempts would be done before this one, so withdraw those that have not begun.
@@ -107,7 +108,7 @@ class _Line:
         for path, note in answer.warnings:
             warn_of_image(path, note)
         if answer.unread:
-            # If this program cannot read the image either, it tells the reason in its own words.
+            # If this program cannot read the image either, this line raises an error with the reason.
             first.image.grey()
             raise _elsewhere(answer.error)
         if answer.error is not None:
@@ -116,7 +117,7 @@ class _Line:
         return self._series.completed(attempt, answer.field)
 
     def go_on(self) -> None:
-        """Remove the first image; make other attempts at images whose attempt is withdrawn or useless."""
+        """Remove the first image; begin new attempts for images whose attempt is withdrawn or useless."""
         self.waiting.popleft()
         for ahead, begun in enumerate(self.waiting):
             attempt = self._expected(begun.image, ahead)
@@ -125,7 +126,7 @@ class _Line:
                 self.waiting[ahead] = self._begun(begun.number, begun.image, attempt)
 
     def withdraw(self) -> None:
-        """Withdraw the attempts that have not begun."""
+        """Withdraw all attempts that have not begun."""
         for begun in self.waiting:
             begun.answer.cancel()
 
@@ -137,7 +138,7 @@ class _Line:
 
 
 def _elsewhere(error: MeasurementError | None) -> WorkerError:
-    """Return the error of a worker that cannot read a file which this program has read."""
+    """Return the error for a worker that cannot read a file although this program could read it."""
     assert error is not None
     remedy = "give all workers the same files under the same paths"
     return WorkerError(f"a worker: {error.source}", error.step, error.expected, error.got, remedy)

@@ -279,7 +279,7 @@ def _as_output_error(folders: Mapping[str, Path]) -> Iterator[None]:
 
 
 def _require_free(folders: Mapping[str, Path], *, replace: bool) -> None:
-    """Raise an error if a folder cannot be used, or holds files that may not be replaced."""
+    """Raise an error if a folder cannot be used, or contains files that may not be replaced."""
     with _as_output_error(folders):
         for folder in folders.values():
             for place in (folder.parent, folder):

@@ -65,7 +65,7 @@ def to_pandas(results: Results, *, camera: str | None = None) -> "pandas.DataFra
 def to_xarray(results: Results, *, camera: str | None = None) -> "xarray.Dataset":
     """Return a dataset of xarray with the dimensions image, y_px and x_px.
 
-    The dataset holds all images in memory. For a long series write a file with `export_results(…,
+    The dataset contains all images in memory. For a long series write a file with `export_results(…,
     ["netcdf"])`, and open it with `xarray.open_dataset`, which reads only the data that are used.
 
     Parameters

@@ -1,4 +1,4 @@
-"""The correlation of one image as a task that other threads, processes and computers can do."""
+"""The correlation of one image, as a task for other threads, processes and computers."""
 
 import platform
 from dataclasses import dataclass, replace
@@ -43,7 +43,8 @@ class ImageTask:
     attempt : Attempt
     image : SeriesImage
     versions : str
-        The versions of the program that needs the answer; with others, the bits could differ.
+        The versions of the program that needs the answer; with other versions, the bits of the result could
+        differ.
     """
 
     attempt: Attempt
@@ -52,7 +53,7 @@ class ImageTask:
 
     @classmethod
     def of(cls, attempt: Attempt, image: SeriesImage) -> "ImageTask":
-        """Return the task for a program with the versions of this one."""
+        """Return the task with the versions of this program."""
         return cls(attempt, image, own_versions())
 
     def __call__(self) -> ImageAnswer:
@@ -61,7 +62,7 @@ class ImageTask:
         Raises
         ------
         WorkerError
-            If the computer that does the task has other versions of the programs that compute.
+            If the computer that does the task has other versions of offaxis or of its libraries.
         """
         if own_versions() != self.versions:
             raise WorkerError(
@@ -86,4 +87,4 @@ class ImageTask:
 
 
 own_versions = cache(versions)
-"""The result of `versions` for this process."""
+"""Function that returns the versions of this process, computed only once."""

@@ -47,9 +47,10 @@ def measure_images(
     reference : ndarray, shape (height, width), or path
         If this is a folder, a pattern or a TIFF file of several pages, its first image is the reference.
     images : iterable of ndarray, path or SeriesImage, optional
-        The images of the deformed specimen, in order. A single image may be given without a list. A folder, a
-        pattern such as "img*.tif", or a TIFF file of several pages stands for all its images, in the natural
-        order of their names; see `list_images`. Default: the other images of `reference`.
+        The images of the deformed specimen, in order. A single image may be given without a list. If a
+        folder, a pattern such as "img*.tif", or a TIFF file of several pages is given, all its images are
+        used, in the natural order of their names; see `list_images`. Default: the other images of
+        `reference`.
     calibration : Calibration or path, optional
         Calibration of the camera, for results in millimetres. Without a calibration all results are in
         pixels.

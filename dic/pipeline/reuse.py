@@ -77,7 +77,7 @@ def fields_on_file(
 
 
 def require_replaceable(place: ResultPlace) -> None:
-    """Raise an error if the file holds other results that must not be replaced.
+    """Raise an error if the file contains other results that must not be replaced.
 
     Raises
     ------

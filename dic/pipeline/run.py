@@ -65,8 +65,8 @@ def process_run(
     output : path or ResultPlace, optional
         The result file, which is replaced when it is complete. Until then the finished images are in a folder
         beside the file, with the ending ".unfinished". If the program is stopped or killed, a call with the
-        same arguments continues after these images. If the file already holds the results of the same call,
-        these results are returned. If only settings of strain or corrections have changed, the fields in the
+        same arguments continues after these images. If the file already contains the results of the same
+        call, they are returned. If only settings of strain or corrections have changed, the fields in the
         file are used, and nothing is correlated. Default: a temporary file.
 
     workers : Workers, optional

@@ -43,7 +43,7 @@ class CorrectionSettings:
         an earlier rotation on the same fixture.
     shift_std_um : float, optional
         Standard deviation of the specimen's shift towards the camera since the reference image, for
-        corrections by one camera. Default: the value in the run file, otherwise that of `Motion`.
+        corrections by one camera. Default: the value in the run file, otherwise the default of `Motion`.
     tilt_axis_mm : tuple of float, optional
         X and Y of the grips' hinge in the grid's axes, for corrections by one camera in tension. Default: the
         hinge in the run file, if it has one.

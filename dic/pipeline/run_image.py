@@ -1,4 +1,4 @@
-"""An image of a run file, which other processes read for themselves from the same file."""
+"""An image of a run file; another process gets only its place and reads it from the same file."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

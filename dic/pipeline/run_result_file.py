@@ -1,4 +1,4 @@
-"""The result file of a run: it holds all results of `process_run`, and a report needs no other file."""
+"""The result file of a run: it contains all results of `process_run`, and a report needs no other file."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, fields, replace

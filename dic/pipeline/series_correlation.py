@@ -40,10 +40,10 @@ class SeriesCorrelation:
     kept : Unfinished or None
         The folder of finished images; not None only inside the `with` block of `keeping`.
     known : SeriesResult or None
-        After `look_up`: a result file that holds the fields of all images.
+        After `look_up`: a result file that contains the fields of all images.
     begun : SeriesResult or None
-        After `look_up`: a result file that holds the fields of the first images, if images were appended to
-        the series later.
+        After `look_up`: a result file with the fields of the first images, if images were appended to the
+        series later.
     """
 
     series: Series
@@ -75,7 +75,7 @@ class SeriesCorrelation:
         Raises
         ------
         OutputError
-            If the file holds results of another measurement, which must not be replaced.
+            If the file contains results of another measurement, which must not be replaced.
         RunFileError
             If the user named a file whose fields are of another measurement.
         """

@@ -106,7 +106,7 @@ class FileDigests:
         self._known: dict[Path, str] = {}
 
     def of(self, image: Path) -> str:
-        """Return the digest of the file that holds an image; `UNREADABLE` if the file cannot be read."""
+        """Return the digest of the file that contains an image; `UNREADABLE` if the file cannot be read."""
         file, page = split_page(image)
         if page is None or file not in self._known:
             try:
@@ -118,4 +118,4 @@ class FileDigests:
 
 
 _DIGESTS = FileDigests()
-"""Digests of files that hold images which other processes have sent."""
+"""Digests of files that contain images which other processes have sent."""

@@ -1,4 +1,4 @@
-"""The result file of a series of images: it holds all results of `dic correlate -o`."""
+"""The result file of a series of images: it contains all results of `dic correlate -o`."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

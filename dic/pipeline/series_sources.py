@@ -33,7 +33,7 @@ class SeriesSources:
 
     @property
     def files(self) -> list[Path]:
-        """All files of the series, including the files that hold pages."""
+        """All files of the series, including the files that contain pages."""
         return files_of([self.reference, *self.images])
 
     @classmethod
@@ -84,7 +84,7 @@ class SeriesSources:
 
 
 def files_of(images: Iterable[Path]) -> list[Path]:
-    """Return the files that hold the images; some images may be pages of a file."""
+    """Return the files that contain the images; some images may be pages of a file."""
     return [split_page(path)[0] for path in images]
 
 

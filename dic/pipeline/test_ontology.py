@@ -1,4 +1,4 @@
-"""What the statements after the Tensile Test Ontology say of a test that was measured by a gauge."""
+"""Adds the gauge to the data of a test that a file in terms of the Tensile Test Ontology contains."""
 
 from dataclasses import replace
 from importlib.metadata import version
@@ -9,7 +9,7 @@ from dic.gauges.series import GaugeSeries
 
 
 def with_gauge(about: AboutTest, series: GaugeSeries, gauge: str, kind: str) -> AboutTest:
-    """Return a test with a gauge as its extensometer, and with the gauge length if it is known in mm.
+    """Return the data of a test with a gauge as extensometer, and the gauge length if it is known in mm.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ def crossing(strain: Float, stress: Float, slope: float, first: int) -> Crossing
     The curve is assumed to have a slope that only falls. Between two points such a curve lies above the
     straight line through these points, and below the extended line through the next two points. The first
     bound is exact if the curve is straight; the second is exact for a curve that yields at a sharp corner.
-    The returned stress is that of a smooth curve between the bounds. Its standard deviation is that of a
+    The returned stress lies on a smooth curve between the bounds. Its standard deviation is computed from a
     rectangular distribution that reaches to the farther bound.
 
     Parameters

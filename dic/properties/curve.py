@@ -162,7 +162,7 @@ def read_curve(
     Raises
     ------
     CurveError
-        If a column or unit is wrong, or the table is not that of a tensile test.
+        If a column or unit is wrong, or the table does not contain a tensile test.
     """
     length = gauge_length_mm if gauge_length_mm is not None else 1.0
     remedy = "give the length over which the extension was measured, such as 50"

@@ -152,7 +152,7 @@ def _jumps(strain: Float, load: Float, most: float) -> np.ndarray:
     """Return the points after which the strain jumps because the extensometer was removed.
 
     Such a step is far larger than the usual steps before and after it. Images at equal times or loads also
-    have large steps of strain in the plastic part, but there the neighbouring steps are large too.
+    have large steps of strain in the plastic part, but in this part the neighbouring steps are equally large.
     """
     steps = np.diff(strain)
     around = np.pad(np.abs(steps), JUMP_NEAR, constant_values=np.nan)

@@ -68,8 +68,8 @@ def missing(unit: str, rule: str, reason: str) -> PropertyValue:
 def excess_of_extreme(std: float, count: int) -> float:
     """Return the mean excess of the largest of `count` equal values that have noise.
 
-    The formula is that of G. Blom (Statistical Estimates and Transformed Beta-Variables, 1958) for the
-    expected largest of independent normal values.
+    The formula is from G. Blom (Statistical Estimates and Transformed Beta-Variables, 1958) for the expected
+    largest of independent normal values.
     """
     share = (count - 0.375) / (count + 0.25)
     return std * max(float(NormalDist().inv_cdf(share)), 0.0)

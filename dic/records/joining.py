@@ -112,8 +112,8 @@ def join_by_time(
     Raises
     ------
     CurveError
-        If the record has no time, its time or that of the images runs backwards, an image was taken before
-        the record begins or after it ends, or the offset cannot be found.
+        If the record has no time, a time of the record or the images runs backwards, an image was taken
+        before the record begins or after it ends, or the offset cannot be found.
     """
     if record.time_s is None:
         raise record.wrong("join by time", "a column of time", "none", "name it, such as --time Time:s")

@@ -141,7 +141,7 @@ class Table:
         raise self._wrong(column.role, expected, got, f"give the number of the column, from 1 to {width}")
 
     def _require_only_units_below(self, name: str) -> None:
-        """Raise an error if a line between the headings and the first line of numbers has numbers too."""
+        """Raise an error if a line between the headings and the first line of numbers also has numbers."""
         at = next(k for k, line in enumerate(self.headings) if any(name in cell for cell in line))
         for line in self.headings[at + 1 :]:
             texts = [cell for cell in line if cell and not _NUMBER.fullmatch(cell)]

@@ -1,4 +1,4 @@
-"""The values of a test in the report as a file after the Tensile Test Ontology."""
+"""Writes the properties of a test in the report in terms of the Tensile Test Ontology."""
 
 from pathlib import Path
 
@@ -9,10 +9,10 @@ from dic.typing import PathLike
 
 
 def write_test_ontology(test: TensileTest, path: PathLike, *, iri: str = "") -> list[str]:
-    """Write the best values of a test as a Turtle file after the Tensile Test Ontology.
+    """Write the best values of a test as a Turtle file, in terms of the Tensile Test Ontology.
 
-    These are the values of `TensileTest.main`: the best kind of strain of the last camera. The stated facts
-    on laboratory, specimen and machine are written too.
+    The best values are those of `TensileTest.main`: the best kind of strain of the last camera. The file also
+    contains the stated facts about laboratory, specimen and machine.
 
     Parameters
     ----------

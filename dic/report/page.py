@@ -46,7 +46,7 @@ class SetUp:
 class RunView:
     """The content of the report on one run, in the form that the page template needs.
 
-    An attribute for a figure holds the figure as a data URI, or an empty text if the run has no such figure.
+    An attribute for a figure contains a data URI, or an empty text if the run has no such figure.
     """
 
     run: Run

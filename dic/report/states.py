@@ -52,8 +52,8 @@ def chosen_states(column: TestColumn, wanted: Sequence[str] = ()) -> list[State]
     column : TestColumn
     wanted : sequence of str
         Each is one of "half" (half of the strain at the largest stress), "Rp02", "ReH", "Rm", "last",
-        "strain=PERCENT", "stress=MPA" or "image=NAME". Default: those of Rp02, half and Rm that the curve
-        has.
+        "strain=PERCENT", "stress=MPA" or "image=NAME". Default: the points Rp02, half and Rm, if the curve
+        has them.
 
     Raises
     ------

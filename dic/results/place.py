@@ -11,14 +11,14 @@ class ResultPlace:
     Attributes
     ----------
     path : Path
-        The result file. If it already holds the same results, it is not written again.
+        The result file. If it already contains the same results, it is not written again.
     replace : bool
         True if other results at this place may be replaced.
     anew : bool
         True to remove, and not use, the images that the same measurement finished before it was interrupted.
     fields_from : Path, optional
-        A result file whose fields are used instead of a correlation. Default: `path`, if its fields are
-        those of this measurement.
+        A result file whose fields are used instead of a correlation. Default: `path`, if it contains the
+        fields of this measurement.
     """
 
     path: Path

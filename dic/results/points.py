@@ -78,7 +78,7 @@ class PointValues:
 
 
 def strain_values(strain: StrainField) -> dict[str, NDArray[Any]]:
-    """Return the local strains and their standard deviations, keyed by name; unknown ones are left out."""
+    """Return the local strains and their standard deviations, keyed by name; unknown values are left out."""
     names = [*STRAIN_KEYS, *(name for name in IMAGES_KEYS if getattr(strain, name) is not None)]
     return {name: getattr(strain, name) for name in names}
 

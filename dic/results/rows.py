@@ -18,8 +18,8 @@ PENDING_MAX = 64
 class Rows:
     """The growing datasets of an open result file.
 
-    Arrays are written to the file at once. Single values, of which there are about a hundred for each image,
-    are written for many images together, because writing each value alone would take longer than writing all
+    Arrays are written to the file at once. There are about a hundred single values for each image. They are
+    written for many images together, because writing each value alone would take longer than writing all
     arrays.
     """
 

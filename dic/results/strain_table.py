@@ -34,7 +34,7 @@ def write_strain_table(
     ----------
     rows : sequence of mapping
         One mapping for each image, the result of `Measurement.summary`. If there is a correction, the key
-        "corrected" holds the result of `Correction.as_dict`. Further keys hold known values: "camera",
+        "corrected" contains the result of `Correction.as_dict`. Further keys contain known values: "camera",
         "step", "load_n", "displacement_mm", "angle_deg", "time_s" and "time_source". For an image that was
         not measured, the mapping has the keys "file" and "error" instead of the summary.
     path : path

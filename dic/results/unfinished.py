@@ -133,7 +133,7 @@ class FinishedImages:
     def find(self, number: int, key: str, shared: Mapping[str, Any]) -> FinishedImage | None:
         """Return an image with its fields; None if it is not finished, or has another key.
 
-        If the result is None, this image and all later ones are removed, because the correlation of a later
+        If the result is None, this image and all later images are removed, because the correlation of a later
         image may have begun from the old fields of this image.
 
         Parameters

@@ -32,7 +32,7 @@ class ResultWriter:
     Parameters
     ----------
     path : Path
-        The file to create. An existing file is replaced only when the new file is complete and holds results.
+        The file to create. An existing file is replaced only when the new file is complete and has results.
     origin : Provenance
         Where the results come from.
     """

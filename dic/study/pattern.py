@@ -34,7 +34,8 @@ def corner_noise(grey: Grey) -> float:
     """Return the standard deviation of an image's noise, grey levels, from its finest waves along both axes.
 
     Sharp speckles have some power in these waves, but less than in all other waves. For sharp speckles the
-    result is therefore too large, but closer to the truth than that of `dic.quality.noise.noise_of_one`.
+    result is therefore too large, but closer to the truth than the result of
+    `dic.quality.noise.noise_of_one`.
 
     Parameters
     ----------

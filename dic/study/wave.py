@@ -24,8 +24,8 @@ gradient.
 class Wave:
     """The displacement u = a sin(2π x/p + φ) cos(2π y/q + ψ), v = a sin(2π y/p + φ) cos(2π x/q + ψ).
 
-    The coordinates are those of the reference. The normal strains ∂u/∂x and ∂v/∂y are waves with the period p
-    along the direction of the derivative, and with the period q across it.
+    The coordinates x and y are measured in the reference image. The normal strains ∂u/∂x and ∂v/∂y are waves
+    with the period p along the direction of the derivative, and with the period q across it.
 
     Attributes
     ----------

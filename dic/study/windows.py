@@ -1,9 +1,9 @@
 """Computes local strain in complete strain windows, and its noise relative to the displacement noise.
 
-On a complete window of a regular grid, the fitted slope is a sum of displacements with fixed weights. The
-weights are those of a slope along one axis times those of a mean along the other (A. Savitzky, M. J. E.
-Golay, Analytical Chemistry 36 (1964) 1627-1639). A study computes strain for many settings, so it uses these
-weights instead of a fit in each window.
+On a complete window of a regular grid, the fitted slope is a sum of displacements with fixed weights. Each
+weight is the weight of a slope along one axis times the weight of a mean along the other (A. Savitzky, M. J.
+E. Golay, Analytical Chemistry 36 (1964) 1627-1639). A study computes strain for many settings, so it uses
+these weights instead of a fit in each window.
 """
 
 from functools import cache
