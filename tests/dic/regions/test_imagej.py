@@ -2,11 +2,14 @@
 
 import zipfile
 
+import cv2
 import numpy as np
 import pytest
 from roifile import ROI_OPTIONS, ROI_TYPE, ImagejRoi, roiwrite
 
 from dic import CorrelationError, read_region
+from dic.regions.polygons import line_mask
+from dic.regions.read import read_drawn_region
 from tests.dic.regions.imagej_bytes import (
     FREEHAND,
     LINE,
@@ -19,12 +22,17 @@ from tests.dic.regions.imagej_bytes import (
     TRACED,
     roi_bytes,
 )
+from tests.places import ROOT
 
 SHAPE = (40, 60)
 
 
-def mask_of(path):
-    return read_region(path, (), SHAPE)
+WRITTEN = ROOT / "tests" / "dic" / "regions" / "imagej"
+"""Files that ImageJ 1.53t has written, by `WriteAreas.java` beside them."""
+
+
+def mask_of(path, shape=SHAPE):
+    return read_region(path, (), shape)
 
 
 def boxed(left, top, right, bottom):
@@ -32,6 +40,39 @@ def boxed(left, top, right, bottom):
     mask = np.zeros(SHAPE, bool)
     mask[top:bottom, left:right] = True
     return mask
+
+
+@pytest.mark.parametrize("path", sorted(WRITTEN.glob("*.png")), ids=lambda path: path.stem)
+def test_areas_have_the_pixels_that_imagej_counts_in_them(path):
+    """A pixel whose centre lies exactly on an edge may count for one of the two programs alone."""
+    expected = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) > 0
+    if path.stem == "exact-rectangle":
+        # For its mask ImageJ rounds the edges to whole pixels, here 9.6 … 40.3 to 9 … 40: one row more.
+        expected[9] = False
+    roi = path.with_suffix(".roi")
+    different = mask_of(roi, expected.shape) ^ expected
+    outlines = [closed(one.corners) for one in read_drawn_region(str(roi)).polygons]
+    on_edges = np.any([line_mask(outline, 0.02, expected.shape) for outline in outlines], axis=0)
+    assert not (different & ~on_edges).any()
+
+
+def closed(corners):
+    return np.concatenate([corners, corners[:1]])
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("line", "of the kind line"),
+        ("point", "of the kind point"),
+        ("spline", "a spline through the corners"),
+        ("rounded", "rounded corners"),
+        ("text", "of the kind text"),
+    ],
+)
+def test_selections_of_imagej_that_are_no_area_are_refused(name, words):
+    with pytest.raises(CorrelationError, match=words):
+        mask_of(WRITTEN / f"{name}.roi")
 
 
 @pytest.mark.parametrize("kind", [POLYGON, FREEHAND, TRACED])
@@ -76,8 +117,6 @@ def test_files_of_another_writer_are_read(tmp_path):
     hole = ImagejRoi.frompoints(whole, name="hole")
     assert area.options & ROI_OPTIONS.SUB_PIXEL_RESOLUTION
     roiwrite(tmp_path / "RoiSet.zip", [area, hole])
-    from dic.regions.read import read_drawn_region
-
     (only,) = read_drawn_region(str(tmp_path / "plate.roi")).polygons
     np.testing.assert_allclose(only.corners, corners - 0.5)
     both = read_drawn_region(str(tmp_path / "RoiSet.zip")).polygons
