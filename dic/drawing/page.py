@@ -55,12 +55,14 @@ def write_drawing_page(
     Raises
     ------
     MeasurementError
-        If the image or the region cannot be used.
+        If the image or the region cannot be used, or if a gauge lies outside the image.
     OSError
         If the file cannot be written.
     """
     grey = grey_image(image, "image")
     name = Path(name_of(image, "image")).name
+    shapes = [] if region is None else region_shapes(region, grey.shape)
+    shapes += gauge_shapes(gauges, grey.shape)
     picture = shown_picture(grey)
     data = {
         "name": name,
@@ -68,7 +70,7 @@ def write_drawing_page(
         "height": grey.shape[0],
         "picture": picture.uri,
         "reduction": picture.reduction,
-        "shapes": [*([] if region is None else region_shapes(region, grey.shape)), *gauge_shapes(gauges)],
+        "shapes": shapes,
         "kept": kept_gauges(gauges, calibration),
         "calibration": None if calibration is None else calibration_nodes(calibration),
         "files": {"region": REGION_FILE, "gauges": GAUGES_FILE},

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from dic.calibration.calibration import Calibration
+from dic.errors import GaugeError, MeasurementError, joined
 from dic.gauges.declared import (
     Extensometer,
     Gauge,
@@ -15,7 +16,7 @@ from dic.gauges.declared import (
     TransverseExtensometer,
 )
 from dic.gauges.file import gauge_text
-from dic.gauges.outlines import outlines_of
+from dic.gauges.outlines import outlines_of, require_inside
 from dic.image.given import checked_region
 from dic.regions.drawn import DrawnRegion
 from dic.regions.read import is_region_file, read_drawn_region
@@ -78,8 +79,28 @@ def _drawn_shapes(drawn: DrawnRegion) -> list[Shape]:
     ]
 
 
-def gauge_shapes(gauges: Sequence[Gauge]) -> list[Shape]:
-    """Return the gauges in px as shapes; gauges in mm are left out."""
+def gauge_shapes(gauges: Sequence[Gauge], image_shape: tuple[int, ...]) -> list[Shape]:
+    """Return the gauges in px as shapes; gauges in mm are left out.
+
+    Parameters
+    ----------
+    gauges : sequence of Gauge
+    image_shape : tuple of int
+        Height and width of the image, px.
+
+    Raises
+    ------
+    GaugeError
+        If a gauge lies outside the image. The message names all such gauges together.
+    """
+    errors: list[MeasurementError] = []
+    for gauge in gauges:
+        try:
+            require_inside(gauge, image_shape)
+        except GaugeError as error:
+            errors.append(error)
+    if errors:
+        raise joined(errors)
     return [_gauge_shape(gauge) for gauge in gauges if gauge.unit == "px"]
 
 

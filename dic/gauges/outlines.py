@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dic.errors import GaugeError
 from dic.gauges.declared import (
     Extensometer,
     Gauge,
@@ -28,6 +29,35 @@ def corners_of(gauge: Gauge) -> Float:
         case Extensometer() | LineCut():
             return gauge.upwards([gauge.start, gauge.end])
     raise TypeError(f"{type(gauge).__name__} is no kind of gauge")
+
+
+def require_inside(gauge: Gauge, image_shape: tuple[int, ...]) -> None:
+    """Raise an error if a gauge in px has a place outside the image; a gauge in mm is not checked.
+
+    Parameters
+    ----------
+    gauge : Gauge
+    image_shape : tuple of int
+        Height and width of the image, px.
+
+    Raises
+    ------
+    GaugeError
+    """
+    if gauge.unit != "px":
+        return
+    corners = corners_of(gauge) * (1.0, -1.0)
+    height, width = image_shape
+    outside = ((corners < 0.0) | (corners > (width - 1.0, height - 1.0))).any(axis=1)
+    if outside.any():
+        x, y = corners[outside][0]
+        raise GaugeError(
+            f"gauge {gauge.name!r}",
+            "find its place",
+            f"places inside the image of {width} × {height} px",
+            f"({x:.4g}, {y:.4g})",
+            "move the gauge into the image; x counts to the right, y downwards",
+        )
 
 
 def outlines_of(gauge: Gauge) -> list[Float]:

@@ -20,7 +20,7 @@ from dic.gauges.field import fields_of
 from dic.gauges.file import require_names
 from dic.gauges.fits import PlacedFit, place_area, place_point
 from dic.gauges.lines import PlacedLines
-from dic.gauges.outlines import corners_of
+from dic.gauges.outlines import require_inside
 from dic.gauges.points import GridPlaces
 from dic.gauges.reading import Profile, Reading
 from dic.out_of_plane.correction import Correction
@@ -91,7 +91,7 @@ class PlacedGauges:
         for gauge in gauges:
             try:
                 _require_unit(gauge, calibrated is not None)
-                _require_inside(gauge, image_shape)
+                require_inside(gauge, image_shape)
                 window = measurement.strain_settings.window_points
                 placed.append(_placed(gauge, places[gauge.unit], window))
             except MeasurementError as error:
@@ -142,21 +142,4 @@ def _require_unit(gauge: Gauge, calibrated: bool) -> None:
             "a calibration, because the gauge is in millimetres",
             "results without one",
             'give the gauge in pixels, with unit = "px", or correlate with --calibration',
-        )
-
-
-def _require_inside(gauge: Gauge, image_shape: tuple[int, ...]) -> None:
-    if gauge.unit != "px":
-        return
-    corners = corners_of(gauge) * (1.0, -1.0)
-    height, width = image_shape
-    outside = ((corners < 0.0) | (corners > (width - 1.0, height - 1.0))).any(axis=1)
-    if outside.any():
-        x, y = corners[outside][0]
-        raise GaugeError(
-            f"gauge {gauge.name!r}",
-            "find its place",
-            f"places inside the image of {width} × {height} px",
-            f"({x:.4g}, {y:.4g})",
-            "move the gauge into the image; x counts to the right, y downwards",
         )

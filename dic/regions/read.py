@@ -58,7 +58,7 @@ def read_drawn_region(source: str) -> DrawnRegion:
     try:
         if path.suffix.lower() in IMAGEJ:
             return _of_polygons(source, imagej_areas(path))
-        return _of_text(source, read_text(path), path.suffix.lower())
+        return _of_text(source, path.suffix.lower())
     except OSError as error:
         raise CorrelationError(source, _STEP, _EXPECTED, error.strerror or str(error), _REMEDY) from error
 
@@ -71,8 +71,9 @@ def _typed_corners(text: str) -> list[list[float]] | None:
         return None
 
 
-def _of_text(source: str, text: str, ending: str) -> DrawnRegion:
+def _of_text(source: str, ending: str) -> DrawnRegion:
     try:
+        text = read_text(source)
         if ending == ".csv":
             named = [(f"{source}, polygon {k}", one) for k, one in enumerate(read_corners(text), 1)]
             return _of_polygons(source, named)

@@ -4,9 +4,12 @@ import os
 import random
 import socket
 import struct
+import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+
+from tests.dic.regions.imagej_bytes import LINE, POLYGON, RECT, roi_bytes
 
 Maker = Callable[[Path, Path, random.Random], Path]
 """Type of a function that makes a bad file from a good one, and returns its path."""
@@ -164,6 +167,40 @@ POLYGONS: dict[str, Maker] = {
     "beside the image": _texts("x_px,y_px\n9000,9000\n9100,9000\n9100,9100\n"),
     "a quote that never ends": _texts('x_px,y_px\n"1,1\n5,5\n5,9\n' + "x" * 200_000),
     "null characters": _texts("x_px,y_px\n1,1\n\0,5\n5,9\n"),
+}
+
+
+REGIONS: dict[str, Maker] = {
+    "deep": _texts("polygons = " + "[" * _DEEP),
+    "an unknown key": _texts("polygon = [[1, 1], [90, 1], [9, 90]]\ncolour = 3\n"),
+    "no polygon": _texts("", "polygons = []\n", "polygons = 3\n", "polygon = {}\n", "holes = [[[1, 1]]]\n"),
+    "no pairs": _texts("polygon = [[1, 1], [90], [9, 90]]\n", "polygon = [['a', 1], [90, 1], [nan, 90]]\n"),
+    "crossing edges": _texts("polygon = [[10, 10], [300, 300], [300, 10], [10, 300]]\n"),
+    "beside the image": _texts("polygon = [[10, 10], [9000, 10], [10, 300]]\n"),
+    "no crack": _texts(
+        "polygon = [[1, 1], [90, 1], [9, 90]]\ncrack = 3\n",
+        "polygon = [[1, 1], [90, 1], [9, 90]]\n[[crack]]\npath = [[1, 1], [1, 1]]\nwidth_px = -1\n",
+    ),
+}
+
+
+def _roi(*values: bytes) -> Maker:
+    """Return a maker of an archive with one of the given contents as its area."""
+
+    def make(good: Path, place: Path, chance: random.Random) -> Path:
+        with zipfile.ZipFile(place, "w") as archive:
+            archive.writestr("area.roi", chance.choice(values))
+        return place
+
+    return make
+
+
+AREAS: dict[str, Maker] = {
+    "cut off": _cut,
+    "damaged": _roi(b"", b"Iout", b"Iout" + bytes(70), b"Iout" + b"\xff" * 80, b"PK" * 50),
+    "no area": _roi(roi_bytes(LINE, (0, 0, 9, 9)), roi_bytes(POLYGON, (0, 0, 9, 9), [(0, 0), (9, 9)])),
+    "beside the image": _roi(roi_bytes(RECT, (0, 0, 9000, 9000))),
+    "a bomb": _roi(bytes(2**25)),
 }
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.fuzz.bad_files import ANY, CURVES, GAUGES, IMAGES, JSONS, PNGS, POLYGONS, Maker
+from tests.fuzz.bad_files import ANY, AREAS, CURVES, GAUGES, IMAGES, JSONS, PNGS, POLYGONS, REGIONS, Maker
 from tests.fuzz.bad_hdf5 import HDF5
 from tests.fuzz.bad_options import bad_options
 from tests.fuzz.bad_toml import TOMLS
@@ -16,11 +16,15 @@ from tests.fuzz.commands import COMMANDS
 KINDS: dict[str, Mapping[str, Maker]] = {
     "image": PNGS,
     "deformed": PNGS,
+    # a person may draw on an image without texture
+    "picture": {kind: maker for kind, maker in PNGS.items() if kind != "flat"},
     "grid": PNGS,
     "mask": PNGS,
     "tiff": IMAGES,
     "bmp": IMAGES,
     "polygons": POLYGONS,
+    "areas": AREAS,
+    "region": REGIONS,
     "alignment": JSONS,
     "gauges": GAUGES,
     "curve": CURVES,

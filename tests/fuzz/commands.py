@@ -6,6 +6,8 @@ COMMANDS: dict[str, list[str]] = {
     "correlate a BMP": ["dic", "correlate", "{image}", "{bmp}"],
     "correlate in a mask": ["dic", "correlate", "{image}", "{deformed}", "--roi", "{mask}"],
     "correlate in polygons": ["dic", "correlate", "{image}", "{deformed}", "--polygon", "{polygons}"],
+    "correlate in areas": ["dic", "correlate", "{image}", "{deformed}", "--roi", "{areas}"],
+    "correlate in a region": ["dic", "correlate", "{image}", "{deformed}", "--roi", "{region}"],
     "correlate in mm": ["dic", "correlate", "{image}", "{deformed}", "--calibration", "{calibration}"],
     "correlate by an alignment": [
         *("dic", "correlate", "{image}", "{deformed}", "--calibration", "{calibration}"),
@@ -13,7 +15,7 @@ COMMANDS: dict[str, list[str]] = {
     ],
     "calibrate": ["dic", "calibrate", "{grid}"],
     "draw": [
-        *("dic", "draw", "{image}", "--roi", "{polygons}", "--gauges", "{gauges}"),
+        *("dic", "draw", "{picture}", "--roi", "{polygons}", "--gauges", "{gauges}"),
         *("--calibration", "{calibration}", "-o", "{new}.html"),
     ],
     "quality": ["dic", "quality", "{image}"],

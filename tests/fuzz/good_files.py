@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import cv2
 import h5py
 
 from tests.command_line import run_dic, run_rig
+from tests.dic.regions.imagej_bytes import RECT, roi_bytes
 from tests.places import EXAMPLES
 
 ROTATION = """
@@ -56,6 +58,15 @@ driver = "simulated-operator"
 
 POLYGONS = "x_px,y_px,polygon\n100,100,a\n300,100,a\n300,300,a\n150,350,b\n200,350,b\n200,380,b\n"
 
+REGION = """
+image_size_px = [480, 480]
+polygons = [[[100, 100], [380, 100], [380, 380], [100, 380]]]
+holes = [[[200, 200], [250, 200], [250, 250]]]
+[[crack]]
+path = [[300, 100], [310, 200]]
+width_px = 4
+"""
+
 GAUGES = """
 [[gauge]]
 name = "axial"
@@ -74,6 +85,8 @@ CURVE = "Time;Load;Strain\n(s);(kN);(%)\n" + "".join(
     f"{0.1 * k:.1f};{min(0.06 * k, 6.0 + 0.002 * k):.4f};{0.0015 * k + max(0, k - 100) * 0.02:.5f}\n"
     for k in range(200)
 )
+
+TEXTS = [("gauges", "toml", GAUGES), ("region", "toml", REGION), ("curve", "csv", CURVE)]
 
 CAMPAIGN = """
 [defaults]
@@ -110,9 +123,12 @@ def make_good_files(folder: Path) -> GoodFiles:
     for name, text in texts.items():
         files[name] = folder / f"{name}.{'csv' if name == 'polygons' else 'toml'}"
         files[name].write_text(text)
-    for name, ending, text in (("gauges", "toml", GAUGES), ("curve", "csv", CURVE)):
+    for name, ending, text in TEXTS:
         files[name] = folder / f"{name}.{ending}"
         files[name].write_text(text)
+    files["areas"] = folder / "areas.zip"
+    with zipfile.ZipFile(files["areas"], "w") as archive:
+        archive.writestr("area.roi", roi_bytes(RECT, (100, 100, 380, 380)))
     files["campaign"] = folder / "campaign.toml"
     files["campaign"].write_text(CAMPAIGN.format(curve=files["curve"]))
     files["tension"] = Path(shutil.copy(EXAMPLES / "tension.toml", folder))
@@ -129,6 +145,7 @@ def make_good_files(folder: Path) -> GoodFiles:
     for name, frame in zip(("grid", "image", "deformed"), frames, strict=False):
         files[name] = folder / f"{name}.png"
         cv2.imwrite(str(files[name]), frame)
+    files["picture"] = files["image"]
     cv2.imwrite(str(folder / "image.tif"), frames[1])
     cv2.imwrite(str(folder / "image.bmp"), frames[1])
     files |= {"tiff": folder / "image.tif", "bmp": folder / "image.bmp", "mask": folder / "mask.png"}

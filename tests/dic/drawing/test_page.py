@@ -159,12 +159,14 @@ def test_millimetres_between_the_nodes_are_those_of_the_calibration():
         (["--roi", "{folder}/none.toml"], "No such file"),
         (["--roi", "{folder}/far.toml"], "inside the image of 160 x 120 px"),
         (["--gauges", "{folder}/far.toml"], "got polygon"),
+        (["--gauges", "{folder}/off.toml"], "places inside the image of 160 × 120 px, got (900, 1)"),
         (["--roi", "{folder}/far.toml", "--specimen"], "leave one of them out"),
         (["--calibration", "{folder}/far.toml"], "calibration"),
     ],
 )
 def test_bad_input_is_refused_and_no_page_is_written(image, tmp_path, options, words):
     (tmp_path / "far.toml").write_text("polygon = [[1, 1], [900, 1], [9, 9]]")
+    (tmp_path / "off.toml").write_text('[[gauge]]\nname = "a"\nkind = "point"\nat = [900, 1]\n')
     page = tmp_path / "draw.html"
     given = [option.format(folder=tmp_path) for option in options]
     assert words in refusal("draw", image, "-o", page, *given)

@@ -64,13 +64,15 @@ def test_a_disc_of_many_corners_has_the_area_of_the_circle():
         ("columns.csv", "x,z\n1,2\n3,4\n5,6\n"),
         ("empty.csv", "x_px,y_px\n"),
         ("infinite.json", '{"polygon": [[1, 2], [3, Infinity], [5, 6]]}'),
+        ("latin.csv", b"x,y\n1,1\n\xe9,1\n"),
+        ("latin.json", b"\xff"),
         ("null.json", '{"polygons": null}'),
     ],
 )
 def test_what_is_no_polygon_is_refused_with_one_sentence(tmp_path, name, content):
     path = tmp_path / name
     if content is not None:
-        path.write_text(content)
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(CorrelationError, match="polygon") as refusal:
         read_drawn_region(str(path))
     assert name in str(refusal.value)
