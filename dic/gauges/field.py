@@ -23,8 +23,8 @@ class GaugeField:
     displacement : Displacement
         The displacements. The displacements have the errors that the images cause, if these errors are known.
     common_noise : ndarray, shape (3, 3)
-        Covariance of errors of exx, eyy, exy that are the same at all points. The noise of this image causes
-        these errors, because it changes the correction.
+        Covariance of errors of exx, eyy, exy that are the same at all points. These errors arise because the
+        noise of this image changes the correction.
     shared : ndarray, shape (3, 3)
         Covariance of errors of exx, eyy, exy that are the same at all points and have other causes: the
         calibration, and motion out of the grid's plane.

@@ -33,7 +33,7 @@ def correlate_series(
     images : iterable of ndarray, path or SeriesImage
     finished : FinishedImages, optional
         The images that were finished before. These images are not correlated again. Every other image is
-        added after its correlation. All images must have digests.
+        added after its correlation. If this argument is given, all images must have digests.
     before : sequence of FinishedImage
         The outcomes of the first images of the series, from a result file. All these images must have been
         correlated with the first reference.

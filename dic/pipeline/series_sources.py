@@ -1,4 +1,4 @@
-"""The reference and the images of a series, from files, folders, patterns, pages and arrays."""
+"""Finds the reference and the images of a series, given as files, folders, patterns, pages or arrays."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field

@@ -16,8 +16,9 @@ from dic.typing import Float
 RULE = "objective window, rule of ASTM E3076-18"
 TOO_FEW = "few points: no window of ten points in the rising part of the record"
 FIRST_SHARE, CUT_SHARE, RAISED_SHARE = 0.05, 0.15, 0.05
-"""Shares of the largest stress. The tangent line starts at the point of the first share. The start of the
-line is raised by the second share, and at each further attempt by the third share.
+"""Shares of the largest stress. The tangent line starts at the first point whose stress exceeds
+`FIRST_SHARE`. The stress of the start is then raised by `CUT_SHARE`, and at each further attempt by
+`RAISED_SHARE`.
 """
 LEAST_SHARE, LEAST_POINTS = 0.2, 10
 """A window has at least this share of the points up to the cut, and at least this number of points."""

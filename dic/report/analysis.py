@@ -151,7 +151,7 @@ def _values(images: CameraImages, place: int) -> dict[str, Float]:
 
 
 def _predicted(measurement: Measurement) -> dict[str, float]:
-    """Return the median standard deviation that the images cause: u, v in px, strains in µε."""
+    """Return the standard deviations that the images cause, as medians over the points (px and µε)."""
     field, strain = measurement.field, measurement.strain
     found = {"u": _median(field.std_u_px), "v": _median(field.std_v_px)}
     for name in ("exx", "eyy", "exy"):

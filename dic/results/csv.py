@@ -66,7 +66,7 @@ def write_rows(
     *,
     decimal_comma: bool,
 ) -> None:
-    """Write a table with the given columns. Numbers of type float have `digits` significant digits.
+    """Write a table with the given columns. Numbers of type float are written with `digits` decimals.
 
     A row need not have a value for each column.
     """
