@@ -1,5 +1,6 @@
 """A picture of the stress-strain curve with the elastic line, the offset lines and the named values."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,22 @@ _LINE, _OFFSET, _RECORD = "#0072b2", "#cc79a7", "0.45"
 _SHAPES = "oDP*X"
 """Symbols of the marks of several offset strengths."""
 _BOX = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
-_BELOW = (12.0, -16.0)
-"""Distance of a name from its mark to the right and upwards, points: the area below the curve is free."""
-_BETWEEN = 15.0
-"""Distance of the names of several marks from each other, points."""
+_BESIDE = (14.0, 0.0)
+"""Distance of a name to the right of the elastic line, points."""
+_RIGHT_SHARE, _BELOW_SHARE, _LINE_SHARE = 0.98, 0.1, 0.075
+"""Right end of names, distance of the highest name below the lowest mark, and distance between two names, as
+shares of the axes."""
 _MOST_DOTS = 200
 """The points of longer records are not marked one by one."""
+
+
+@dataclass(frozen=True)
+class _Mark:
+    """A mark in the chart: its place (strain in %, stress in MPa), its name and its colour."""
+
+    at: tuple[float, float]
+    text: str
+    colour: str
 
 
 def draw_properties(properties: Properties) -> Any:
@@ -39,7 +50,8 @@ def draw_properties(properties: Properties) -> Any:
         axes.set(xlabel="strain after correction of the foot, %", ylabel="stress, MPa")
         axes.grid(alpha=0.3)
     whole.set(title="whole record of strain", ylim=_with_room(stress, 0.12))
-    _mark(whole, properties, strain, ("Rm_mpa",))
+    for mark in _draw_extreme(whole, properties, strain, "Rm_mpa"):
+        _name_above(whole, mark)
     if elastic is None:
         beginning.set_title("no elastic line was found")
         return figure
@@ -75,10 +87,16 @@ def _draw_beginning(axes: Any, properties: Properties, strain: Float, stress: Fl
     axes.set(xlim=(-0.03 * reach, reach), ylim=(low, top), title="beginning")
     middle = 0.4 * float(stress[part].max())
     name = f"{_text(properties, 'E_gpa', 'E')}\n(thick: its window)"
-    _name(axes, (middle / slope, middle), name, _LINE, (14.0, 0.0))
+    axes.annotate(
+        name, (middle / slope, middle), _BESIDE, textcoords="offset points", color=_LINE, va="center",
+        bbox=_BOX, fontsize=9,
+    )  # fmt: skip
+    marks = []
     for order, offset in enumerate(sorted(properties.settings.offsets_percent)):
-        _draw_offset(axes, properties, offset, top, order)
-    _mark(axes, properties, strain, ("ReH_mpa", "ReL_mpa"))
+        marks += _draw_offset(axes, properties, offset, top, order)
+    for extreme in ("ReH_mpa", "ReL_mpa"):
+        marks += _draw_extreme(axes, properties, strain, extreme)
+    _name_below(axes, marks)
 
 
 def _with_room(stress: Float, share: float) -> tuple[float, float]:
@@ -98,52 +116,60 @@ def _reach(properties: Properties, strain: Float) -> float:
     return float(min(max(ends), strain.max()))
 
 
-def _draw_offset(axes: Any, properties: Properties, offset: float, top: float, order: int) -> None:
+def _draw_offset(axes: Any, properties: Properties, offset: float, top: float, order: int) -> list[_Mark]:
     elastic = properties.elastic
     if elastic is None:
-        return
+        return []
     key = offset_key(offset)
     slope = elastic.line.slope / 100.0
     axes.plot([offset, offset + top / slope], [0, top], "--", color=_OFFSET, linewidth=1)
     value = properties.values[key]
-    if value.value is not None:
-        at = (value.window["strain_percent"], value.value)
-        axes.plot(*at, _SHAPES[order % len(_SHAPES)], color=_OFFSET)
-        away = _BELOW[0], _BELOW[1] - _BETWEEN * order
-        _name(axes, at, _text(properties, key, f"Rp{offset:g}"), _OFFSET, away)
+    if value.value is None:
+        return []
+    at = (value.window["strain_percent"], value.value)
+    axes.plot(*at, _SHAPES[order % len(_SHAPES)], color=_OFFSET)
+    return [_Mark(at, _text(properties, key, f"Rp{offset:g}"), _OFFSET)]
 
 
-def _mark(axes: Any, properties: Properties, strain: Float, names: tuple[str, ...]) -> None:
-    """Draw the marks of extreme stresses, each with its name."""
-    for name in names:
-        value = properties.values[name]
-        sign, colour = _MARKS[name]
-        at = value.window.get("point")
-        if value.value is None or at is None:
-            continue
-        text = _text(properties, name, _NAMES[name])
-        if at < len(strain):
-            axes.plot(strain[at], value.value, sign, color=colour)
-            # Nothing lies above a maximum, and nothing below a minimum after it.
-            away = _BELOW if name == "ReL_mpa" else (0.0, 9.0)
-            _name(axes, (strain[at], value.value), text, colour, away)
-        else:
-            axes.axhline(value.value, color=colour, linewidth=0.8, linestyle=":")
-            place = (0.5 * float(strain.max()), value.value)
-            _name(axes, place, f"{text}, strain not known", colour, (0.0, 9.0))
+def _draw_extreme(axes: Any, properties: Properties, strain: Float, name: str) -> list[_Mark]:
+    """Draw the mark of an extreme stress."""
+    value = properties.values[name]
+    sign, colour = _MARKS[name]
+    at = value.window.get("point")
+    if value.value is None or at is None:
+        return []
+    text = _text(properties, name, _NAMES[name])
+    if at < len(strain):
+        axes.plot(strain[at], value.value, sign, color=colour)
+        return [_Mark((float(strain[at]), value.value), text, colour)]
+    axes.axhline(value.value, color=colour, linewidth=0.8, linestyle=":")
+    return [_Mark((0.5 * float(strain.max()), value.value), f"{text}, strain not known", colour)]
 
 
-def _name(axes: Any, at: tuple[float, float], text: str, colour: str, away_pt: tuple[float, float]) -> None:
-    """Write a name beside a place of the chart, on the side where the name stays inside the axes."""
+def _name_below(axes: Any, marks: list[_Mark]) -> None:
+    """Write the names of marks one below the other in the free area below the curve, with lines to the marks.
+
+    The mark farthest to the right has the highest name, so that the lines do not cross.
+    """
+    low, high = axes.get_ylim()
+    highest = min((mark.at[1] - low) / (high - low) for mark in marks) - _BELOW_SHARE if marks else 0.0
+    for order, mark in enumerate(sorted(marks, key=lambda one: -one.at[0])):
+        place = (_RIGHT_SHARE, highest - order * _LINE_SHARE)
+        axes.annotate(
+            mark.text, mark.at, place, textcoords="axes fraction", color=_ink(mark.colour), ha="right",
+            va="center", bbox=_BOX, fontsize=9,
+            arrowprops={"arrowstyle": "-", "color": mark.colour, "linewidth": 0.7, "shrinkB": 4.0},
+        )  # fmt: skip
+
+
+def _name_above(axes: Any, mark: _Mark) -> None:
+    """Write the name of a mark above it, on the side where the name stays inside the axes."""
     low, high = axes.get_xlim()
-    share = (at[0] - low) / (high - low)
+    share = (mark.at[0] - low) / (high - low)
     side = "left" if share < 0.25 else "right" if share > 0.75 else "center"
-    if away_pt[0]:  # beside its mark
-        side = "left" if share < 0.8 else "right"
-        away_pt = (away_pt[0] if side == "left" else -away_pt[0], away_pt[1])
     axes.annotate(
-        text, at, away_pt, textcoords="offset points", color=_ink(colour), ha=side, va="center", bbox=_BOX,
-        fontsize=9,
+        mark.text, mark.at, (0.0, 9.0), textcoords="offset points", color=_ink(mark.colour), ha=side,
+        va="center", bbox=_BOX, fontsize=9,
     )  # fmt: skip
 
 

@@ -68,7 +68,7 @@ class CameraImages:
 
 
 def images_of(result: Results) -> list[CameraImages]:
-    """Return the images of each camera of a result, in the order of the cameras."""
+    """Return the images of each camera of a result, the on-axis camera first."""
     if isinstance(result, SeriesResult):
         labels = tuple(image.label for image in result.series.images)
         times = [one.time for one in result.series.images]
@@ -76,7 +76,8 @@ def images_of(result: Results) -> list[CameraImages]:
         read = partial(_read_file, result)
         return [CameraImages("", result.series, result.calibration, labels, times_s, read)]
     found = []
-    for camera in result.cameras:
+    # As in the tables of values, the on-axis camera comes first.
+    for camera in sorted(result.cameras, key=lambda one: one.camera != "on_axis"):
         labels = tuple(f"{step.kind} {step.index}" for step in camera.steps)
         read = partial(_read_step, result, camera.camera, camera.steps)
         series = result.series(camera.camera)

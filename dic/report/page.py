@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from dic.errors import RunFileError, require_kind
 from dic.files.writing import write_text
@@ -105,11 +106,11 @@ def write_report(
         raise RunFileError(str(path), "write report", "at least one run", "none", "name a run file")
     if pdf is not None:
         require_pdf(pdf)
-    page = _render(number_runs(results), tests)
+    content = _content(number_runs(results), tests)
     try:
-        write_text(path, page)
+        write_text(path, _render(content, pdf=False))
         if pdf is not None:
-            write_pdf(page, pdf)
+            write_pdf(_render(content, pdf=True), pdf)
     except OSError as error:
         raise RunFileError(
             str(error.filename or path),
@@ -120,29 +121,33 @@ def write_report(
         ) from error
 
 
-def _render(runs: list[Run], tests: Sequence[TensileTest]) -> str:
+def _render(content: dict[str, Any], *, pdf: bool) -> str:
     environment = page_templates()
     environment.filters |= {"micro": micro, "fixed": fixed, "date": date}
+    page: str = environment.get_template("report.html.j2").render(**content, pdf=pdf)
+    return page
+
+
+def _content(runs: list[Run], tests: Sequence[TensileTest]) -> dict[str, Any]:
+    """Return what the template of the page needs."""
     turning = [run for run in runs if run.kind == "rotation"]
     with plot_style():
         tensile = [tensile_view(test, [run.result for run in runs]) for test in tests]
         views = [_view(run) for run in runs]
         kinds: tuple[Kind, ...] = ("raw", "calibrated", "corrected")
         turns = {kind: rotation.strain_figure(turning, kind) if turning else "" for kind in kinds}
-    page: str = environment.get_template("report.html.j2").render(
-        title=runs[0].result.info.title
-        if len(runs) == 1
-        else f"Off-axis image correlation: {len(runs)} runs",
-        views=views,
-        tensile=tensile,
-        comparisons=compare(runs),
-        turning=turning,
-        rotation=turns,
-        not_corrected=rotation.not_corrected(turning),
-        simulated=any(run.result.info.simulated for run in runs),
-        watermark=watermark_uri("SIMULATED"),
-    )
-    return page
+    several = f"Off-axis image correlation: {len(runs)} runs"
+    return {
+        "title": runs[0].result.info.title if len(runs) == 1 else several,
+        "views": views,
+        "tensile": tensile,
+        "comparisons": compare(runs),
+        "turning": turning,
+        "rotation": turns,
+        "not_corrected": rotation.not_corrected(turning),
+        "simulated": any(run.result.info.simulated for run in runs),
+        "watermark": watermark_uri("SIMULATED"),
+    }
 
 
 def _view(run: Run) -> RunView:

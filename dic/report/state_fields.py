@@ -9,17 +9,22 @@ import numpy as np
 from dic.errors import MeasurementError
 from dic.pictures.background import Background, background_of
 from dic.pictures.contact_sheet import shortened
-from dic.pictures.layout import FONT_PT, MM_PER_IN, Layout
+from dic.pictures.layout import FONT_PT, Layout
 from dic.pictures.maps import cut_ends, draw_background, draw_bar, draw_panel
 from dic.pictures.panels import Maps, Scale, finished, maps_of, widened
 from dic.pictures.settings import MapSettings
 from dic.report.camera_images import CameraImages
+from dic.report.numbers import fixed
 from dic.report.states import HALF, State
-from dic.report.style import PAGE_WIDTH_IN, png_uri
+from dic.report.style import png_uri
 
 _ALONG_Y_DEG = 45.0
-_PAGE = MapSettings(width_mm=PAGE_WIDTH_IN * MM_PER_IN)
-_DPI = 100
+_WIDTHS_MM = {3: 190.0, 4: 230.0}
+"""Width of the picture by the number of its columns. It is enlarged to the width of the page, so that its
+text can be read."""
+_WIDEST_MM = 300.0
+_DPI = 150
+_LONGEST_NAME = 8
 _LEAST_COLUMNS = 3
 """Least number of columns of a picture, so that the maps of one or two points are not larger than those of
 three.
@@ -70,7 +75,8 @@ def state_picture(images: CameraImages, states: Sequence[State], quantity: str) 
     shown: list[_Shown] = []
     missing: list[str] = []
     scale: Scale = {}
-    on_reference = replace(_PAGE, quantities=(quantity,))
+    width_mm = _WIDTHS_MM.get(max(len(states), _LEAST_COLUMNS), _WIDEST_MM)
+    on_reference = MapSettings(width_mm=width_mm, quantities=(quantity,))
     on_deformed = replace(on_reference, on="deformed")
     for state in states:
         place = images.place(state.label)
@@ -132,4 +138,6 @@ def _draw(shown: Sequence[_Shown], reference: Background, settings: MapSettings,
 def _title(state: State, row: int) -> str:
     if row:
         return f"deformed: {shortened(state.label)}"
-    return f"{state.words.replace(HALF, 'half way')}: {state.text}"
+    name = state.words.replace(HALF, "half way")
+    text = f"{fixed(state.stress_mpa, 0)} MPa, {fixed(100.0 * state.strain, 2)} %"
+    return f"{name}: {text}" if len(name) <= _LONGEST_NAME else text

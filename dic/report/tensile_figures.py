@@ -47,7 +47,7 @@ def curves_figure(test: TensileTest) -> Any:
         axis.set(title=title, xlabel="engineering strain, %", ylabel="stress, MPa")
     if len(test.columns) > 1:
         _draw_differences(axes[2], test)
-    figure.subplots_adjust(top=0.93)
+    figure.subplots_adjust(top=0.93, right=0.975)
     legend_below(figure, columns=4)
     return figure
 
@@ -115,6 +115,10 @@ def _draw_differences(axis: Any, test: TensileTest) -> None:
     axis.axvline(0.0, **_reference_line(test))
     if furthest > 5.0 * _LINEAR_MICRO:
         axis.set_xscale("symlog", linthresh=_LINEAR_MICRO)
+        low, high = axis.get_xlim()
+        powers = [sign * 10.0**power for power in range(2, 7) for sign in (-1.0, 1.0)]
+        axis.set_xticks([0.0, *(tick for tick in powers if low <= tick <= high)])
+        axis.set_xlim(low, high)
     axis.xaxis.set_major_formatter("{x:g}")
     axis.set(title="difference of strain", xlabel=f"strain minus that of {main.label}, µε")
 

@@ -13,7 +13,7 @@ from dic.report.numbers import fixed, with_std
 from dic.report.repeat import Repeat, repeat_of, result_of
 from dic.report.style import png_uri, svg_uri
 from dic.report.tensile_figures import curves_figure, gauges_figure
-from dic.report.tensile_test import SYMBOLS, TensileTest, TestColumn
+from dic.report.tensile_test import TensileTest, TestColumn, symbols_of
 
 _ALWAYS = ("E_gpa", "nu", "Rp02_mpa")
 DECIMALS = {"GPa": 2, "MPa": 1, "%": 3, "1": 4}
@@ -64,12 +64,12 @@ def tensile_view(test: TensileTest, results: Sequence[Results]) -> TensileView:
     MeasurementError
         If the test is not one of the results, or its details do not fit them.
     """
-    result = result_of(test, results)
+    result, symbols = result_of(test, results), symbols_of(test.settings)
     conditions = conditions_of(test, result, images_of(result))
     return TensileView(
         test=test,
         headings=[(column.camera, column.kind_text) for column in test.columns],
-        rows=[_row(test, name) for name in SYMBOLS if _is_shown(test, name)],
+        rows=[_row(test, name, *words) for name, words in symbols.items() if _is_shown(test, name)],
         remarks=_grouped(test),
         about=_about(test),
         curves=svg_uri(curves_figure(test)),
@@ -85,7 +85,7 @@ def _is_shown(test: TensileTest, name: str) -> bool:
     return name in _ALWAYS or any(value is not None for value in values)
 
 
-def _row(test: TensileTest, name: str) -> PropertyRow:
+def _row(test: TensileTest, name: str, symbol: str, words: str) -> PropertyRow:
     values = [column.properties.values[name] for column in test.columns]
     known = test.known.get(name)
     unit = values[0].unit
@@ -95,8 +95,8 @@ def _row(test: TensileTest, name: str) -> PropertyRow:
         share = None if known is None or value.value is None else 100.0 * (value.value / known - 1.0)
         differences.append("" if share is None else f"{'+' if share >= 0 else ''}{fixed(share, 2)} %")
     return PropertyRow(
-        symbol=SYMBOLS[name][0],
-        name=SYMBOLS[name][1],
+        symbol=symbol,
+        name=words,
         unit="" if unit == "1" else unit,
         cells=[value_cell(value, digits) for value in values],
         known="" if known is None else fixed(known, digits),
@@ -127,7 +127,7 @@ def _grouped(test: TensileTest) -> list[Remarks]:
 
 def _remarks(column: TestColumn) -> list[str]:
     found, sentences = column.properties, []
-    for name, (symbol, _) in SYMBOLS.items():
+    for name, (symbol, _) in symbols_of(found.settings).items():
         value = found.values[name]
         if name in _ALWAYS or value.value is not None:
             sentences += [f"{symbol}: {flag}" for flag in value.flags]

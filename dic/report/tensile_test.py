@@ -8,17 +8,18 @@ from typing import Any
 from dic.errors import CurveError, is_number
 from dic.gauges.series import GaugeSeries, declaration
 from dic.pipeline.gauge_record import GaugeCurve, gauge_curve
-from dic.properties.properties import Properties, material_properties
+from dic.properties.properties import Properties, material_properties, offset_key
 from dic.properties.settings import PropertySettings
 from dic.properties.shared_error import with_shared_error
 from dic.report.details import ReportDetails
 from dic.results.provenance import Provenance
 from dic.typing import Float
 
+_PROOF = "proof strength, plastic extension of {:g} %"
 SYMBOLS = {
     "E_gpa": ("E", "modulus of elasticity"),
     "nu": ("ν", "Poisson's ratio"),
-    "Rp02_mpa": ("Rp0,2", "proof strength, plastic extension of 0.2 %"),
+    "Rp02_mpa": ("Rp0,2", _PROOF.format(0.2)),
     "ReH_mpa": ("ReH", "upper yield strength"),
     "ReL_mpa": ("ReL", "lower yield strength"),
     "Ae_percent": ("Ae", "yield point extension"),
@@ -31,6 +32,15 @@ SYMBOLS = {
 }
 """Symbol (ISO 6892-1, ISO 10113 or ISO 10275) and name of each property."""
 _UNCORRECTED = {"calibrated": "calibrated, uncorrected", "raw": "raw, uncorrected", "corrected": "corrected"}
+
+
+def symbols_of(settings: PropertySettings) -> dict[str, tuple[str, str]]:
+    """Return symbol and name of each property of a test, also of offset strengths that the user added."""
+    more = [offset for offset in settings.offsets_percent if offset_key(offset) not in SYMBOLS]
+    added = {offset_key(each): (f"Rp{each:g}".replace(".", ","), _PROOF.format(each)) for each in more}
+    place = list(SYMBOLS).index("Rp02_mpa") + 1
+    known = list(SYMBOLS.items())
+    return dict(known[:place]) | added | dict(known[place:])
 
 
 @dataclass(frozen=True)
@@ -68,10 +78,8 @@ class TestColumn:
     def as_dict(self) -> dict[str, Any]:
         """Return the properties and the stress-strain curve of the column as a dict for JSON."""
         curve, found = self.read.curve, self.properties.as_dict()
-        values = {
-            name: found[name] | ({"symbol": SYMBOLS[name][0]} if name in SYMBOLS else {})
-            for name in self.properties.values
-        }
+        symbols = symbols_of(self.properties.settings)
+        values = {name: found[name] | {"symbol": symbols[name][0]} for name in self.properties.values}
         across = [None] * len(self.labels) if curve.transverse is None else _plain(curve.transverse)
         loads, digests = curve.load_n.tolist(), [digest or None for digest in self.digests]
         rows = zip(self.labels, digests, loads, _plain(curve.strain), across, strict=True)

@@ -1,0 +1,66 @@
+"""Curves of good cameras that lie upon each other can be told apart."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from dic import GaugeImage, GaugeSeries, PropertySettings, Reading, StrainGauge, tensile_test
+from dic.report.style import plot_style
+from dic.report.tensile_figures import curves_figure, gauges_figure
+
+AREA_MM2, E_MPA = 25.0, 70e3
+FALSE = 3e-4
+"""False strain of the uncorrected off-axis camera at the largest load."""
+
+
+@pytest.fixture(scope="module")
+def pulled():
+    """A test seen by two cameras; only the calibrated strain of the off-axis camera is wrong."""
+    gauges = (StrainGauge(name="along", unit="mm", centre=(0, 0), size=(5, 5), direction_deg=90.0),)
+    images = []
+    for camera in ("off_axis", "on_axis"):
+        for k, load_n in enumerate(np.linspace(200.0, 5000.0, 30)):
+            strain = load_n / AREA_MM2 / E_MPA
+            wrong = FALSE * load_n / 5000.0 if camera == "off_axis" else 0.0
+            kinds = {"calibrated": strain + wrong, "corrected": strain}
+            readings = {
+                kind: Reading("mm", strain=value, strain_std=5e-6, strain_std_images=5e-6)
+                for kind, value in kinds.items()
+            }
+            known = {"camera": camera, "step": f"load {k}", "load_n": load_n, "time_s": float(k)}
+            images.append(GaugeImage(f"step {k}", {"along": readings}, known))
+    return tensile_test(
+        GaugeSeries("", gauges, tuple(images)), "along", None, PropertySettings(area_mm2=AREA_MM2)
+    )
+
+
+def test_curves_differ_by_width_and_markers_and_their_differences_are_shown(pulled):
+    with plot_style():
+        whole, beginning, differences = curves_figure(pulled).axes
+    for axes in (whole, beginning):
+        lines = axes.get_lines()
+        assert len(lines) == 4
+        widths = [line.get_linewidth() for line in lines]
+        assert all(wide > 1.2 * narrow for wide, narrow in pairwise(widths))
+        assert len({line.get_marker() for line in lines}) == 4
+        every = [line.get_markevery() for line in lines]
+        marked = [np.arange(30)[first::step] for first, step in every]
+        assert sorted(np.concatenate(marked)) == list(range(30))  # each point is marked by one curve
+    shown = {line.get_label(): line for line in whole.get_lines()}
+    assert list(shown) == [column.label for column in pulled.columns]
+    colours = {label: line.get_color() for label, line in shown.items()}
+    assert len({colours[label] for label in colours if label.startswith("on_axis")}) == 1
+    curves = [line for line in differences.get_lines() if len(line.get_xdata()) == 30]
+    assert [np.abs(line.get_xdata()).max() for line in curves] == pytest.approx([0.0, 0.0, 1e6 * FALSE])
+    assert differences.get_xscale() == "symlog"
+
+
+def test_each_gauge_has_a_curve_with_its_band(pulled):
+    with plot_style():
+        (axes,) = gauges_figure(pulled).axes
+    line = next(line for line in axes.get_lines() if len(line.get_xdata()) == 30)
+    assert line.get_xdata() == pytest.approx(100 * np.linspace(200.0, 5000.0, 30) / AREA_MM2 / E_MPA)
+    (band,) = axes.collections
+    across = band.get_paths()[0].get_extents()
+    assert across.width == pytest.approx(np.ptp(line.get_xdata()) + 2 * 1.96 * 5e-4, rel=1e-6)
