@@ -1,1 +1,1 @@
-"""The page on which a person draws regions, cracks and gauges over an image, in any browser and offline."""
+"""Writes a page on which a person draws regions, cracks and gauges over an image, offline in any browser."""

@@ -8,7 +8,9 @@ from dic.calibration.calibration import Calibration
 from dic.typing import Float
 
 _ERROR_MM = 0.0005
-"""Largest wanted error between the nodes: half of the last digit that the page shows."""
+"""Largest error of the interpolation between nodes that is aimed at: half of the last digit that the page
+shows.
+"""
 
 _FEWEST_CELLS, _MOST_CELLS = 16, 128
 _DECIMALS = 5
@@ -17,8 +19,8 @@ _DECIMALS = 5
 def calibration_nodes(calibration: Calibration) -> dict[str, Any]:
     """Return the coordinates of nodes in px, their coordinates in mm, and the outline of the calibrated area.
 
-    The nodes cover the rectangle around the calibrated area. They are so dense that linear interpolation
-    between them is wrong by at most 0.0005 mm, but there are at most 128 × 128 cells.
+    The nodes cover the rectangle around the calibrated area. The nodes are so dense that linear interpolation
+    between them is wrong by at most 0.0005 mm, but there are never more than 128 × 128 cells.
 
     Returns
     -------

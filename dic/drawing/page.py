@@ -17,7 +17,7 @@ from dic.image.given import grey_image, name_of
 from dic.typing import ImageLike, Mask, PathLike
 
 REGION_FILE, GAUGES_FILE = "region.toml", "gauges.toml"
-"""Names under which the browser saves the two files."""
+"""Names under which the browser saves the region and the gauges."""
 
 _SCRIPTS = (
     "konva.min.js", "geometry.js", "kinds.js", "model.js", "files.js", "view.js", "tools.js", "panel.js",
@@ -36,13 +36,13 @@ def write_drawing_page(
 ) -> None:
     """Write one HTML file on which regions, cracks and gauges are drawn over an image, in any browser.
 
-    The page needs no network and no other file: it holds the image and all scripts. It saves the region as a
-    region file, for ``--roi``, and the gauges as TOML, for `read_gauges`.
+    The page contains the image and all scripts, so it needs no network and no other file. The page saves the
+    region as a region file, for ``--roi``, and the gauges as TOML, for `read_gauges`.
 
     Parameters
     ----------
     image : ndarray, shape (height, width), or path
-        The reference image. Coordinates are those of the whole image, also if the page shows fewer pixels.
+        The reference image. Coordinates refer to the whole image, even if the page shows fewer pixels.
     path : path
         The HTML file to write. An existing file is replaced.
     region : ndarray of bool, shape (height, width), or path, optional

@@ -8,10 +8,12 @@ import numpy as np
 from dic.typing import Grey
 
 _MOST_PIXELS = 4_000_000
-"""A picture with more pixels makes the page slow to load, and a hand cannot use them."""
+"""Largest number of pixels of a picture. More pixels would make the page slow, and a person cannot point so
+finely.
+"""
 
 _PERCENTILES = (0.5, 99.5)
-"""Darker and brighter pixels are shown black and white."""
+"""Pixels darker or brighter than these percentiles of the grey levels are shown black or white."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +35,8 @@ class ShownPicture:
 def shown_picture(grey: Grey) -> ShownPicture:
     """Return a picture of an image with good contrast; an image of more than 4 megapixels is reduced.
 
-    A pixel of a reduced picture is the mean of a square of pixels. Pixels at the right and lower edge are
-    repeated where the image does not fill the last squares.
+    A pixel of a reduced picture is the mean of a square of pixels. If the image does not fill the last
+    squares, its pixels at the right and lower edge are repeated.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Existing regions and gauges as the shapes with which a page begins."""
+"""Converts existing regions and gauges to the shapes that a page shows at first."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -54,9 +54,10 @@ def region_shapes(region: Mask | PathLike, image_shape: tuple[int, ...]) -> list
 
 
 def _outline_shapes(polygons: Sequence[Float]) -> list[Shape]:
-    """Return the outlines of a mask as regions, and those of its holes as holes.
+    """Return the outlines of a mask as polygons, and the outlines of its holes as holes.
 
-    A hole with a part of the region inside it stays a region: as a hole it would leave out that part too.
+    If a hole has a part of the region inside, its outline is returned as a polygon. As a hole it would also
+    leave out that part.
     """
     import cv2
 
@@ -105,10 +106,10 @@ def gauge_shapes(gauges: Sequence[Gauge], image_shape: tuple[int, ...]) -> list[
 
 
 def kept_gauges(gauges: Sequence[Gauge], calibration: Calibration | None) -> list[dict[str, Any]]:
-    """Return the gauges in mm, which a page shows and writes again, but does not change.
+    """Return the gauges in mm as data for the page, which shows and saves them but does not change them.
 
-    Their lines are drawn by the homography that fits the grid points. This is exact only for a lens without
-    distortion; the drawn lines are for orientation.
+    The lines of these gauges are drawn with the homography that fits the grid points. The homography is exact
+    only for a lens without distortion, so the drawn lines are only for orientation.
     """
     found = []
     homography = None if calibration is None else _to_px(calibration)

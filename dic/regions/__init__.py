@@ -1,1 +1,1 @@
-"""Regions of interest drawn by hand: polygons, holes and cracks, their files, and the mask they give."""
+"""Regions of interest drawn by hand: reads polygons, holes and cracks from files, and makes masks of them."""

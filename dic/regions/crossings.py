@@ -26,7 +26,7 @@ class Crossing(NamedTuple):
 
 
 def find_crossings(polygons: Sequence[Float]) -> list[Crossing]:
-    """Return one crossing of each pair of polygons that cross, and of each polygon that crosses itself.
+    """Return one crossing for each pair of polygons that cross, and one for each polygon that crosses itself.
 
     Edges that only touch, such as shared edges and corners of neighbours, do not cross.
 
@@ -55,7 +55,7 @@ def find_crossings(polygons: Sequence[Float]) -> list[Crossing]:
 
 
 def _cross(start: Float, end: Float, starts: Float, ends: Float) -> Indices:
-    """Return the numbers of the edges that cross one edge, at places that are an end of neither."""
+    """Return the indices of the edges that cross the given edge, except at an end of one of the two edges."""
     sides = _side(start, end, starts) * _side(start, end, ends)
     own = _side(starts, ends, start) * _side(starts, ends, end)
     return np.flatnonzero((sides < 0) & (own < 0))

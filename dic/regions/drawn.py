@@ -11,10 +11,14 @@ from dic.regions.polygons import line_mask, polygon_mask
 from dic.typing import Float, Mask
 
 NARROWEST_CRACK_PX, WIDEST_CRACK_PX = 1.0, 1000.0
-"""Limits of a crack's width. A line of 1 px separates the pixels on its two sides; a thinner line may not."""
+"""Least and largest width of a crack. A line of 1 px always separates the pixels on its two sides; a thinner
+line may not.
+"""
 
 _BEYOND_PX = 1.0
-"""Corners may lie so far outside the centres of the outermost pixels, because corners there include them."""
+"""Largest distance of a corner outside the centres of the outermost pixels; such corners include these
+pixels.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +48,8 @@ class Crack:
     path : ndarray, shape (places, 2)
         At least two places (x, y) that straight lines connect, px.
     width_px : float
-        Width of the line, from 1 to 1000 px. Pixels whose centre is at most half of it away are left out.
+        Width of the line, from 1 to 1000 px. Pixels whose centre is at most half of this width away are left
+        out.
     """
 
     label: str
@@ -56,8 +61,9 @@ class Crack:
 class DrawnRegion:
     """A region drawn by hand.
 
-    A pixel belongs to the region if its centre lies inside an odd number of polygons, inside no hole, and
-    beside all cracks. So a polygon inside another one is a hole too, but only a hole may cross an outline.
+    A pixel belongs to the region if its centre lies inside an odd number of polygons, in no hole, and in no
+    crack. So a polygon inside another polygon is also a hole, but only `holes` may cross the outline of a
+    polygon.
 
     Attributes
     ----------
@@ -77,7 +83,7 @@ class DrawnRegion:
 
     @classmethod
     def of(cls, parts: Sequence["DrawnRegion"]) -> "DrawnRegion":
-        """Return one region with the polygons, holes and cracks of several."""
+        """Return one region with the polygons, holes and cracks of several regions."""
         return cls(
             [one for part in parts for one in part.polygons],
             [one for part in parts for one in part.holes],
@@ -108,7 +114,7 @@ class DrawnRegion:
         return mask
 
     def require_fits(self, shape: tuple[int, ...]) -> None:
-        """Raise the errors of `mask` without computing a mask."""
+        """Raise the same errors as `mask`, but without computing a mask."""
         if errors := [*self._wrong_sizes(shape), *self._outside(shape), *self._crossings()]:
             raise joined(errors)
 

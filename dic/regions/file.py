@@ -26,14 +26,14 @@ def region_of(content: object, source: str) -> DrawnRegion:
     content : object
         A mapping with ``polygons = [[[x, y], …], …]``, and optionally with ``holes`` in the same form,
         ``crack`` with tables of ``path = [[x, y], …]`` and ``width_px``, and ``image_size_px = [width,
-        height]``. A single ``polygon`` may stand for ``polygons``.
+        height]``. For a single polygon, ``polygon`` may be used instead of ``polygons``.
     source : str
         The file, for error messages.
 
     Raises
     ------
     CorrelationError
-        If there are unknown keys, or values that are no polygons or cracks. The message names all of them.
+        If there are unknown keys, or values that are no polygons or cracks. The message names all mistakes.
     """
     if not isinstance(content, Mapping):
         expected = f"a table with the keys {', '.join(_KEYS)}"
@@ -60,7 +60,7 @@ def region_of(content: object, source: str) -> DrawnRegion:
 
 
 def outlines_of(polygons: Sequence[tuple[str, object]]) -> list[Outline]:
-    """Return labelled polygons as outlines.
+    """Convert polygons with labels to outlines.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def region_text(
     ----------
     polygons, holes : sequence of ndarray, shape (corners, 2)
     image_size_px : (int, int)
-        Width and height of the image on which they were drawn.
+        Width and height of the image on which the polygons were drawn.
     """
     lines = [
         "# Corners [x, y] in px from the centre of the first pixel, x to the right, y downwards.",
@@ -112,7 +112,7 @@ def _outlines(given: object, label: str, errors: list[MeasurementError]) -> list
 
 
 def _outline(corners: object, label: str, errors: list[MeasurementError]) -> list[Outline]:
-    """Return the outline in a list; an empty list, and one more error, if there is none."""
+    """Return the outline in a list; if it is no polygon, add an error and return an empty list."""
     places = _places(corners)
     if places is None:
         got, remedy = "other values", "give pairs of numbers [x, y] in px"
@@ -165,7 +165,7 @@ def _size(given: object, source: str, errors: list[MeasurementError]) -> list[tu
 
 
 def _places(given: Any) -> Float | None:
-    """Return places as an array (n, 2); None if they are no pairs of finite numbers."""
+    """Return places as an array (n, 2); None if the values are no pairs of finite numbers."""
     if isinstance(given, np.ndarray):
         good = given.ndim == 2 and given.shape[1] == 2
         pairs = given.astype(np.float64) if good else None

@@ -1,4 +1,4 @@
-"""Read the areas that ImageJ's ROI Manager saves: .roi files, and .zip files of several."""
+"""Read the areas that ImageJ's ROI Manager saves: .roi files, and .zip files that contain several."""
 
 import io
 import struct
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from roifile import ImagejRoi
 
 _CORNER_OF_PIXEL = 0.5
-"""ImageJ counts from the corner of the first pixel for areas; offaxis counts from the pixel's centre."""
+"""ImageJ counts coordinates of areas from the corner of the first pixel; offaxis counts from its centre."""
 
 _SAGITTA_PX = 0.02
-"""Largest distance of the polygon from the oval that it stands for."""
+"""Largest distance between an oval and the polygon that replaces it."""
 
 _MOST_MEMBERS = 10_000
-"""Most files of a .zip file."""
+"""Largest number of files in a .zip file."""
 
 _EXPECTED = "areas of ImageJ: polygons, freehand and traced areas, rectangles, ovals"
 
@@ -31,8 +31,8 @@ _EXPECTED = "areas of ImageJ: polygons, freehand and traced areas, rectangles, o
 def imagej_areas(path: Path) -> list[tuple[str, Float]]:
     """Return the outlines in a .roi file, or in a .zip file of several, with a label for each.
 
-    Coordinates are counted from the centre of the first pixel, as everywhere in offaxis: ImageJ's value 10.5
-    for an area is 10 here. An oval becomes a polygon that follows it within 0.02 px.
+    Coordinates are counted from the centre of the first pixel, as everywhere in offaxis: The coordinate 10.5
+    of an area in ImageJ is 10 in offaxis. An oval becomes a polygon that follows the oval within 0.02 px.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def imagej_areas(path: Path) -> list[tuple[str, Float]]:
     OSError
         If the file cannot be read.
     CorrelationError
-        If the file is damaged or holds a selection that is no area, such as a line, a point or a text.
+        If the file is damaged or contains a selection that is no area, such as a line, a point or a text.
     """
     content = read_bytes(path)
     members = [(str(path), content)] if path.suffix.lower() == ".roi" else list(_members(path, content))
@@ -78,7 +78,7 @@ def _members(path: Path, content: bytes) -> Iterator[tuple[str, bytes]]:
                 if len(data) > MOST_TEXT_BYTES:
                     raise _refusal(label, f"a file of more than {MOST_TEXT_BYTES / 2**20:.0f} MB")
                 yield label, data
-    # A damaged or encrypted member raises one of many kinds of errors.
+    # For a damaged or encrypted file in the archive, zipfile raises one of these errors.
     except (zipfile.BadZipFile, EOFError, RuntimeError, NotImplementedError, ValueError) as error:
         raise _refusal(str(path), f"a damaged .zip file ({error})", "save it again in ImageJ") from error
 

@@ -1,4 +1,4 @@
-"""The pixels inside polygons, and the pixels near a line."""
+"""Computes masks of the pixels inside polygons, and of the pixels near a line."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -11,7 +11,7 @@ from dic.typing import Float, Mask
 def polygon_mask(polygons: Sequence[Float], shape: tuple[int, ...]) -> Mask:
     """Return a mask that is True at pixels whose centre lies inside an odd number of polygons.
 
-    So a polygon inside another polygon is a hole.
+    Therefore a polygon inside another polygon is a hole.
 
     Parameters
     ----------

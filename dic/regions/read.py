@@ -18,7 +18,7 @@ from dic.typing import PathLike
 
 IMAGEJ = (".roi", ".zip")
 REGION_FILES = (".toml", ".json", ".csv", *IMAGEJ)
-"""Endings of the files that hold regions; a file with another ending is a mask image."""
+"""Suffixes of files that contain regions; a file with another suffix is a mask image."""
 
 _PAIR = r"[-+.\deE]+\s*,\s*[-+.\deE]+"
 _TYPED = re.compile(rf"\s*{_PAIR}(\s+{_PAIR})*\s*")
@@ -29,12 +29,12 @@ _BETTER = "correct it, or draw it by `dic draw`"
 
 
 def is_region_file(path: PathLike) -> bool:
-    """Return True if the ending of a file says that it holds a region, and is no mask image."""
+    """Return True if the suffix of a file shows that it is a region file, not a mask image."""
     return Path(path).suffix.lower() in REGION_FILES
 
 
 def read_drawn_region(source: str) -> DrawnRegion:
-    """Return the region that a text of the command line gives, or that a file holds.
+    """Return the region that a text of the command line gives, or that a file contains.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def read_drawn_region(source: str) -> DrawnRegion:
     Raises
     ------
     CorrelationError
-        If the file is missing, or does not hold a region.
+        If the file is missing, or does not contain a region.
     """
     if _TYPED.fullmatch(source):
         label = source if len(source) <= 40 else f"{source[:39]}…"

@@ -12,13 +12,14 @@ EXPECTED = "a CSV table with the columns x, y (or x_px, y_px) and, for several p
 def read_corners(text: str) -> list[list[list[float]]]:
     """Return the polygons of a table with one line for each corner, each a list of corners [x, y].
 
-    The separator is a comma, a semicolon or a tab. If it is no comma, decimal commas are allowed. A column
-    without a name, which some programs write for the number of the line, is ignored.
+    The separator is a comma, a semicolon or a tab. If the separator is not a comma, decimal commas are
+    allowed. A column without a name, which some programs write for the number of the line, is ignored.
 
     Raises
     ------
     ValueError
-        If a column is missing, unknown or repeated, or if a cell is no number. The message says which.
+        If a column is missing, unknown or repeated, or if a cell is no number. The message names the column
+        or cell.
     """
     lines = text.splitlines()
     heading = lines[0] if lines else ""
@@ -41,7 +42,7 @@ def read_corners(text: str) -> list[list[list[float]]]:
 
 
 def _places(heading: Sequence[str]) -> dict[str, int]:
-    """Return the number of the column for each meaning."""
+    """Return the index of the column for each meaning: "x", "y" and "polygon"."""
     names = [name.strip().lower() for name in heading]
     unknown = [name for name in names if name and name not in _COLUMNS]
     if unknown:

@@ -1,1 +1,1 @@
-"""Threads, processes and other computers that run functions, each kind as an executor of Python."""
+"""Workers that run functions: threads, processes and other computers, each as a Python executor."""

@@ -16,7 +16,7 @@ _WAIT_S = 20
 
 
 class ClusterWorkers(Workers):
-    """The workers of a Dask cluster. Each does one function at a time, with as many threads as it has.
+    """The workers of a Dask cluster. Each worker runs one function at a time, with all its threads.
 
     If a worker is lost, Dask gives its function to another worker.
 
@@ -37,11 +37,12 @@ class ClusterWorkers(Workers):
         except ImportError as error:
             remedy = "install it with pip install 'offaxis[cluster]'"
             raise WorkerError("--scheduler", "import", "the package distributed", "none", remedy) from error
-        # Errors are told in one sentence.
+        # Silence Dask's log, because errors are reported in one sentence.
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         try:
             with warnings.catch_warnings():
-                # Dask warns of other versions of Python. Every task compares the versions that matter.
+                # Ignore Dask's warnings about different Python versions: every task compares the versions
+                # that matter.
                 warnings.simplefilter("ignore")
                 self._client = Client(address, timeout=_WAIT_S, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
@@ -66,13 +67,13 @@ class ClusterWorkers(Workers):
         return _Answer(self._pool.submit(_run, task), self._address)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Leave the cluster. Its workers go on for other programs."""
+        """Disconnect from the cluster, whose workers continue to work for other programs."""
         self._pool.shutdown(wait and not cancel_futures)
         self._client.close()
 
 
 class _Answer(Future[Any]):
-    """The answer to a task, whose errors of the cluster are told in one sentence."""
+    """The answer to a task; errors of the cluster are reported in one sentence."""
 
     def __init__(self, begun: Future[Any], address: str) -> None:
         super().__init__()
@@ -80,7 +81,7 @@ class _Answer(Future[Any]):
         begun.add_done_callback(self._take)
 
     def cancel(self) -> bool:
-        """Withdraw the task, also from a worker that has begun it."""
+        """Withdraw the task, even if a worker has already begun it."""
         self._begun.cancel()
         return super().cancel()
 
@@ -102,7 +103,7 @@ class _Answer(Future[Any]):
 
 
 _alone = Lock()
-"""Held while a worker does a function, for which it uses all its threads."""
+"""Locked while a worker runs a function, because a function uses all threads of the worker."""
 
 
 def _run(task: bytes) -> Any:

@@ -18,7 +18,7 @@ from dic.workers.pipes import receive, send
 from dic.workers.workers import Given, Result, Workers
 
 _ATTEMPTS = 3
-"""Number of processes that may end during the same task. A task that ends each of them is given up."""
+"""Number of attempts at a task. If the worker process ends at each attempt, the task is given up."""
 
 
 _GONE_S = 5.0
@@ -60,7 +60,7 @@ class LocalWorkers(Workers):
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End all processes; with `wait`, first run the functions that were submitted before."""
+        """End all processes; if `wait` is True, first run the functions that were submitted before."""
         while cancel_futures and not self._tasks.empty():
             task = self._tasks.get()
             if task is not None:
@@ -79,7 +79,7 @@ class LocalWorkers(Workers):
                 process.stop()
 
     def _serve(self, number: int) -> None:
-        """Give the tasks to one process, one by one."""
+        """Give tasks to the process with the given number, one after the other."""
         while (task := self._tasks.get()) is not None:
             future, content = task
             if not future.set_running_or_notify_cancel():
@@ -133,7 +133,7 @@ class _Process:
     """One worker process, which uses the given number of threads."""
 
     def __init__(self, threads: int) -> None:
-        # The process finds this package in the same folders as this program.
+        # Let the process import this package from the same folders as this program.
         found = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         limits = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), str(threads))
         self._process = subprocess.Popen(
@@ -142,7 +142,8 @@ class _Process:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env=os.environ | found | limits,
-            # Ctrl-C ends this program after the image, and this program then ends its workers.
+            # Protect the worker from Ctrl-C: this program ends after the current image, and then ends its
+            # workers.
             start_new_session=True,
         )
 

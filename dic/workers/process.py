@@ -12,8 +12,8 @@ from dic.workers.pipes import receive, send
 
 
 def main() -> None:
-    """Run functions and send their results back."""
-    # Nothing that a library prints may get between the answers.
+    """Run the functions that arrive on standard input, and send their results back."""
+    # Answers go through a copy of standard output, and anything that a library prints goes to standard error.
     with os.fdopen(os.dup(1), "wb") as answers, limited_to(int(sys.argv[1])):
         os.dup2(2, 1)
         while True:

@@ -1,4 +1,4 @@
-"""What all kinds of workers have in common."""
+"""The base class of all kinds of workers, and workers in this process."""
 
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -12,9 +12,9 @@ Result = TypeVar("Result")
 
 
 class Workers(Executor):
-    """An executor that says how much it can do at the same time.
+    """A Python executor that states how many functions it can run at the same time.
 
-    At the end of a `with` block, results for which nobody has waited are given up.
+    At the end of a `with` block, functions whose results nobody has requested are cancelled.
 
     Attributes
     ----------
@@ -48,5 +48,5 @@ class ThreadWorker(Workers):
 
 
 def one_processor() -> AbstractContextManager[None]:
-    """Within a `with` block, let this process use one processor only."""
+    """Return a context manager within which this process uses only one processor."""
     return limited_to(1)
