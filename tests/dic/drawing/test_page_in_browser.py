@@ -1,17 +1,27 @@
 """The page is used by pointer and keys in a real browser, and the commands read the files that it saves."""
 
 import json
+import re
 import shlex
 
 import cv2
 import numpy as np
 import pytest
 
-from dic import LineCut, PointGauge, StrainGauge, TransverseExtensometer, read_gauges, read_region
+from dic import (
+    LineCut,
+    PointGauge,
+    StrainGauge,
+    TransverseExtensometer,
+    load_calibration,
+    read_gauges,
+    read_region,
+)
 from dic.regions.read import read_drawn_region
 from tests.browser import browser
 from tests.command_line import run_dic
 from tests.image_files import write_image
+from tests.places import EXAMPLES
 
 SHAPE = (300, 400)
 # Pixels of a bright rectangle in the dark: columns 100 to 219, rows 80 to 179.
@@ -231,6 +241,25 @@ class TestLong:
         np.testing.assert_array_equal(*masks)
         before, after = ({one.name: one for one in read_gauges(path)} for path in (loaded[1], gauges))
         assert after == before
+
+    def test_the_place_of_the_pointer_is_shown_in_px_and_mm(self, window, tmp_path):
+        grid = EXAMPLES / "images" / "grid.png"
+        assert run_dic("calibrate", grid, "-o", tmp_path / "cal.h5").status in (0, 1)
+        image = cv2.imread(str(grid), cv2.IMREAD_GRAYSCALE)
+        window.open(drawing(tmp_path, image, "--calibration", tmp_path / "cal.h5"))
+        calibration = load_calibration(tmp_path / "cal.h5")
+        for place in ((150, 200), (260, 301), (355, 120)):
+            (at,) = places(window, place)
+            window.pointer("mouseMoved", at)
+            shown = window.ask("document.querySelector('#place').textContent")
+            x, y, x_mm, y_mm = map(float, re.findall(r"-?\d+\.\d+", shown))
+            # The window's pixels are whole, so the pointer is not exactly at the place.
+            assert (x, y) == pytest.approx(place, abs=0.6)
+            ((exact_x_mm, exact_y_mm),) = calibration.map(np.array([[x, y]]))
+            scale = calibration.mm_per_px
+            assert (x_mm, y_mm) == pytest.approx((exact_x_mm, exact_y_mm), abs=0.06 * scale + 0.0015)
+        window.pointer("mouseMoved", places(window, (2, 2))[0])
+        assert "outside of the calibration" in window.ask("document.querySelector('#place').textContent")
 
     def test_the_text_that_is_shown_is_the_file(self, window, tmp_path):
         window.open(drawing(tmp_path, bright()), width=800, height=600)
