@@ -117,9 +117,9 @@ def _outline(corners: object, label: str, errors: list[MeasurementError]) -> lis
     if places is None:
         got, remedy = "other values", "give pairs of numbers [x, y] in px"
     elif len(places) < 3:
-        got, remedy = f"{len(places)}", _EXAMPLE
+        got, remedy = f"{len(places)} corners", _EXAMPLE
     elif len(places) > _MOST_CORNERS:
-        got, remedy = f"{len(places)}", f"give at most {_MOST_CORNERS} corners"
+        got, remedy = f"{len(places)} corners", f"give at most {_MOST_CORNERS} corners"
     else:
         return [Outline(label, places)]
     expected = f"a polygon with at least 3 and at most {_MOST_CORNERS} corners [x, y]"
@@ -144,7 +144,8 @@ def _cracks(given: object, source: str, errors: list[MeasurementError]) -> list[
         ]
         path, width_px = _places(table.get("path")), table.get("width_px")
         if path is None or len(path) < 2 or (path == path[0]).all():
-            errors.append(CorrelationError(label, "path", "at least 2 different places", "others", example))
+            got = "no pairs of numbers" if path is None else f"{len(np.unique(path, axis=0))}"
+            errors.append(CorrelationError(label, "path", "at least 2 different places", got, example))
         if not is_number(width_px) or not NARROWEST_CRACK_PX <= width_px <= WIDEST_CRACK_PX:
             expected = f"from {NARROWEST_CRACK_PX:g} to {WIDEST_CRACK_PX:g} px"
             got = "none" if width_px is None else f"{width_px!r:.40}"

@@ -52,7 +52,8 @@ def read_drawn_region(source: str) -> DrawnRegion:
         return DrawnRegion(outlines_of([(f"polygon {label!r}", _typed_corners(source))]))
     path = Path(source)
     if not is_region_file(path):
-        raise CorrelationError(source, _STEP, _EXPECTED, f"{path.suffix or 'no ending'}", _REMEDY)
+        remedy = "give a region file; a mask image belongs to --roi"
+        raise CorrelationError(source, _STEP, _EXPECTED, path.suffix or "no ending", remedy)
     if path.suffix.lower() == ".toml":
         return region_of(read_toml(path, CorrelationError, _STEP, _BETTER), source)
     try:
