@@ -90,20 +90,27 @@ def covariance_of_sums(weights: Float, noise: Noise) -> Float:
     noise : Noise
         Errors of the displacements.
     """
+    covariance = np.zeros((weights.shape[-1], weights.shape[-1]))
+    used = (weights != 0.0).any(axis=(2, 3))
+    if noise.factors.any():
+        covariance = _covariance_of_noise(weights, used, noise)
+    if noise.bias is not None:
+        bias = np.einsum("nia,nip->pa", noise.bias[used], weights[used])
+        covariance += bias @ bias.T
+    return np.asarray(covariance)
+
+
+def _covariance_of_noise(weights: Float, used: Mask, noise: Noise) -> Float:
+    """Return the part of `covariance_of_sums` that image noise causes at the points `used`."""
     parts = np.einsum("rcia,rcip->rcpa", noise.factors, weights)
-    parts = np.where((weights != 0.0).any(axis=(2, 3))[..., None, None], parts, 0.0)
+    parts = np.where(used[..., None, None], parts, 0.0)
     around = np.pad(noise.overlap, [(n - 1, 0) for n in noise.overlap.shape], mode="reflect")
     shared = convolved(parts, around[..., None, None])
     # Only the middle part of the convolution belongs to points of the grid.
     for axis in (0, 1):
         first = noise.overlap.shape[axis] - 1
         shared = shared.take(range(first, first + parts.shape[axis]), axis)
-    covariance = np.einsum("rcpa,rcqa->pq", parts, shared)
-    if noise.bias is not None:
-        used = (weights != 0.0).any(axis=(2, 3))
-        bias = np.einsum("nia,nip->pa", noise.bias[used], weights[used])
-        covariance += bias @ bias.T
-    return np.asarray(covariance)
+    return np.asarray(np.einsum("rcpa,rcqa->pq", parts, shared))
 
 
 def fitted_gradients(displacement: Displacement, window: int, degree: int) -> tuple[Float, Float | None]:

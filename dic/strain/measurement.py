@@ -245,11 +245,12 @@ def measure(
     require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=3)")
     strain = strain or StrainSettings()
     gauge_px = strain.gauge_px(field.settings)
-    raw = raw_displacement(field)
+    by_shape = strain.source == "shape"
+    raw = raw_displacement(field, gradient_errors=by_shape)
     if calibration is None:
         raw_mean = mean_strain(raw, measure=strain.measure)
         return Measurement(label, field, raw, None, strain, gauge_px, None, raw_mean, None)
-    calibrated = calibrated_displacement(field, calibration)
+    calibrated = calibrated_displacement(field, calibration, gradient_errors=by_shape)
     raw_mean = mean_strain(raw, calibrated.valid, strain.measure)
     calibrated_mean = mean_strain(calibrated, measure=strain.measure)
     gauge_mm = gauge_px * calibration.mm_per_px

@@ -21,6 +21,9 @@ _LARGEST_LOSS = 0.6
 _SIGNIFICANT = 3.0
 """A loss is estimated if the strain's mean square exceeds the noise's by this many standard deviations."""
 
+_PHASES = np.linspace(0.0, math.pi, 1000)
+"""Phase differences of neighbouring points for which the transfer functions are tabulated, radians."""
+
 
 @dataclass(frozen=True)
 class Filters:
@@ -137,8 +140,7 @@ def amplitude_kept(values: Float, std: Float, filters: Filters, *, along_x: bool
     reach = 2 * math.ceil(filters.strain.gauge_px(filters.correlation) / filters.correlation.step_px) + 1
     kept = np.ones_like(strain)
     significant = known.copy()
-    phases = np.linspace(0.0, math.pi, 1000)
-    noise = {along: filters.noise_correlation(along=along) for along in (True, False)}
+    noise = {along: _noise_correlation(filters, along) for along in (True, False)}
     # Noise of neighbouring values is correlated: this number of values tells as much as one independent
     # value.
     shared = math.prod(2 * float(each @ each) - 1 for each in noise.values())
@@ -146,10 +148,21 @@ def amplitude_kept(values: Float, std: Float, filters: Filters, *, along_x: bool
         neighbour = float(noise[along][1])
         cosine, clear = _mean_cosine(strain, variance, known, axis, reach, neighbour, shared)
         phase = np.arccos(np.clip(cosine, -1.0, 1.0))
-        transfer = (filters.along if along else filters.across)(phases / filters.correlation.step_px)
-        kept *= np.interp(phase, phases, transfer)
+        kept *= np.interp(phase, _PHASES, _transfer(filters, along))
         significant &= clear
     return np.where(significant, np.clip(kept, 1.0 - _LARGEST_LOSS, 1.0), np.nan)
+
+
+@cache
+def _noise_correlation(filters: Filters, along: bool) -> Float:
+    """Return `Filters.noise_correlation`, which is the same for all images of a series."""
+    return filters.noise_correlation(along=along)
+
+
+@cache
+def _transfer(filters: Filters, along: bool) -> Float:
+    """Return the share that waves keep whose phase differs by `_PHASES` between neighbouring points."""
+    return (filters.along if along else filters.across)(_PHASES / filters.correlation.step_px)
 
 
 def amplitude_lost(values: Float, kept: Float) -> float:

@@ -48,7 +48,7 @@ class Cluster:
             command, stdout=DEVNULL, stderr=errors, text=True, cwd=self._folder,
             env=os.environ | {"PYTHONPATH": root},
         )  # fmt: skip
-        self._stack.callback(program.wait)
+        self._stack.enter_context(program)
         self._stack.callback(program.kill)
         return program
 
