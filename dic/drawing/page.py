@@ -60,7 +60,8 @@ def write_drawing_page(
         If the file cannot be written.
     """
     grey = grey_image(image, "image")
-    name = Path(name_of(image, "image")).name
+    # The name stands in a comment of the files that the page saves, which ends at a line break.
+    name = "".join(sign if sign.isprintable() else "?" for sign in Path(name_of(image, "image")).name)
     shapes = [] if region is None else region_shapes(region, grey.shape)
     shapes += gauge_shapes(gauges, grey.shape)
     picture = shown_picture(grey)

@@ -143,6 +143,8 @@ class Panel {
     this.find("text-content").value = TEXTS[file](this.model);
     this.find("copied").textContent = "";
     this.find("text").showModal();
+    this.find("text-content").setSelectionRange(0, 0);
+    this.find("text-content").scrollTop = 0;
   }
 
   async copy() {

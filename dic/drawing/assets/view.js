@@ -100,14 +100,15 @@ class View {
     const fill = (colour, polygons) =>
       new Konva.Shape({
         listening: false,
-        sceneFunc: (context) => {
+        fill: colour,
+        fillRule: "evenodd",
+        sceneFunc: (context, shape) => {
           context.beginPath();
           for (const corners of polygons) {
             corners.forEach(([x, y], k) => (k === 0 ? context.moveTo(x, y) : context.lineTo(x, y)));
             context.closePath();
           }
-          context.setAttr("fillStyle", colour);
-          context._context.fill("evenodd");
+          context.fillShape(shape);
         },
       });
     this.drawn.add(fill("rgba(255, 140, 0, 0.22)", outlines("region")));

@@ -53,6 +53,12 @@ def test_the_page_is_one_file_that_names_no_other(image, tmp_path):
     assert data["shapes"] == data["kept"] == []
 
 
+def test_a_name_cannot_end_the_comment_in_a_file(image, tmp_path):
+    strange = image.rename(tmp_path / "a\npolygons = 3.png")
+    assert run_dic("draw", strange, "-o", tmp_path / "draw.html").status == 0
+    assert data_of(tmp_path / "draw.html")["name"] == "a?polygons = 3.png"
+
+
 def test_the_library_is_the_file_that_the_documentation_states():
     digest = hashlib.sha256((ASSETS / "konva.min.js").read_bytes()).hexdigest()
     for page in (DOCS / "regions.md", ROOT / "NOTICE"):
