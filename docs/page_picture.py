@@ -11,7 +11,7 @@ from pathlib import Path
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS.parent))
 
-from tests.browser import Page, browser  # noqa: E402  # the checkout has to be found first
+from tests.browser import PROGRAM, Page, browser  # noqa: E402  # the checkout has to be found first
 
 _SIZE = (1200, 760)
 _SHAPES = {
@@ -66,4 +66,6 @@ def _places(window: Page, points: list[tuple[float, float]]) -> list[tuple[float
 
 
 if __name__ == "__main__":
+    if PROGRAM is None:
+        sys.exit("install chromium to draw the picture of the page")
     photograph_page(DOCS / "images" / "drawing.png")
