@@ -174,7 +174,7 @@ def _covariances(at: Indices, use: Mask, weights: Float, noise: Noise) -> Float:
     number, clipped = np.empty((len(at), 0, 0), np.int64), np.empty((0, 0, 0))
     if noise.clipped is not None:
         number = noise.clipped.numbers_around(at[:, 0], at[:, 1], window // 2)
-        clipped = noise.clipped.correlations(window - 1)
+        clipped = noise.clipped.correlations(min(window, max(noise.overlap.shape)) - 1)
     parts, covariance = np.empty((window**2, 8)), np.zeros((len(at), 4, 4))
     add_covariances(at, use, weights, noise.factors, noise.overlap, number, clipped, parts, covariance)
     if noise.bias is not None:

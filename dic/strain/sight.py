@@ -6,10 +6,13 @@ to it stays inside the region of interest.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dic.typing import Float, Indices, Mask
+from dic.correlation.kernel.jit import compiled
+from dic.typing import Float, Grey, Indices, Mask
 
 _SAMPLES_PER_PX = 2
 
@@ -51,30 +54,35 @@ class Sight:
         reach = window // 2
         seen = np.ones((len(rows), window, window), np.bool_)
         near_an_edge = ~self._surrounded(rows, columns, reach)
-        some = rows[near_an_edge], columns[near_an_edge]
-        offsets = np.arange(-reach, reach + 1)
-        for i, down in enumerate(offsets):
-            for j, right in enumerate(offsets):
-                seen[near_an_edge, i, j] = self._sees(*some, int(down), int(right))
+        if near_an_edge.any():
+            some = np.empty((np.count_nonzero(near_an_edge), window, window), np.bool_)
+            at = np.stack([rows[near_an_edge], columns[near_an_edge]], axis=-1)
+            see_from(at, self.x_px, self.y_px, self._free_px, some)
+            seen[near_an_edge] = some
         return seen
+
+    @cached_property
+    def _free_px(self) -> Grey:
+        """Distance of each pixel to the next one outside the region, px: the larger one along x and y."""
+        import cv2
+
+        return np.asarray(cv2.distanceTransform(self.region.view(np.uint8), cv2.DIST_C, 3), np.float32)
+
+    @cached_property
+    def _outside(self) -> NDArray[np.int32]:
+        """Number of pixels outside the region above and to the left of each corner of a pixel."""
+        import cv2
+
+        return np.asarray(cv2.integral((~self.region).view(np.uint8)), np.int32)
 
     def _surrounded(self, rows: Indices, columns: Indices, reach: int) -> Mask:
         """Return whether the whole rectangle under each window belongs to the region."""
-        import cv2
-
-        outside = cv2.integral((~self.region).view(np.uint8))
+        outside = self._outside
         top, left = self.y_px[np.maximum(rows - reach, 0)], self.x_px[np.maximum(columns - reach, 0)]
         bottom = self.y_px[np.minimum(rows + reach, len(self.y_px) - 1)] + 1
         right = self.x_px[np.minimum(columns + reach, len(self.x_px) - 1)] + 1
         count = outside[bottom, right] - outside[top, right] - outside[bottom, left] + outside[top, left]
         return np.asarray(count == 0, np.bool_)
-
-    def _sees(self, rows: Indices, columns: Indices, down: int, right: int) -> Mask:
-        """Return whether each given point sees the point that is `down` rows and `right` columns away."""
-        to_row, to_column = rows + down, columns + right
-        on_grid = (to_row >= 0) & (to_row < len(self.y_px)) & (to_column >= 0) & (to_column < len(self.x_px))
-        to_row, to_column = np.where(on_grid, to_row, rows), np.where(on_grid, to_column, columns)
-        return on_grid & self.clear(self.pixels(rows, columns), self.pixels(to_row, to_column))
 
     def pixels(self, rows: Indices, columns: Indices) -> Float:
         """Return the image coordinates (x, y) of points of the grid, shape (n, 2), px."""
@@ -95,3 +103,43 @@ class Sight:
             at = np.rint(start_px + part * way).astype(np.int64)
             clear &= self.region[at[..., 1], at[..., 0]]
         return clear
+
+
+@compiled
+def see_from(at: Indices, x_px: Indices, y_px: Indices, free_px: Grey, seen: Mask) -> None:
+    """Find which points of the windows around given points can be seen from the given points.
+
+    The places on a line at which the region is looked up are those of `Sight.clear`. If the next pixel
+    outside the region is far away, so are all places up to there, which are left out.
+
+    Parameters
+    ----------
+    at : ndarray of int, shape (n, 2)
+        Row and column of the given points.
+    x_px, y_px : ndarray of int, shapes (columns,) and (rows,)
+        Coordinates of the columns and of the rows of points.
+    free_px : ndarray of float32, shape (height, width)
+        Distance of each pixel to the next one outside the region, the larger one along x and y; 0 outside.
+    seen : ndarray of bool, shape (n, window, window)
+        Output.
+    """
+    reach = seen.shape[1] // 2
+    for k in range(at.shape[0]):
+        x0, y0 = x_px[at[k, 1]], y_px[at[k, 0]]
+        for i in range(seen.shape[1]):
+            for j in range(seen.shape[2]):
+                row, column = at[k, 0] + i - reach, at[k, 1] + j - reach
+                clear = 0 <= row < y_px.shape[0] and 0 <= column < x_px.shape[0]
+                if clear:
+                    dx, dy = x_px[column] - x0, y_px[row] - y0
+                    count = _SAMPLES_PER_PX * max(abs(dx), abs(dy))
+                    place, step = 0, 1.0 / max(count, 1)
+                    while place <= count:
+                        share = 1.0 if place == count else place * step
+                        free = free_px[round(y0 + share * dy), round(x0 + share * dx)]
+                        if free <= 0.0:
+                            clear = False
+                            break
+                        # Between two places, a line advances by half a pixel, and rounding adds one at most.
+                        place += max(1, int(_SAMPLES_PER_PX * (free - 1.0)))
+                seen[k, i, j] = clear

@@ -123,15 +123,15 @@ def _weigh(use: Mask, weights: Float, factors: Float, row: int, column: int, par
 
 @inner
 def _shared(r: int, c: int, down: int, c2: int, number: Indices, clipped: Float, overlap: Float) -> float:
-    """Return the correlation of the errors of two points of a window; the subset of each may be clipped."""
-    window, shared = number.shape[1], 0.0
+    """Return the correlation of the errors of two near points of a window; the subset of each may be clipped."""
+    reach = clipped.shape[1] // 2
     if number[r + down, c2] >= 0:
-        shared = clipped[number[r + down, c2], window - 1 - down, window - 1 + c - c2]
+        shared = clipped[number[r + down, c2], reach - down, reach + c - c2]
     elif number[r, c] >= 0:
-        shared = clipped[number[r, c], window - 1 + down, window - 1 + c2 - c]
-    elif down < overlap.shape[0] and abs(c2 - c) < overlap.shape[1]:
+        shared = clipped[number[r, c], reach + down, reach + c2 - c]
+    else:
         shared = overlap[down, abs(c2 - c)]
-    return shared
+    return float(shared)
 
 
 @inlined
@@ -145,14 +145,14 @@ def _sums(
     """
     variance = overlap[0, 0]
     if edge and number[r, c] >= 0:
-        variance = clipped[number[r, c], window - 1, window - 1]
+        variance = clipped[number[r, c], clipped.shape[1] // 2, clipped.shape[1] // 2]
     p = r * window + c
     s0, s1, s2, s3 = parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3]
     s4, s5, s6, s7 = parts[p, 4], parts[p, 5], parts[p, 6], parts[p, 7]
     h = 0.5 * variance
     s0, s1, s2, s3, s4, s5, s6, s7 = h * s0, h * s1, h * s2, h * s3, h * s4, h * s5, h * s6, h * s7
-    down_most = window if edge else min(window, overlap.shape[0])
-    across_most = window if edge else min(window, overlap.shape[1])
+    # Subsets that are farther apart do not overlap, so clipped ones do not either.
+    down_most, across_most = min(window, overlap.shape[0]), min(window, overlap.shape[1])
     for down in range(min(window - r, down_most)):
         start = c + 1 if down == 0 else max(0, c - across_most + 1)
         for c2 in range(start, min(window, c + across_most)):
@@ -196,8 +196,8 @@ def add_covariances(
     number : ndarray of int, shape (n, window, window) or (n, 0, 0)
         Number of each point with a clipped subset, and -1 for all other points. The array has no elements if
         no subset is clipped.
-    clipped : ndarray, shape (clipped points, 2 window - 1, 2 window - 1)
-        `ClippedSubsets.correlations`.
+    clipped : ndarray, shape (clipped points, 2 reach + 1, 2 reach + 1)
+        `ClippedSubsets.correlations`, for at least the points of the window whose subsets overlap.
     parts : ndarray, shape (window², 8)
         Work array for the weighted factors of each point of a window.
     covariance : ndarray, shape (n, 4, 4)

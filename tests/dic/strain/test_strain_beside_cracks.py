@@ -154,6 +154,26 @@ def test_a_line_of_sight_ends_at_the_region_and_goes_round_no_tip():
     assert not seen[0, 0].any()
 
 
+def test_points_that_see_each_other_are_those_whose_line_is_clear():
+    rng = np.random.default_rng(6)
+    region = np.ones((140, 160), bool)
+    for x, y, radius in rng.integers(0, (160, 140, 14), (9, 3)):
+        region &= np.hypot(*np.ogrid[-y : 140 - y, -x : 160 - x]) > radius
+    sight = Sight(region, np.arange(4, 160, 9), np.arange(3, 140, 7))
+    rows, columns = np.nonzero(region[np.ix_(sight.y_px, sight.x_px)])
+    seen = sight.neighbours(rows, columns, 9)
+    count = 0
+    for i, j in np.ndindex(9, 9):
+        to_row, to_column = rows + i - 4, columns + j - 4
+        there = (to_row >= 0) & (to_row < len(sight.y_px))
+        there &= (to_column >= 0) & (to_column < len(sight.x_px))
+        ends = sight.pixels(to_row[there], to_column[there])
+        clear = sight.clear(sight.pixels(rows[there], columns[there]), ends)
+        np.testing.assert_array_equal(seen[there, i, j], clear)
+        count += np.count_nonzero(~clear)
+    assert count > 1000
+
+
 def test_displacements_without_a_region_use_whole_windows():
     y, x = np.mgrid[:9, :9].astype(float)
     position = np.stack([x, y], axis=-1)

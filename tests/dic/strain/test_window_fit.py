@@ -9,6 +9,8 @@ from dic.strain.displacement import Displacement, Noise
 from dic.strain.fit import fitted_gradients
 
 ROWS, COLUMNS = 9, 11
+DOWN, ACROSS = 3, 4
+"""Subsets that are so many rows or columns apart do not overlap."""
 
 
 def scattered(clipped_share, seed=5):
@@ -20,7 +22,7 @@ def scattered(clipped_share, seed=5):
     valid = rng.random((ROWS, COLUMNS)) > 0.15
     position[~valid] = np.nan
     vector = np.where(valid[..., None], rng.normal(size=(ROWS, COLUMNS, 2)), np.nan)
-    overlap = np.exp(-0.8 * np.add.outer(np.arange(3.0), np.arange(4.0)))
+    overlap = np.exp(-0.8 * np.add.outer(np.arange(float(DOWN)), np.arange(float(ACROSS))))
     numbers = np.where(rng.random((ROWS, COLUMNS)) < clipped_share, 0, -1)
     numbers[numbers == 0] = np.arange(np.count_nonzero(numbers == 0))
     factors, bias = rng.normal(size=(2, ROWS, COLUMNS, 2, 2))
@@ -35,7 +37,10 @@ class Clipped(SimpleNamespace):
         super().__init__(numbers=numbers)
         count = ROWS * COLUMNS
         some = rng.uniform(0.0, 0.5, (count, count))
-        self.shared = (some + some.T) / 2
+        row, column = np.divmod(np.arange(count), COLUMNS)
+        down, across = (np.abs(np.subtract.outer(place, place)) for place in (row, column))
+        # Subsets that do not overlap share no errors.
+        self.shared = np.where((down < DOWN) & (across < ACROSS), (some + some.T) / 2, 0.0)
         np.fill_diagonal(self.shared, 1.0)
 
     def numbers_around(self, rows, columns, reach):
@@ -108,3 +113,12 @@ def test_gradient_and_covariance_are_those_of_matrices_written_out(window, degre
         np.testing.assert_allclose(gradient[middle], expected, rtol=0, atol=1e-9 * np.abs(expected).max())
         np.testing.assert_allclose(covariance[middle] / scale, variance / scale, rtol=0, atol=1e-9)
     assert fitted > 30
+
+
+def test_wide_windows_take_only_correlations_of_subsets_that_overlap(monkeypatch):
+    """The time of a wide window is then that of its points, not that of all pairs of its points."""
+    asked, correlations = [], Clipped.correlations
+    monkeypatch.setattr(Clipped, "correlations", lambda self, n: asked.append(n) or correlations(self, n))
+    fitted_gradients(scattered(0.3), 7, 1)
+    assert asked
+    assert max(asked) < max(DOWN, ACROSS)
