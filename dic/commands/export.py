@@ -18,6 +18,11 @@ _PATH = click.Path(path_type=Path)
 @click.argument("formats", metavar="FORMAT...", nargs=-1, required=True)
 @click.option("-o", "--output", type=_PATH, required=True, help="Folder; each format gets a folder in it.")
 @click.option("--camera", help="Camera of a run. Default: all cameras.")
+@click.option(
+    "--raw-strain",
+    is_flag=True,
+    help="Also write the local strain from displacements in px, raw_exx …, beside the calibrated one.",
+)
 @comma_option
 @click.option("--json", "json_file", type=_PATH, help="JSON file of the list of written images.")
 @FORCE
@@ -26,6 +31,7 @@ def export(
     formats: tuple[str, ...],
     output: Path,
     camera: str | None,
+    raw_strain: bool,
     decimal_comma: bool,
     json_file: Path | None,
     force: bool,
@@ -53,6 +59,7 @@ def export(
             output,
             formats,
             camera=camera,
+            raw_strain=raw_strain,
             decimal_comma=decimal_comma,
             replace=force,
             on_image=count,

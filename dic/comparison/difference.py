@@ -1,14 +1,13 @@
 """Differences between a measurement and the results of another program for the same image."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from dic.comparison.peer import COMPONENTS, PeerField
 from dic.strain.measurement import Measurement
-from dic.strain.strain import StrainField, strain_field
 from dic.typing import Float, Mask
 
 QUANTILES = (0.05, 0.5, 0.95)
@@ -108,20 +107,12 @@ def compare(measurement: Measurement, peer: PeerField) -> Comparison:
     """
     field = measurement.field
     ours = {name: np.where(field.converged, getattr(field, name), np.nan) for name in ("u_px", "v_px")}
-    strain = raw_strain(measurement, peer.measure)
+    strain = measurement.raw_strain(peer.measure)
     ours |= {name: getattr(strain, name) for name in COMPONENTS if name in peer.strains}
     theirs = {"u_px": peer.u_px, "v_px": peer.v_px, **peer.strains}
     grid = Interpolation.to(peer.points_px, field.x_px, field.y_px, field.region)
     differences = {name: Difference(name, grid(values), theirs[name]) for name, values in ours.items()}
     return Comparison(measurement.label, peer, differences, int(field.converged.sum()))
-
-
-def raw_strain(measurement: Measurement, measure: str) -> StrainField:
-    """Return the raw local strain of a measurement, in the given strain measure."""
-    settings = measurement.strain_settings
-    if measurement.calibrated is None and settings.measure == measure:
-        return measurement.strain
-    return strain_field(measurement.raw, replace(settings, measure=measure))
 
 
 @dataclass(frozen=True)

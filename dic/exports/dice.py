@@ -9,6 +9,7 @@ import numpy as np
 
 from dic.exports.image import Exporter, ExportImage, file_name
 from dic.files.writing import replacing
+from dic.results.points import RAW
 
 _COLUMNS = (
     "COORDINATE_X", "COORDINATE_Y", "DISPLACEMENT_X", "DISPLACEMENT_Y", "VSG_STRAIN_XX", "VSG_STRAIN_YY",
@@ -28,7 +29,8 @@ class DiceExporter(Exporter):
         points, values = image.points, image.points.values
         x_px, y_px = np.meshgrid(points.x_px, points.y_px)
         sigma = np.fmax(values["std_u_px"], values["std_v_px"])
-        strains = values["exx"], values["eyy"], -values["exy"]
+        own = _prefix(image)
+        strains = values[f"{own}exx"], values[f"{own}eyy"], -values[f"{own}exy"]
         places = x_px, y_px, values["u_px"], values["v_px"]
         table = np.stack([*places, *strains, sigma, 2.0 * (1.0 - values["zncc"])], axis=-1)[points.converged]
         digits = len(str(self.series.count))
@@ -41,7 +43,8 @@ class DiceExporter(Exporter):
             np.savetxt(file, table, fmt="%.10e", delimiter=",")
 
     def _heading(self, image: ExportImage) -> list[str]:
-        about, kind = self.series.about, image.points.strain_kind
+        about = self.series.about
+        kind = "raw" if _prefix(image) else image.points.strain_kind
         return [
             "",
             f"Written by {about.get('versions', 'offaxis')}, in the columns of DICe",
@@ -53,3 +56,8 @@ class DiceExporter(Exporter):
             "Coordinates given with (0,0) as upper left corner of image, x positive right, y positive down",
             "",
         ]
+
+
+def _prefix(image: ExportImage) -> str:
+    """Return the beginning of the names of the strains: that of raw strains if the export has them."""
+    return RAW if f"{RAW}exx" in image.points.values else ""

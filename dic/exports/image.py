@@ -10,7 +10,7 @@ from typing import Any
 
 from dic.image.pages import split_page
 from dic.image.video import is_video
-from dic.results.points import PointValues
+from dic.results.points import CORRECTED, RAW, PointValues
 from dic.results.schema import units_of
 
 FIXED = ("X_mm", "Y_mm")
@@ -64,10 +64,10 @@ class ExportImage:
         Name of the image's files, without suffix.
     points : PointValues
     known : mapping
-        Device readings of the run's step, such as load_n, displacement_mm, angle_deg and time_s; only those
-        that exist.
+        Known readings: load_n, displacement_mm, angle_deg of a run's step, and time_s.
     row : mapping
-        The image's row in the table of mean strains, in the form that `write_strain_table` needs.
+        The image's row in the table of mean strains, in the form that `write_strain_table` needs. A run's row
+        has the best correction of the step.
     """
 
     number: int
@@ -109,13 +109,13 @@ def readings_of(known: Mapping[str, Any]) -> dict[str, float]:
 
 def long_name(name: str) -> str:
     """Return the description of an exported value, in words, from its name such as "exx_std"."""
-    bare = name.removeprefix("corrected_")
+    bare = name.removeprefix(CORRECTED).removeprefix(RAW)
     text = LONG_NAMES.get(bare, bare)
     for ending, what in (("_std_images", "part that the images cause"), ("_std", "standard deviation")):
         if bare.endswith(ending):
             text = f"{what} of {bare.removesuffix(ending)}"
             break
-    return f"{text}, corrected" if bare != name else text
+    return text if bare == name else f"{text}, {name.removesuffix(bare).rstrip('_')}"
 
 
 def units(names: Iterable[str]) -> dict[str, str]:
@@ -134,9 +134,21 @@ def file_name(text: str) -> str:
 
 
 def unique_names(stems: Sequence[str], taken: Iterable[str] = ()) -> list[str]:
-    """Return a unique file name for each image; the image's number is put before a repeated name."""
-    counts = Counter([*stems, *taken])
-    return [f"{number:04d}_{stem}" if counts[stem] > 1 else stem for number, stem in enumerate(stems, 1)]
+    """Return a unique file name for each image; the image's number is put before a repeated name.
+
+    Parameters
+    ----------
+    stems : sequence of str
+        Names of the images without their endings.
+    taken : iterable of str
+        Different names that no image may have.
+    """
+    others = list(taken)
+    counts = Counter([*stems, *others])
+    numbered = [f"{number:04d}_{stem}" for number, stem in enumerate(stems, 1)]
+    names = [new if counts[stem] > 1 else stem for new, stem in zip(numbered, stems, strict=True)]
+    # An image may be named like another one with its number, such as 0001_a beside a and a.
+    return names if len({*names, *others}) == len(names) + len(others) else numbered
 
 
 def stem_of(label: str | Path) -> str:

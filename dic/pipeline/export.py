@@ -25,7 +25,7 @@ from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
 from dic.pipeline.series_result_file import SeriesResult
 from dic.results.points import PointValues
 from dic.results.provenance import versions
-from dic.results.strain_table import STRAIN_FILE
+from dic.results.strain_table import STRAIN_FILE, write_strain_table
 from dic.strain.measurement import Measurement
 from dic.typing import PathLike
 
@@ -79,14 +79,16 @@ class ExportSource:
     known: list[dict[str, Any]]
     about: Mapping[str, str | float]
 
-    def exported(self, failed: Callable[[MeasuredImage], None] = lambda image: None) -> Iterator[ExportImage]:
+    def exported(
+        self, failed: Callable[[MeasuredImage], None] = lambda image: None, *, raw_strain: bool = False
+    ) -> Iterator[ExportImage]:
         """Yield the measured images, each read when it is needed; call `failed` for the others."""
         for k, image in enumerate(self.images):
             if image.measurement is None:
                 failed(image)
                 continue
-            points = PointValues.of(image.measurement, image.correction)
-            known = self.known[k] if k < len(self.known) else {}
+            points = PointValues.of(image.measurement, image.correction, raw_strain=raw_strain)
+            known = image.time.as_dict() | (self.known[k] if k < len(self.known) else {})
             yield ExportImage(k + 1, self.names[k], points, readings_of(known), image.row() | known)
 
     def series(self, first: Measurement) -> ExportSeries:
@@ -111,6 +113,7 @@ def export_results(
     formats: Sequence[str] = ("csv",),
     *,
     camera: str | None = None,
+    raw_strain: bool = False,
     decimal_comma: bool = False,
     replace: bool = False,
     on_image: Callable[[int], None] = lambda total: None,
@@ -130,6 +133,9 @@ def export_results(
         Some of "csv", "tiff", "vtk", "mat", "npz", "netcdf", "dice".
     camera : str, optional
         Camera of a run. Default: all cameras.
+    raw_strain : bool
+        True to write the raw local strains `raw_exx` … too, beside calibrated ones. They are computed from
+        the displacements in pixels.
     decimal_comma : bool
         True for tables (csv) with a decimal comma and semicolons between cells.
     replace : bool
@@ -153,7 +159,8 @@ def export_results(
         raise OutputError("settings", "--decimal-comma", expected, ", ".join(formats), remedy)
     folders = {name: Path(folder) / name for name in dict.fromkeys(formats)}
     _require_free(folders, replace=replace)
-    work = partial(_export, folders=folders, camera=camera, comma=decimal_comma, on_image=on_image)
+    choice = _Choice(folders, camera, raw_strain=raw_strain, comma=decimal_comma)
+    work = partial(_export, choice=choice, on_image=on_image)
     if isinstance(results, str | Path):
         return use_results(results, work, local_strain=True)
     return work(results)
@@ -200,6 +207,16 @@ def _of_camera(result: RunResult, camera: str) -> ExportSource:
     return ExportSource(camera, series.images, names, known, about)
 
 
+@dataclass(frozen=True)
+class _Choice:
+    """What the caller has chosen: formats with their folders, a camera, kinds of values and of tables."""
+
+    folders: Mapping[str, Path]
+    camera: str | None
+    raw_strain: bool
+    comma: bool
+
+
 @dataclass
 class _Work:
     """Writes the images of one camera in all chosen formats.
@@ -208,8 +225,7 @@ class _Work:
     the first image is known.
     """
 
-    folders: Mapping[str, Path]
-    comma: bool
+    choice: _Choice
     export: Export
     rows: list[Mapping[str, Any]]
     exporters: list[Exporter] = field(default_factory=list)
@@ -217,7 +233,7 @@ class _Work:
     def add(self, image: ExportImage, source: ExportSource) -> None:
         if not self.exporters:
             series = source.series(image.points.measurement)
-            self.exporters = [self._exporter(name, series) for name in self.folders]
+            self.exporters = [self._exporter(name, series) for name in self.choice.folders]
         self.rows.append(image.row)
         for exporter in self.exporters:
             exporter.add(image)
@@ -229,29 +245,26 @@ class _Work:
         self.export.failures.append(f"{image.label}: {image.failure}")
 
     def _exporter(self, name: str, series: ExportSeries) -> Exporter:
-        folder = self.folders[name]
+        folder = self.choice.folders[name]
         folder.mkdir(parents=True, exist_ok=True)
         if name == "csv":
-            # The table of mean strains has the images of all cameras.
-            return CsvExporter(folder, series, self.rows, decimal_comma=self.comma)
+            return CsvExporter(folder, series, decimal_comma=self.choice.comma)
         return exporter_of(name)(folder, series)
 
 
 def _export(
-    results: MeasuredSeries | SeriesResult | RunResult,
-    folders: Mapping[str, Path],
-    camera: str | None,
-    comma: bool,
-    on_image: Callable[[int], None],
+    results: MeasuredSeries | SeriesResult | RunResult, choice: _Choice, on_image: Callable[[int], None]
 ) -> Export:
+    folders = choice.folders
     export, rows = Export(folders), list[Mapping[str, Any]]()
-    sources = sources_of(results, camera)
+    sources = sources_of(results, choice.camera)
     total = sum(len(source.images) for source in sources)
     for source in sources:
-        work = _Work(folders, comma, export, rows)
+        work = _Work(choice, export, rows)
+        failed = partial(work.failed, camera=source.camera)
         try:
             with _as_output_error(folders):
-                for image in source.exported(partial(work.failed, camera=source.camera)):
+                for image in source.exported(failed, raw_strain=choice.raw_strain):
                     work.add(image, source)
                     on_image(total)
                 for exporter in work.exporters:
@@ -264,6 +277,10 @@ def _export(
         got = f"none ({export.failures[0]})" if export.failures else "none"
         expected, remedy = "at least one image that could be measured", "measure the images again"
         raise RunFileError("results", "export", expected, got, remedy)
+    if "csv" in folders:
+        with _as_output_error(folders):
+            # One table has the images of all cameras, also of a camera whose images all failed.
+            write_strain_table(rows, folders["csv"] / STRAIN_FILE, decimal_comma=choice.comma)
     return export
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _GRID = ("y_px", "x_px")
 
 
-def to_pandas(results: Results, *, camera: str | None = None) -> "pandas.DataFrame":
+def to_pandas(results: Results, *, camera: str | None = None, raw_strain: bool = False) -> "pandas.DataFrame":
     """Return a table of pandas with one line for each point of the region in each image.
 
     Parameters
@@ -32,6 +32,8 @@ def to_pandas(results: Results, *, camera: str | None = None) -> "pandas.DataFra
         file.
     camera : str, optional
         Camera of a run. Default: all cameras.
+    raw_strain : bool
+        True for the raw local strains `raw_exx` … too, as for `export_results`.
 
     Returns
     -------
@@ -48,7 +50,7 @@ def to_pandas(results: Results, *, camera: str | None = None) -> "pandas.DataFra
     """
     pandas = _package("pandas", "to_pandas")
     frames, names = [], dict[str, None]()
-    for source, image in _images(results, camera):
+    for source, image in _images(results, camera, raw_strain=raw_strain):
         points = image.points
         rows, columns = np.nonzero(points.active)
         own: dict[str, Any] = {"image": image.number, "label": points.label}
@@ -62,7 +64,7 @@ def to_pandas(results: Results, *, camera: str | None = None) -> "pandas.DataFra
     return table
 
 
-def to_xarray(results: Results, *, camera: str | None = None) -> "xarray.Dataset":
+def to_xarray(results: Results, *, camera: str | None = None, raw_strain: bool = False) -> "xarray.Dataset":
     """Return a dataset of xarray with the dimensions image, y_px and x_px.
 
     The dataset contains all images in memory. For a long series write a file with `export_results(…,
@@ -70,7 +72,7 @@ def to_xarray(results: Results, *, camera: str | None = None) -> "xarray.Dataset
 
     Parameters
     ----------
-    results, camera
+    results, camera, raw_strain
         As for `to_pandas`. If a run has several cameras, one of them must be chosen.
 
     Returns
@@ -86,7 +88,7 @@ def to_xarray(results: Results, *, camera: str | None = None) -> "xarray.Dataset
         As for `to_pandas`, and if a run has several cameras and none is chosen.
     """
     package = _package("xarray", "to_xarray")
-    found = _images(results, camera, of_one_camera=True)
+    found = _images(results, camera, raw_strain=raw_strain, of_one_camera=True)
     first = found[0][1].points
     names = dict.fromkeys(name for _, image in found for name in image.points.values)
     known = dict.fromkeys(name for _, image in found for name in image.known)
@@ -112,7 +114,7 @@ def to_xarray(results: Results, *, camera: str | None = None) -> "xarray.Dataset
 _Found = list[tuple[ExportSource, ExportImage]]
 
 
-def _images(results: Results, camera: str | None, *, of_one_camera: bool = False) -> _Found:
+def _images(results: Results, camera: str | None, *, raw_strain: bool, of_one_camera: bool = False) -> _Found:
     """Return all images that could be measured, with the series to which each belongs."""
 
     def collect(loaded: MeasuredSeries | SeriesResult | RunResult) -> _Found:
@@ -121,7 +123,7 @@ def _images(results: Results, camera: str | None, *, of_one_camera: bool = False
             names = [source.camera for source in sources]
             expected, remedy = f"one of {', '.join(names)}", f"give camera={names[0]!r}"
             raise RunFileError("results", "choose a camera", expected, "none", remedy)
-        found = [(source, image) for source in sources for image in source.exported()]
+        found = [(source, image) for source in sources for image in source.exported(raw_strain=raw_strain)]
         if not found:
             remedy = "measure the images again"
             raise RunFileError("results", "read images", "at least one that was measured", "none", remedy)

@@ -14,8 +14,8 @@ from dic.strain.measurement import Measurement
 from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, StrainField
 from dic.typing import Mask
 
-CORRECTED = "corrected_"
-"""Beginning of the names of corrected values."""
+CORRECTED, RAW = "corrected_", "raw_"
+"""Beginnings of the names of corrected values, and of raw strains beside calibrated strains."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class PointValues:
         or `_deg`; other values have no unit. `status` contains the numbers of `Status`. `valid` is 1 if the
         calibrated displacement of the point is not extrapolated. `docs/results.md` explains the names.
     strain_kind : str
-        Kind of the strains `exx` …: "raw" or "calibrated".
+        Kind of the strains `exx` …: "raw" or "calibrated". Strains `raw_exx` … are raw always.
     measurement : Measurement
         The measurement. Some kinds of files take further values from it.
     """
@@ -49,10 +49,19 @@ class PointValues:
     measurement: Measurement
 
     @classmethod
-    def of(cls, measurement: Measurement, correction: Correction | None = None) -> "PointValues":
-        """Return the values at a measurement's points, with corrected values if a correction was applied."""
+    def of(
+        cls, measurement: Measurement, correction: Correction | None = None, *, raw_strain: bool = False
+    ) -> "PointValues":
+        """Return the values at a measurement's points, with corrected values if a correction was applied.
+
+        If `raw_strain` is True, the values also contain the raw local strains `raw_exx` …, which are computed
+        from the displacements if the strains `exx` … are calibrated.
+        """
         field = measurement.field
         values = dict(_values(measurement))
+        if raw_strain:
+            raw = strain_values(measurement.raw_strain())
+            values |= {f"{RAW}{name}": value for name, value in raw.items()}
         if correction is not None and correction.declined is None:
             position, vector = correction.displacement.position, correction.displacement.vector
             for k, axis in enumerate("XY"):

@@ -104,6 +104,19 @@ class Measurement:
         strain = strain_field(self.calibrated or self.raw, self.strain_settings)
         return strain if self.shared is None else with_shared(strain, self.shared)
 
+    def raw_strain(self, measure: str | None = None) -> StrainField:
+        """Return the local strain from displacements in pixels, also if there is a calibration.
+
+        Parameters
+        ----------
+        measure : str, optional
+            Strain measure. Default: that of `strain_settings`.
+        """
+        settings = replace(self.strain_settings, measure=measure or self.strain_settings.measure)
+        if self.calibrated is None and settings == self.strain_settings:
+            return self.strain
+        return strain_field(self.raw, settings)
+
     def sharing(self, covariance: Float) -> "Measurement":
         """Return the measurement with standard deviations of calibrated strain that contain shared errors.
 

@@ -123,7 +123,7 @@ def _weigh(use: Mask, weights: Float, factors: Float, row: int, column: int, par
 
 @inner
 def _shared(r: int, c: int, down: int, c2: int, number: Indices, clipped: Float, overlap: Float) -> float:
-    """Return the correlation of the errors of two near points of a window; the subset of each may be clipped."""
+    """Return the correlation of the errors of two near points of a window; each subset may be clipped."""
     reach = clipped.shape[1] // 2
     if number[r + down, c2] >= 0:
         shared = clipped[number[r + down, c2], reach - down, reach + c - c2]

@@ -2,13 +2,17 @@
 
 import csv
 import json
+import os
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
 import dic
+from dic.exports.image import unique_names
 from dic.runfile.reader import RunStep
 from simulators.scene.pose import Pose
 from tests.command_line import refusal, run_dic
@@ -33,6 +37,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         write_image(made / f"{name}.png", pattern.draw(lambda x, y, s=stretch: (x / (1 + s), y)))
     write_image(made / "other.png", np.full((20, 30), 9.0))
     files = [made / f"{name}.png" for name in ("ref", "img1", "other", "img2")]
+    for file, changed_s in zip(files, (1000.0, 1010.0, 1020.0, 1035.5), strict=True):
+        os.utime(file, (changed_s, changed_s))
     assert run_dic("correlate", *files, "--subset", 21, "--step", 12, "-o", made / "series.h5").status == 2
     F = np.array([[0.9991, 0.0004], [0.0004, 1.003]])
     states = [State(Pose.sloped(0.05, -0.15, 0.005), F), State(Pose.sloped(0.1, 0.1, 0.02), F)]
@@ -163,6 +169,63 @@ def test_grids_of_paraview_lie_upright_and_hide_points_without_a_displacement(fo
     order = (folder / "run" / "vtk" / "aside.pvd").read_text()
     assert 'timestep="0.0" part="0" file="aside_load_2.vts"' in order
     assert 'timestep="9.0" part="0" file="aside_load_3.vts"' in order
+
+
+def test_images_of_a_series_have_their_times(folder):
+    """The files were changed 10 s and 35.5 s after the reference."""
+    order = (folder / "series" / "vtk" / "series.pvd").read_text()
+    assert 'timestep="10.0" part="0" file="img1.vts"' in order
+    assert 'timestep="35.5" part="0" file="img2.vts"' in order
+    with np.load(folder / "series" / "npz" / "img2.npz") as file:
+        assert json.loads(str(file["about"]))["time_s"] == 35.5
+
+
+def test_raw_strain_beside_the_calibrated_one_is_that_of_planes_through_the_displacements(folder, tmp_path):
+    places = "-o", tmp_path, "--camera", "aside", "--raw-strain"
+    assert run_dic("export", folder / "run.h5", "npz", "csv", "dice", *places).status == 0
+    name = "aside_load_2"
+    with h5py.File(folder / "run.h5") as file, np.load(tmp_path / "npz" / f"{name}.npz") as found:
+        series = file["cameras/aside/series"]
+        step_px, row, column = int(series.attrs["step_px"]), 9, 7
+        window = slice(row - 1, row + 2), slice(column - 1, column + 2)
+        assert (series["status"][0][window] == 0).all()
+        u, v = series["u_px"][0][window], series["v_px"][0][window]
+        # The slope of the plane through 3 × 3 points is a sum over the outer columns or rows.
+        gradient = np.array([
+            [(each[:, 2] - each[:, 0]).sum() / (6 * step_px), (each[0] - each[2]).sum() / (6 * step_px)]
+            for each in (u, -v)
+        ])  # fmt: skip
+        strain = (gradient + gradient.T + gradient.T @ gradient) / 2
+        raw = {"raw_exx": strain[0, 0], "raw_eyy": strain[1, 1], "raw_exy": strain[0, 1]}
+        assert {key: found[key][row, column] for key in raw} == pytest.approx(raw, abs=1e-12)
+        assert json.loads(str(found["units"]))["raw_direction_deg"] == "deg"
+        assert abs(raw["raw_eyy"] - found["eyy"][row, column]) > 1e-5
+        at = int(series["x_px"][column]), int(series["y_px"][row])
+    with (tmp_path / "csv" / f"{name}.csv").open(encoding="utf-8", newline="") as table:
+        (line,) = (each for each in csv.DictReader(table) if (int(each["x_px"]), int(each["y_px"])) == at)
+    assert {key: float(line[key]) for key in raw} == pytest.approx(raw, abs=1e-9)
+    lines = (tmp_path / "dice" / "aside" / "DICe_solution_1.txt").read_text().splitlines()
+    text = np.genfromtxt([each for each in lines if "*" not in each], delimiter=",", names=True)
+    (own,) = text[(text["COORDINATE_X"] == at[0]) & (text["COORDINATE_Y"] == at[1])]
+    there = [own[f"VSG_STRAIN_{axes}"] for axes in ("XX", "YY", "XY")]
+    assert there == pytest.approx([strain[0, 0], strain[1, 1], -strain[0, 1]], abs=1e-12)
+    assert any("green-lagrange, raw" in each for each in lines)
+
+
+def test_table_names_the_failures_of_a_camera_that_measured_nothing(folder, tmp_path):
+    run = dic.load_run_result(folder / "run.h5")
+    blind = replace(run.cameras[1], steps=[], measurements=[], failures=["straight: step 2 failed"])
+    done = dic.export_results(replace(run, cameras=[run.cameras[0], blind]), tmp_path)
+    assert done.failures[-1].endswith("straight: step 2 failed")
+    with (tmp_path / "csv" / "strain.csv").open(encoding="utf-8", newline="") as file:
+        assert [row["camera"] for row in csv.DictReader(file)] == ["aside"] * 3 + ["straight"]
+
+
+def test_no_two_images_get_the_same_file():
+    assert unique_names(["a", "b"]) == ["a", "b"]
+    assert unique_names(["a", "b", "a"]) == ["0001_a", "b", "0003_a"]
+    assert len(set(unique_names(["a", "a", "0001_a"]))) == 3
+    assert "strain" not in unique_names(["strain", "a"], ["strain"])
 
 
 def test_json_names_the_folders_the_images_and_the_failures(folder):
