@@ -27,13 +27,17 @@ def read_peer(path: PathLike, *, number: int = 1, measure: str | None = None) ->
         If the file cannot be read, or none of these programs wrote it.
     """
     path = Path(path)
+    program = "Ncorr" if is_matlab(path) else program_of_text(path)
+    if measure is not None and program != "OpenCorr":
+        expected, remedy = "a file of OpenCorr, which does not name its strain", "leave out --peer-strain"
+        raise wrong(path, expected, f"one of {program}", remedy)
     if measure is not None and measure not in MEASURES:
         remedy = "give green-lagrange or small"
         raise wrong(path, f"a strain measure, one of {', '.join(MEASURES)}", measure, remedy)
-    if is_matlab(path):
+    if program == "Ncorr":
         return read_ncorr(path, number)
     if number != 1:
         raise wrong(path, "image 1, because the file has no other", str(number), "leave out --peer-image")
-    if program_of_text(path) == "dice":
+    if program == "DICe":
         return read_dice(path)
     return read_opencorr(path, measure or "small")

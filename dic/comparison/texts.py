@@ -65,7 +65,7 @@ def read_opencorr(path: Path, measure: str = "small") -> PeerField:
 
 
 def program_of_text(path: Path) -> str:
-    """Return which program wrote a text file: "dice" or "opencorr".
+    """Return which program wrote a text file: "DICe" or "OpenCorr".
 
     Raises
     ------
@@ -74,9 +74,9 @@ def program_of_text(path: Path) -> str:
     """
     for line in _lines(path):
         if line.startswith("***") or "COORDINATE_X" in line:
-            return "dice"
+            return "DICe"
         if re.match(r"x\W+y\W", line):
-            return "opencorr"
+            return "OpenCorr"
         break
     raise wrong(path, "columns of DICe or OpenCorr in the first line", "other text", _REMEDY)
 

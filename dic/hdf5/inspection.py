@@ -76,17 +76,21 @@ def inspect(path: Path) -> None:
     except OSError as error:
         raise Refusal("a file that was cut off or is no HDF5") from error
     with opened as file:
-        # Count the stored blocks, because the size of a sparse file is larger than its content.
-        stored = os.stat(path).st_blocks * 512  # noqa: PTH116
-        _Walk(2 * stored + _DECLARED_BYTES_MIN).group(h5py.h5g.open(file.id, b"/"), "/", 0)
+        Walk.of(path).group(h5py.h5g.open(file.id, b"/"), "/", 0)
 
 
-class _Walk:
+class Walk:
     """Visit all objects in a file. All data sets together may declare at most `declared_bytes_max` bytes."""
 
     def __init__(self, declared_bytes_max: int) -> None:
         self._left_bytes = self._declared_bytes_max = declared_bytes_max
         self._seen: set[Any] = set()
+
+    @classmethod
+    def of(cls, path: Path) -> "Walk":
+        """Return the walk through a file, with the number of bytes that its data sets may declare."""
+        # Count the stored blocks, because the size of a sparse file is larger than its content.
+        return cls(2 * os.stat(path).st_blocks * 512 + _DECLARED_BYTES_MIN)  # noqa: PTH116
 
     def group(self, identifier: Any, name: str, depth: int) -> None:
         """Visit a group and all groups and data sets in it."""
@@ -100,7 +104,7 @@ class _Walk:
                 self.group(child, place, depth + 1)
             elif isinstance(child, h5py.h5d.DatasetID):
                 self._enter(child, place, depth + 1)
-                self._dataset(child, place)
+                self.dataset(child, place)
             else:
                 raise Refusal(f"the data type {place}, which is neither a group nor a data set")
 
@@ -127,7 +131,8 @@ class _Walk:
         if size:
             attribute.read(np.empty(space.shape, kind.dtype))
 
-    def _dataset(self, dataset: Any, name: str) -> None:
+    def dataset(self, dataset: Any, name: str) -> None:
+        """Refuse a data set that is no plain data in this file; read its values if they are few."""
         kind, space, properties = dataset.get_type(), dataset.get_space(), dataset.get_create_plist()
         _require_plain(kind, name)
         if properties.get_external_count():
@@ -195,17 +200,28 @@ def _inspect_in_child(path: Path) -> tuple[int, str]:
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), said
 
 
-def serve(requests: int, answers: int) -> None:
-    """Inspect file after file, until the other program ends or sends nothing for a minute.
+def limit_memory() -> None:
+    """Limit the memory of this process, so that a damaged file cannot fill that of the machine.
 
-    A request is a JSON text with the path of a file, on a line of its own. The answer is a JSON list on one
-    line. The list holds the exit status of the inspecting process, negative for a signal, and its report.
+    Raises
+    ------
+    ImportError
+        On Windows, where a process has no such limits.
     """
     import resource
 
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     with suppress(ValueError, OSError):  # macOS cannot limit the address space
         resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
+
+
+def serve(requests: int, answers: int) -> None:
+    """Inspect file after file, until the other program ends or sends nothing for a minute.
+
+    A request is a JSON text with the path of a file, on a line of its own. The answer is a JSON list on one
+    line. The list holds the exit status of the inspecting process, negative for a signal, and its report.
+    """
+    limit_memory()
     with os.fdopen(requests, "rb", buffering=0) as incoming:
         while select.select([incoming], [], [], _IDLE_S)[0]:
             line = incoming.readline()

@@ -64,7 +64,7 @@ def _ask_once(path: Path, timeout_s: float) -> tuple[int, str]:
     command = [*_COMMAND, str(path.absolute())]
     try:
         ended = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=timeout_s, env=_environment(),
+            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=timeout_s, env=environment(),
             check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired as error:
@@ -75,7 +75,8 @@ def _ask_once(path: Path, timeout_s: float) -> tuple[int, str]:
     return int(status), str(said)
 
 
-def _environment() -> dict[str, str]:
+def environment() -> dict[str, str]:
+    """Return the environment of a process that reads files of others."""
     # Prevent HDF5 from loading a plugin that the file asks for.
     return os.environ | {"HDF5_PLUGIN_PRELOAD": "::", "OPENBLAS_NUM_THREADS": "1"}
 
@@ -91,7 +92,7 @@ def _started() -> "subprocess.Popen[bytes]":
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env=_environment(),
+            env=environment(),
             bufsize=0,
             # Ctrl-C ends this program, which then ends the inspector.
             start_new_session=True,

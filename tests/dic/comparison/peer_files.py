@@ -81,22 +81,51 @@ def _ncorr() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, fl
     return (*masked, {"spacing": float(SPACING), "pixtounits": MM_PER_PX})
 
 
-def write_ncorr(path: Path, images: int = 2) -> Path:
+def write_ncorr(path: Path, images: int = 2, lens: float = 0.0) -> Path:
     """Write a MATLAB file of version 5 from Ncorr; the images before the last have twice the motion."""
     displacements, strains, info = _ncorr()
     twice = {name: 2 * values for name, values in displacements.items()}
     several = [twice] * (images - 1) + [displacements]
+    info = info | {"lenscoef": lens}
     root = {"displacements": np.array(several), "strains": np.array([strains] * images), "dispinfo": info}
     savemat(path, {"data_dic_save": root}, long_field_names=True)
     return path
 
 
-def write_ncorr_73(path: Path) -> Path:
-    """Write a MATLAB file of version 7.3 from Ncorr, which is an HDF5 file behind 512 other bytes."""
-    displacements, *_ = _ncorr()
+def write_ncorr_73(path: Path, images: int = 2, lens: float = 0.0, *, formatted: bool = True) -> Path:
+    """Write a MATLAB file of version 7.3 as Ncorr saves it: HDF5 behind 512 bytes, images as `write_ncorr`.
+
+    A structure of one element has its values as members. A structure of several elements has references to
+    values in the group `#refs#`. Dimensions are in reverse order. Masks are objects of MATLAB, with numbers
+    that only MATLAB understands.
+    """
+    displacements, strains, info = _ncorr()
+    twice = {name: 2 * values for name, values in displacements.items()}
     with h5py.File(path, "w", userblock_size=512) as file:
-        for key, values in displacements.items():
-            file[f"data_dic_save/displacements/{key}"] = values.T
+        root = file.create_group("data_dic_save")
+        for group, several in (
+            ("displacements", [twice] * (images - 1) + [displacements]),
+            ("strains", [strains] * images),
+        ):
+            place = root.create_group(group)
+            place.attrs["MATLAB_class"] = np.bytes_("struct")
+            for name in several[0]:
+                values = [each[name].T for each in several]
+                if not formatted:
+                    empty = place.create_dataset(name, data=np.zeros(2, np.uint64))
+                    empty.attrs["MATLAB_empty"] = np.uint8(1)
+                elif images == 1:
+                    place[name] = values[0]
+                else:
+                    kept = [f"#refs#/{group}{name}{k}" for k in range(images)]
+                    for target, each in zip(kept, values, strict=True):
+                        file.create_dataset(target, data=each, compression="gzip", shuffle=True)
+                    references = [[file[target].ref] for target in kept]
+                    place.create_dataset(name, data=references, dtype=h5py.ref_dtype)
+            mask = place.create_dataset("roi_ref_formatted", data=np.full((1, 6), 3707764736, np.uint32))
+            mask.attrs["MATLAB_object_decode"] = np.int32(3)
+        for name, value in (info | {"lenscoef": lens}).items():
+            root[f"dispinfo/{name}"] = [[value]]
     with path.open("r+b") as raw:
         raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64")
     return path

@@ -28,7 +28,9 @@ from tests.dic.comparison.peer_files import (
 from tests.image_files import write_image
 
 DICE = Path(__file__).with_name("dice_ohtcfrp_11.txt")
-WRITERS = {"DICe": write_dice, "OpenCorr": write_opencorr, "Ncorr": write_ncorr}
+WRITERS = {
+    "DICe": write_dice, "OpenCorr": write_opencorr, "Ncorr": write_ncorr, "Ncorr 7.3": write_ncorr_73,
+}  # fmt: skip
 
 
 def measurement(region=None):
@@ -79,7 +81,8 @@ def test_statistics_are_those_of_the_differences():
 
 
 def test_ncorr_file_of_one_image_and_texts_with_spaces_are_read(tmp_path):
-    assert len(dic.read_peer(write_ncorr(tmp_path / "one.mat", images=1))) == 64
+    for write in (write_ncorr, write_ncorr_73):
+        assert len(dic.read_peer(write(tmp_path / "one.mat", images=1))) == 64
     assert len(dic.read_peer(write_dice(tmp_path / "spaces.txt", " "))) == len(points()[0])
     assert dic.read_peer(tmp_path / "spaces.txt").image == "images/def.tif"
 
@@ -148,7 +151,10 @@ def test_command_prints_and_writes_the_difference_of_the_chosen_image(results, t
         (lambda path: path.write_text("x,y,u,v\n900,2,3,4\n"), "points of the measured region, got none"),
         (lambda path: write_dice(path, heading="*** Incremental correlation: true"), "since the reference"),
         (lambda path: path.write_bytes(b"MATLAB 5.0 MAT-file" + 200 * b"\0"), "file with data_dic_save"),
-        (write_ncorr_73, "got one of version 7.3 (HDF5); in MATLAB: load the file, then save("),
+        (lambda path: write_ncorr_73(path, lens=1e-9), "got displacements corrected for a lens (1e-09)"),
+        (lambda path: write_ncorr(path, lens=1e-9), "format the displacements in Ncorr with the lens coeff"),
+        (lambda path: write_ncorr_73(path, formatted=False), "formatted displacements, got none"),
+        (lambda path: write_ncorr_73(path).write_bytes(path.read_bytes()[:4000]), "a MATLAB file with data"),
         (lambda path: write_ncorr(path).write_bytes(path.read_bytes()[:900]), "file with data_dic_save"),
     ],
 )  # fmt: skip
@@ -158,8 +164,9 @@ def test_bad_files_end_with_one_sentence(results, tmp_path, change, words):
     assert words in refusal("compare", results, path, "--image", 2)
 
 
-def test_image_that_is_not_there_ends_with_one_sentence(results, tmp_path):
-    peer = write_ncorr(tmp_path / "peer.mat")
+@pytest.mark.parametrize("write", [write_ncorr, write_ncorr_73])
+def test_image_that_is_not_there_ends_with_one_sentence(results, tmp_path, write):
+    peer = write(tmp_path / "peer.mat")
     assert "expected a number from 1 to 2, got none" in refusal("compare", results, peer)
     assert "expected a number from 1 to 2, got 3" in refusal("compare", results, peer, "--image", 3)
     assert "expected an image from 1 to 2, got 5" in refusal(
@@ -167,6 +174,12 @@ def test_image_that_is_not_there_ends_with_one_sentence(results, tmp_path):
     )
     dice = write_dice(tmp_path / "dice.txt")
     assert "leave out --peer-image" in refusal("compare", results, dice, "--image", 2, "--peer-image", 2)
+
+
+@pytest.mark.parametrize("write", [write_dice, write_ncorr])
+def test_strain_measure_is_chosen_only_for_a_file_that_does_not_fix_it(results, tmp_path, write):
+    words = "compare", results, write(tmp_path / "peer"), "--image", 2, "--peer-strain", "small"
+    assert "leave out --peer-strain" in refusal(*words)
 
 
 def test_plate_with_a_hole_moves_as_dice_has_measured_it(real_images, tmp_path):
