@@ -99,21 +99,24 @@ def correlate(
         say(note)
     with ExitStack() as stack:
         image = read_image(sources.reference)
-        digest = FileDigests().of(sources.reference)
+        digests = FileDigests()
+        digest = digests.of(sources.reference)
         source = SeriesImage(sources.reference, str(sources.reference), digest=digest)
         workers = stack.enter_context(chosen_workers())
         series = Series(source.read, region.read(image.shape), settings, incremental=start.incremental)
         set_up.require_use(series.shape)
         if series.specimen is not None and not series.specimen.is_whole:
             say(str(series.specimen))
-        correlated = SeriesCorrelation(series, sources, start.incremental, start.hint(image.shape), workers)
+        hint = start.hint(image.shape)
+        correlated = SeriesCorrelation(series, sources, start.incremental, hint, workers, digests=digests)
         places = SeriesPlaces(files, drawn, outputs.decimal_comma)
         work = SeriesEvaluation(image, [str(path) for path in sources.images], settings, set_up, places)
         place, origin, same = outputs.place(), None, None
         if place is not None:
             same = correlated.look_up(place, set_up)
             job = Job.of(correlated.job, set_up.as_dict())
-            origin = Provenance.of([sources.files[0], outputs.fields_from, *known_files], job)
+            inputs = [sources.files[0], outputs.fields_from, *known_files]
+            origin = Provenance.of(inputs, job, digests.of_file)
         if correlated.known is not None:
             say(f"{correlated.known.source}: {FIELDS if same is None else SAME}")
         elif place is not None or known.kind == "rigid":

@@ -45,6 +45,11 @@ class MotionOptions:
     alignments: tuple[str, ...]
     save_alignment: Path | None
 
+    @property
+    def files(self) -> list[Path]:
+        """The alignment files."""
+        return [Path(text.partition("=")[2]) for text in self.alignments]
+
     def settings(self) -> "CorrectionSettings":
         """Return the options as `CorrectionSettings`."""
         from dic import CorrectionSettings
@@ -132,12 +137,8 @@ def process(
         outputs.gauges,
     )
     output = outputs.output or run.with_suffix(".results.h5")
-    read = [
-        run,
-        used_settings_file(),
-        outputs.gauges_file,
-        outputs.fields_from if outputs.fields_from != output else None,
-    ]
+    settings_files = [used_settings_file(), *motion.files, outputs.gauges_file]
+    read = [run, *settings_files, outputs.fields_from if outputs.fields_from != output else None]
     outputs.require_places(read, output, motion.save_alignment, result_may_stand=True)
     with progress("correlating") as bar, chosen_workers() as workers:
 
@@ -153,7 +154,7 @@ def process(
             incremental=incremental,
             plate_mm=plate_mm,
             on_image=count,
-            output=outputs.place(output),
+            output=outputs.place(output, settings_files),
             workers=workers,
         )
     if result.note:

@@ -1,7 +1,7 @@
 """Writes the output files of a run in addition to the result file, and ends the command with its status."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,13 +28,17 @@ class OutputOptions:
     force: bool
     fields_from: Path | None = None
 
-    def place(self, output: Path) -> "ResultPlace":
-        """Return the place of the result file, and whether existing results may be replaced or used."""
+    def place(self, output: Path, inputs: Iterable[Path | None] = ()) -> "ResultPlace":
+        """Return the place of the result file, and whether existing results may be replaced or used.
+
+        The `inputs` are the files with settings; None means "no file".
+        """
         from dic import ResultPlace
         from dic.results.unfinished import outputs_of
 
         replace = self.force or output.resolve() in outputs_of(output)
-        return ResultPlace(output, replace, anew=self.force, fields_from=self.fields_from)
+        known = tuple(path for path in inputs if path is not None)
+        return ResultPlace(output, replace, anew=self.force, fields_from=self.fields_from, inputs=known)
 
     def gauges(self) -> "tuple[Gauge, ...]":
         """Return the gauges of `--gauges`; none without this option."""

@@ -238,6 +238,7 @@ def _of_run(
             correcting=correcting,
             plate_mm=anew.plate_mm,
             on_image=bar.advance,
+            inputs=[path for path in read if path is not None and path != results],
         )
     say(table(found))
     if outputs.output is not None:

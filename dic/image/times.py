@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from math import isfinite, nan
+from os.path import realpath
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +76,6 @@ class SeriesTimes:
         times_s = read_video(file).times_s
         if frame > len(times_s):
             return ImageTime()
-        first = (self._page or 1) if file == self._file else 1
+        first = (self._page or 1) if realpath(file) == realpath(self._file) else 1
         start_s = times_s[first - 1] if first <= len(times_s) else nan
         return ImageTime(times_s[frame - 1] - start_s, "video")

@@ -58,7 +58,7 @@ class ImageClock:
         Raises
         ------
         CurveError
-            If an image has no time, or the images' own times come from different sources.
+            If an image has no time, or the images' own times come from different sources or are equal.
         """
         if self.times_s is not None:
             return times_of([image.label for image in images], self.times_s, "image times"), "table"
@@ -70,7 +70,15 @@ class ImageClock:
             got = "none" if sources <= {""} else " and ".join(named)
             remedy = "give --image-interval-s, or --image-times with a table"
             raise CurveError("settings", "join by time", "times of all images from one source", got, remedy)
-        return np.array([float(image.known["time_s"]) for image in images]), sources.pop()
+        times, source = np.array([float(image.known["time_s"]) for image in images]), sources.pop()
+        equal = np.flatnonzero(np.diff(times) == 0.0)
+        if equal.size:
+            # Exif tags without a fraction of a second and videos without times of frames do not tell more.
+            pair = f"{images[equal[0]].label} and {images[equal[0] + 1].label}"
+            expected, got = "a time of its own for each image", f"{times[equal[0]]:g} s for both {pair}"
+            remedy = "give --image-interval-s, or --image-times with a table"
+            raise CurveError(f"times from {source}", "join by time", expected, got, remedy)
+        return times, source
 
 
 def join_record(

@@ -106,10 +106,11 @@ def process_run(
         require_replaceable(place)
         with unfinished(file, fields, anew=place.anew) as kept:
             if known is not None:
-                return replace(strain_with(known, set_up, file, done), note=f"{known.file}: {FIELDS}")
+                found = strain_with(known, set_up, file, done, place.inputs)
+                return replace(found, note=f"{known.file}: {FIELDS}")
             work = RunCorrelation(run, kept, settings, strain, incremental, plate_mm, done, workers)
             cameras = work.correlate_all()
-            set_up.write(file, cameras, Provenance.of([run.path], job))
+            set_up.write(file, cameras, Provenance.of([run.path, *place.inputs], job))
         result = load_run_result(file)
     specimens = {camera.camera: camera.specimen for camera in cameras}
     return replace(

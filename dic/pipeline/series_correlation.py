@@ -37,6 +37,8 @@ class SeriesCorrelation:
         The expected motion of every image.
     workers : Workers or None
         Workers that correlate images ahead of their turn; None to correlate each image when it is needed.
+    digests : FileDigests
+        Digests of the files of images that are known already.
     kept : Unfinished or None
         The folder of finished images; not None only inside the `with` block of `keeping`.
     known : SeriesResult or None
@@ -54,7 +56,7 @@ class SeriesCorrelation:
     kept: Unfinished | None = None
     known: SeriesResult | None = None
     begun: SeriesResult | None = None
-    _digests: FileDigests = field(default_factory=FileDigests)
+    digests: FileDigests = field(default_factory=FileDigests)
 
     def __post_init__(self) -> None:
         self._times = SeriesTimes(self.sources.reference)
@@ -63,7 +65,7 @@ class SeriesCorrelation:
     def job(self) -> dict[str, Any]:
         """Everything except the images that determines the displacement fields, as values for JSON."""
         reference = self.sources.reference
-        known = of_page(self._digests.of(reference), reference)
+        known = of_page(self.digests.of(reference), reference)
         return series_job(self.series, known, self.incremental)
 
     def look_up(self, place: ResultPlace, set_up: SeriesSetUp) -> SeriesResult | None:
@@ -177,7 +179,7 @@ class SeriesCorrelation:
             self.kept.stays = True
 
     def _image(self, path: Path, *, digested: bool) -> SeriesImage:
-        digest = self._digests.of(path) if digested else ""
+        digest = self.digests.of(path) if digested else ""
         return SeriesImage(path, str(path), self.hint, digest, self._times.of(path))
 
     def _contents(self) -> list[Outcome]:

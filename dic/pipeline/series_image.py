@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.errors import WorkerError
+from dic.files.reading import opened
 from dic.image.given import grey_image
 from dic.image.pages import split_page
 from dic.image.times import ImageTime
@@ -100,21 +101,32 @@ _MOST_BYTES = 2**36
 
 
 class FileDigests:
-    """SHA-256 digests of image files; a file with many images is read only once."""
+    """SHA-256 digests of files. Each file is read once, and again only if it has changed."""
 
     def __init__(self) -> None:
-        self._known: dict[Path, str] = {}
+        self._known: dict[tuple[int, ...], str] = {}
 
     def of(self, image: Path) -> str:
         """Return the digest of the file that contains an image; `UNREADABLE` if the file cannot be read."""
-        file, page = split_page(image)
-        if page is None or file not in self._known:
-            try:
-                self._known[file] = file_digest(file, _MOST_BYTES)
-            except OSError:
-                # The reader of the image will report the reason.
-                return UNREADABLE
-        return self._known[file]
+        try:
+            return self.of_file(split_page(image)[0])
+        except OSError:
+            # The reader of the image will report the reason.
+            return UNREADABLE
+
+    def of_file(self, file: Path) -> str:
+        """Return the digest of a file.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be read.
+        """
+        with opened(file) as content:
+            identity = content.identity
+        if identity not in self._known:
+            self._known[identity] = file_digest(file, _MOST_BYTES)
+        return self._known[identity]
 
 
 _DIGESTS = FileDigests()

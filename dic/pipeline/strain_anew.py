@@ -110,6 +110,7 @@ def strain_of_run(
     correcting: CorrectionSettings | None = None,
     plate_mm: float | None = None,
     on_image: Callable[[], None] = lambda: None,
+    inputs: Sequence[PathLike] = (),
 ) -> RunResult:
     """Compute strains and corrections of a run again, from the fields of its result file.
 
@@ -126,6 +127,8 @@ def strain_of_run(
         with which `result` was computed.
     on_image : callable, optional
         Function that is called after each image.
+    inputs : sequence of path
+        Files from which the caller took settings, for the provenance of the new results.
 
     Raises
     ------
@@ -144,16 +147,20 @@ def strain_of_run(
         correcting.require_use(result.source, [camera.camera for camera in result.cameras], kinds)
     set_up = RunSetUp(result.source, result.info, result.settings, strain, correcting, plate_mm)
     with result_place(output) as place:
-        return strain_with(result, set_up, place, on_image)
+        return strain_with(result, set_up, place, on_image, [Path(path) for path in inputs])
 
 
 def strain_with(
-    result: RunResult, set_up: RunSetUp, output: Path, on_image: Callable[[], None] = lambda: None
+    result: RunResult,
+    set_up: RunSetUp,
+    output: Path,
+    on_image: Callable[[], None] = lambda: None,
+    inputs: Sequence[Path] = (),
 ) -> RunResult:
     """Compute the strains of a run with another set-up, and write them to `output`; see `strain_of_run`."""
     job = Job(job_of_fields(result).fields, as_text(set_up.as_dict()))
     cameras = [_camera_anew(each, set_up.strain, set_up.plate_mm, on_image) for each in result.cameras]
-    set_up.write(output, cameras, origin_anew(result, [Path(result.file)], job))
+    set_up.write(output, cameras, origin_anew(result, [Path(result.file), *inputs], job))
     return load_run_result(output)
 
 

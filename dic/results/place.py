@@ -19,9 +19,13 @@ class ResultPlace:
     fields_from : Path, optional
         A result file whose fields are used instead of a correlation. Default: `path`, if it contains the
         fields of this measurement.
+    inputs : tuple of Path
+        Files from which the caller took settings, such as a settings file. The provenance of the results
+        names these files with their digests.
     """
 
     path: Path
     replace: bool = True
     anew: bool = False
     fields_from: Path | None = None
+    inputs: tuple[Path, ...] = ()

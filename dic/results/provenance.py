@@ -2,7 +2,7 @@
 
 import shlex
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from errno import EFBIG
 from hashlib import sha256
@@ -39,10 +39,25 @@ class Provenance:
     job: Job | None = None
 
     @classmethod
-    def of(cls, inputs: Iterable[Path | None], job: Job | None = None) -> "Provenance":
-        """Return the provenance of results that this program computes from files; None means "no file"."""
+    def of(
+        cls,
+        inputs: Iterable[Path | None],
+        job: Job | None = None,
+        digest: Callable[[Path], str] | None = None,
+    ) -> "Provenance":
+        """Return the provenance of results that this program computes from files.
+
+        Parameters
+        ----------
+        inputs : iterable of Path or None
+            The input files beside the images of a series; None means "no file".
+        job : Job, optional
+        digest : callable, optional
+            Function that returns the SHA-256 of a file, if the digests of some files are known already.
+        """
         program, *arguments = sys.argv
-        digests = {str(path): file_digest(path) for path in inputs if path is not None}
+        of_file = digest or file_digest
+        digests = {str(path): of_file(path) for path in inputs if path is not None}
         return cls(shlex.join([Path(program).name, *arguments]), versions(), digests, job)
 
 

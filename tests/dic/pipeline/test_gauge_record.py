@@ -9,6 +9,7 @@ from dic import (
     GaugeError,
     GaugeImage,
     GaugeSeries,
+    ImageClock,
     PropertySettings,
     Reading,
     TransverseExtensometer,
@@ -124,3 +125,16 @@ def test_modulus_of_a_tilting_specimen_is_right_if_corrected_and_its_error_is_st
     assert abs(found["corrected"].value - truth) < 3.5 * found["corrected"].std
     assert abs(found["calibrated"].value - truth) > 0.1 * truth
     assert abs(found["calibrated"].value - truth) < 3.5 * found["calibrated"].std
+
+
+def test_equal_times_of_images_are_no_times():
+    """Exif tags in whole seconds cannot tell the images of a faster camera apart."""
+    timed = [{"time_s": time_s, "time_source": "exif"} for time_s in (0.0, 1.0, 1.0, 2.0)]
+    images = [GaugeImage(f"img{k}.jpg", known=known) for k, known in enumerate(timed)]
+    words = (
+        "a time of its own for each image, got 1 s for both img1.jpg and img2.jpg; give --image-interval-s"
+    )
+    with pytest.raises(CurveError, match=words):
+        ImageClock().of(images)
+    times_s, source = ImageClock().of(images[::2])
+    assert (times_s.tolist(), source) == ([0.0, 1.0], "exif")

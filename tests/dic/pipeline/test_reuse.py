@@ -1,11 +1,14 @@
 """A second measurement correlates only the images for which something has changed."""
 
+import hashlib
 import shutil
 
+import h5py
 import numpy as np
 import pytest
 from PIL import Image
 
+import dic.pipeline.series_image as module
 from tests.command_line import refusal, run_dic
 from tests.dic.pipeline.rendered_run import slid, write_rendered_run
 from tests.dic.result_values import bits, results
@@ -108,10 +111,35 @@ def test_pages_of_one_file_are_not_taken_for_each_other(images, tmp_path, correl
     assert len(correlated) == 2
 
 
+def test_each_file_is_digested_once(images, tmp_path, monkeypatch):
+    digested, digest = [], module.file_digest
+    monkeypatch.setattr(module, "file_digest", lambda file, most: digested.append(file) or digest(file, most))
+    assert run_dic(*command(images, "-o", tmp_path / "r.h5")).status == 2
+    assert sorted(digested) == [images / f"img{k}.png" for k in range(3)]
+    digested.clear()
+    # The images of the file are compared first, and then correlated with another setting.
+    assert run_dic(*command(images, "-o", tmp_path / "r.h5", "--min-zncc", 0.7, "--force")).status == 2
+    assert sorted(digested) == [images / f"img{k}.png" for k in range(3)]
+    digests, changed = module.FileDigests(), images / "img1.png"
+    before = digests.of(changed)
+    write_image(changed, 255 - run_image(changed))
+    assert digests.of(changed) == hashlib.sha256(changed.read_bytes()).hexdigest() != before
+
+
+def inputs_of(path):
+    """Return the digests of the input files that a result file names."""
+    with h5py.File(path) as file:
+        names, digests = (file[f"provenance/{name}"].asstr()[:] for name in ("file", "sha256"))
+    return dict(zip(names, digests, strict=True))
+
+
 def test_equal_run_is_read_and_changed_strain_is_computed(tmp_path, correlated):
     run = write_rendered_run(tmp_path / "run.h5", [slid(0.05)])
     result, whole = tmp_path / "run.results.h5", tmp_path / "whole.h5"
-    words, changed = ("process", run, "--step", 40), ("--strain-window", 5, "--plate-mm", 0.5)
+    settings = tmp_path / "settings.toml"
+    settings.write_text("[correlation]\nstep_px = 40\n")
+    used = {str(path): hashlib.sha256(path.read_bytes()).hexdigest() for path in (run, settings)}
+    words, changed = ("process", run, "--settings", settings), ("--strain-window", 5, "--plate-mm", 0.5)
     first = run_dic(*words)
     assert run_dic(*words, *changed, "-o", whole).status == first.status == 0
     before, correlated[:] = bits(result), []
@@ -120,6 +148,12 @@ def test_equal_run_is_read_and_changed_strain_is_computed(tmp_path, correlated):
     assert first.out.splitlines()[:4] == again.out.splitlines()[1:5]
     assert bits(result) == before
     assert "one that exists" in refusal(*words, *changed)
+    assert inputs_of(result) == used
     assert run_dic(*words, *changed, "--force").status == 0
     assert correlated == []
     assert results(result) == results(whole)
+    assert inputs_of(result).items() >= used.items()
+    own = tmp_path / "strain.toml"
+    own.write_text("[strain]\nwindow_points = 7\n")
+    assert run_dic("strain", whole, "--settings", own, "-o", tmp_path / "anew.h5").status == 0
+    assert inputs_of(tmp_path / "anew.h5").keys() == {*used, str(whole), str(own)}
