@@ -28,7 +28,7 @@ def test_fifteen_pictures_are_shown_drawn_and_kept():
 
 
 def test_pictures_are_small():
-    assert sum(path.stat().st_size for path in (DOCS / "images").iterdir()) < 2.5e6
+    assert sum(path.stat().st_size for path in (DOCS / "images").iterdir()) < 2.7e6
 
 
 def test_files_that_are_kept_are_made_by_the_commands_shown():
