@@ -47,7 +47,7 @@ class MotionOptions:
 
     @property
     def files(self) -> list[Path]:
-        """The alignment files."""
+        """The alignment files that the options name."""
         return [Path(text.partition("=")[2]) for text in self.alignments]
 
     def settings(self) -> "CorrectionSettings":

@@ -4,10 +4,10 @@ Ncorr 1.2.2 (Blaber, Adair, Antoniou; on GitHub) keeps in `data_dic_save` one di
 image. The arrays have one element for each (spacing + 1)-th pixel of the reference, from the first pixel on:
 rows go downwards, columns to the right. The displacements that Ncorr calls "formatted" are in the user's
 unit; 1 px is `dispinfo.pixtounits` of these units. If the user has given a coefficient of the lens,
-`dispinfo.lenscoef`, then `ncorr_gui_formatdisp.m` has added a radial correction to these displacements, and
-they are not the displacements in the image. The function in `ncorr.m` that calculates strains computes
-Green-Lagrange strain in the axes of the image. Elements outside Ncorr's region are zero. Ncorr's masks are
-MATLAB objects, which no other program can read.
+`dispinfo.lenscoef`, then `ncorr_gui_formatdisp.m` has added a radial correction to the displacements.
+Corrected displacements are not the displacements in the image. The function in `ncorr.m` that calculates
+strains computes Green-Lagrange strain in the axes of the image. Elements outside Ncorr's region are zero.
+Ncorr's masks are MATLAB objects, which no other program can read.
 """
 
 from collections.abc import Callable

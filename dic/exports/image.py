@@ -141,13 +141,13 @@ def unique_names(stems: Sequence[str], taken: Iterable[str] = ()) -> list[str]:
     stems : sequence of str
         Names of the images without their endings.
     taken : iterable of str
-        Different names that no image may have.
+        Names of other files, which no image may have.
     """
     others = list(taken)
     counts = Counter([*stems, *others])
     numbered = [f"{number:04d}_{stem}" for number, stem in enumerate(stems, 1)]
     names = [new if counts[stem] > 1 else stem for new, stem in zip(numbered, stems, strict=True)]
-    # An image may be named like another one with its number, such as 0001_a beside a and a.
+    # A numbered name may be equal to the name of another image, such as 0001_a if two images are named a.
     return names if len({*names, *others}) == len(names) + len(others) else numbered
 
 

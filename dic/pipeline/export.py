@@ -134,8 +134,8 @@ def export_results(
     camera : str, optional
         Camera of a run. Default: all cameras.
     raw_strain : bool
-        True to write the raw local strains `raw_exx` … too, beside calibrated ones. They are computed from
-        the displacements in pixels.
+        True to write also the raw local strains `raw_exx` …, which are computed from the displacements in
+        pixels.
     decimal_comma : bool
         True for tables (csv) with a decimal comma and semicolons between cells.
     replace : bool
@@ -209,7 +209,7 @@ def _of_camera(result: RunResult, camera: str) -> ExportSource:
 
 @dataclass(frozen=True)
 class _Choice:
-    """What the caller has chosen: formats with their folders, a camera, kinds of values and of tables."""
+    """The caller's choices: folders of the formats, camera, raw strain, and the form of tables."""
 
     folders: Mapping[str, Path]
     camera: str | None

@@ -33,7 +33,7 @@ def to_pandas(results: Results, *, camera: str | None = None, raw_strain: bool =
     camera : str, optional
         Camera of a run. Default: all cameras.
     raw_strain : bool
-        True for the raw local strains `raw_exx` … too, as for `export_results`.
+        True to return also the raw local strains `raw_exx` …, as for `export_results`.
 
     Returns
     -------

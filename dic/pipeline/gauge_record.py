@@ -73,7 +73,7 @@ class ImageClock:
         times, source = np.array([float(image.known["time_s"]) for image in images]), sources.pop()
         equal = np.flatnonzero(np.diff(times) == 0.0)
         if equal.size:
-            # Exif tags without a fraction of a second and videos without times of frames do not tell more.
+            # Exif tags without a fraction of a second, and videos without times of frames, give equal times.
             pair = f"{images[equal[0]].label} and {images[equal[0] + 1].label}"
             expected, got = "a time of its own for each image", f"{times[equal[0]]:g} s for both {pair}"
             remedy = "give --image-interval-s, or --image-times with a table"

@@ -35,7 +35,7 @@ class PointValues:
         or `_deg`; other values have no unit. `status` contains the numbers of `Status`. `valid` is 1 if the
         calibrated displacement of the point is not extrapolated. `docs/results.md` explains the names.
     strain_kind : str
-        Kind of the strains `exx` …: "raw" or "calibrated". Strains `raw_exx` … are raw always.
+        Kind of the strains `exx` …: "raw" or "calibrated". The strains `raw_exx` … are always raw.
     measurement : Measurement
         The measurement. Some kinds of files take further values from it.
     """

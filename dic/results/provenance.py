@@ -50,10 +50,10 @@ class Provenance:
         Parameters
         ----------
         inputs : iterable of Path or None
-            The input files beside the images of a series; None means "no file".
+            The input files except the images of a series; None means "no file".
         job : Job, optional
         digest : callable, optional
-            Function that returns the SHA-256 of a file, if the digests of some files are known already.
+            Function that returns the SHA-256 of a file, for a caller that already knows some digests.
         """
         program, *arguments = sys.argv
         of_file = digest or file_digest
