@@ -8,6 +8,7 @@ import click
 
 from dic.commands.map_options import limits_of
 from dic.commands.option_groups import option_group
+from dic.commands.record_options import RecordOptions, record_options
 from dic.shell.console import fail, say
 from dic.shell.output_paths import FORCE, require_places
 
@@ -77,6 +78,9 @@ class FrameOptions:
     click.option("--width-mm", default=120.0, show_default=True, help="Width of the picture."),
     click.option("--dpi", default=150, show_default=True, help="Resolution, points per inch."),
 )
+@click.option("--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record.")
+@click.option("--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record.")
+@record_options
 @click.option("--frames-per-s", default=5.0, show_default=True, help="Number of images in a second.")
 @click.option("--camera", help="Camera of a run; needed if the run has several.")
 @click.option("-o", "--output", type=_PATH, required=True, help="Animation: .gif or .mp4.")
@@ -84,6 +88,9 @@ class FrameOptions:
 def animation(
     results: Path,
     frames: FrameOptions,
+    load: str | None,
+    time: str | None,
+    record: RecordOptions,
     frames_per_s: float,
     camera: str | None,
     output: Path,
@@ -92,16 +99,23 @@ def animation(
     """Draw the maps of all images as an animation on one scale, with the state of each image in the title.
 
     RESULTS is a result file of `dic correlate` or `dic process`. A GIF file plays everywhere; an MP4 file is
-    smaller. Memory does not grow with the number of images.
+    smaller. Memory does not grow with the number of images. With --record, the titles contain the load of a
+    testing machine.
 
     Exit status: 0 if every image is shown with values, 1 if an image could not be measured, 2 if nothing can
     be drawn.
     """
-    from dic import write_animation
+    from dic import measure_gauges, write_animation
     from dic.shell.progress import progress
 
     settings = frames.settings()
-    require_places([results], [output], force=force)
+    require_places([results, *record.files], [output], force=force)
+    known = []
+    if record.record_file is None:
+        record.require_none("--record beside it", load=load, time=time)
+    else:
+        series, _ = record.joined(measure_gauges(results, ()), load, time)
+        known = [image.known for image in series.images]
     with progress("drawing") as bar:
 
         def count(total: int) -> None:
@@ -114,6 +128,7 @@ def animation(
             settings=settings,
             frames_per_s=frames_per_s,
             camera=camera,
+            known=known,
             on_image=count,
         )
     for sentence in done.failures:

@@ -11,7 +11,7 @@ from dic.errors import is_whole, require_kind
 from dic.gauges.plot import cameras_of, chosen_kinds, refused
 from dic.gauges.reading import Profile
 from dic.gauges.series import GaugeImage, GaugeSeries
-from dic.pictures.contact_sheet import evenly_spaced
+from dic.pictures.contact_sheet import evenly_spaced, shortened
 from dic.pictures.plots import (
     BAND_TEXT,
     DASHES,
@@ -36,7 +36,6 @@ QUANTITIES = {
 MOST_IMAGES = 8
 """Largest number of images that are drawn if the user does not choose images."""
 _COLOUR_MAP, _LIGHTEST = "viridis", 0.88
-_LONGEST_LABEL = 24
 
 
 @dataclass(frozen=True)
@@ -164,8 +163,7 @@ def _profile(image: GaugeImage, gauge: str, kind: str, quantity: str) -> Profile
 
 
 def _label(number: int, image: GaugeImage) -> str:
-    name = str(image.known.get("step", PurePath(image.label).name))
-    return f"{number}: {name if len(name) <= _LONGEST_LABEL else '…' + name[1 - _LONGEST_LABEL :]}"
+    return f"{number}: {shortened(str(image.known.get('step', image.label)))}"
 
 
 def _draw(axis: Any, panel: _Panel, quantity: str) -> None:

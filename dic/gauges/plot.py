@@ -197,13 +197,17 @@ def _draw(
         loads = np.concatenate([line.x for line in lines])
         divisor = _IN_KN if np.nanmax(np.abs(loads)) >= _IN_KN else 1.0
         label = label.format("kN" if divisor == _IN_KN else "N")
-    names = list(dict.fromkeys(line.gauge for line in lines))
+    names = list(dict.fromkeys((line.gauge, line.camera) for line in lines))
     cameras = list(dict.fromkeys(line.camera for line in lines))
     several = len({line.kind for line in lines}) > 1
     for line in lines:
+        order = cameras.index(line.camera)
         style = {
-            "color": COLOURS[names.index(line.gauge) % len(COLOURS)],
-            "marker": MARKERS[cameras.index(line.camera) % len(MARKERS)],
+            "color": COLOURS[names.index((line.gauge, line.camera)) % len(COLOURS)],
+            "marker": MARKERS[order % len(MARKERS)],
+            # Two cameras often measure the same, so the markers of one must not hide those of the other.
+            "markersize": 3.0 + 2.0 * order,
+            "fillstyle": "none" if order else "full",
             "linestyle": DASHES[line.kind] if several else "-",
         }
         text = ", ".join(part for part in (line.gauge, line.camera, line.kind) if part)

@@ -10,13 +10,15 @@ from dic.files.writing import write_figure
 from dic.image.given import grey_image
 from dic.out_of_plane.correction import Correction
 from dic.pictures.background import Background, background_of
-from dic.pictures.layout import FONT_PT, Layout
+from dic.pictures.layout import FONT_PT, MM_PER_IN, Layout
 from dic.pictures.panels import Maps, Panel, Scale, maps_of, scale_of
 from dic.pictures.settings import COLOURS, MapSettings
 from dic.strain.measurement import Measurement
 from dic.typing import Float, ImageLike, PathLike
 
 _GREY_PERCENTILES = (1.0, 99.5)
+_LETTER_WIDTH, _LEAST_TITLE_PT = 0.6, 4.0
+"""Mean width of a letter as a share of its size, and the least size of a title's letters."""
 
 
 def write_maps(
@@ -73,7 +75,8 @@ def draw_maps(maps: Maps, image: NDArray[Any], title: str, settings: MapSettings
     layout = Layout(number, columns, settings.width_mm, background.aspect, ticks, bool(title)).readable()
     figure = layout.new_figure()
     if title:
-        figure.suptitle(title, fontsize=FONT_PT + 2, y=1 - 1.0 / layout.height_mm, va="top")
+        size = title_pt(title, settings.width_mm)
+        figure.suptitle(title, fontsize=size, y=1 - 1.0 / layout.height_mm, va="top")
     corners = maps.places.drawn_corners()
     for index, panel in enumerate(maps.panels):
         axis = layout.add_axes(figure, index)
@@ -84,6 +87,12 @@ def draw_maps(maps: Maps, image: NDArray[Any], title: str, settings: MapSettings
         if mesh is not None:
             draw_bar(figure, mesh, layout.add_bar(figure, index), cut_ends([panel], scale))
     return figure
+
+
+def title_pt(title: str, width_mm: float) -> float:
+    """Return the size of a title's letters: 9 pt, or less if the title would not fit into the width."""
+    fitting = width_mm / MM_PER_IN * 72.0 / (_LETTER_WIDTH * max(len(title), 1))
+    return min(FONT_PT + 2, max(fitting, _LEAST_TITLE_PT))
 
 
 def draw_background(axis: Any, background: Background, unit: str | None) -> None:

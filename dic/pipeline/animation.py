@@ -1,9 +1,9 @@
 """An animation of a measured field: one frame for each image of a series, all on one scale."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,20 +12,20 @@ from dic.errors import CorrelationError, RunFileError
 from dic.image.read import read_image
 from dic.pictures.animation import Frame, animation_writer, colours_of
 from dic.pictures.background import view_of
+from dic.pictures.contact_sheet import shortened
 from dic.pictures.maps import draw_maps
 from dic.pictures.panels import Maps, Scale, finished, maps_of, widened
 from dic.pictures.settings import MapSettings
+from dic.pipeline.deformed_images import deformed_of_run, deformed_of_series
 from dic.pipeline.export import ExportSource, sources_of
 from dic.pipeline.gauge_series import use_results
 from dic.pipeline.run_result import RunResult
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
 from dic.pipeline.series_result_file import SeriesResult
-from dic.runfile.reader import RunFile
 from dic.typing import Grey, PathLike
 
 Results = PathLike | MeasuredSeries | SeriesResult | RunResult
 _DEFAULT = MapSettings(quantities=("eyy",), width_mm=120.0)
-_LONGEST_NAME = 32
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,7 @@ def write_animation(
     settings: MapSettings | None = None,
     frames_per_s: float = 5.0,
     camera: str | None = None,
+    known: Sequence[Mapping[str, Any]] = (),
     on_image: Callable[[int], None] = lambda total: None,
 ) -> Animation:
     """Write an animation of maps: one frame for each image, all with the same scale, size and view.
@@ -71,6 +72,9 @@ def write_animation(
         From 0.01 to 50.
     camera : str, optional
         Camera of a run; needed if the run has several.
+    known : sequence of mapping, optional
+        Values to show in the titles, for each image of the series: `load_n` and `time_s`, such as
+        `GaugeImage.known` after `join_record`. The steps of a run have these values already.
     on_image : callable, optional
         Called with the number of all images, after each image that was read.
 
@@ -85,27 +89,31 @@ def write_animation(
     RunFileError
         If the results cannot be read, or the camera must be chosen.
     """
-    work = partial(
-        _write, path=path, settings=settings or _DEFAULT, per_s=frames_per_s, camera=camera, on_image=on_image
-    )
+    how = _How(settings or _DEFAULT, frames_per_s, known, on_image)
+    work = partial(_write, path=path, camera=camera, how=how)
     if isinstance(results, str | Path):
         return use_results(results, work, local_strain=True)
     return work(results)
 
 
+@dataclass(frozen=True)
+class _How:
+    """How an animation is drawn."""
+
+    settings: MapSettings
+    per_s: float
+    known: Sequence[Mapping[str, Any]]
+    on_image: Callable[[int], None]
+
+
 def _write(
-    results: MeasuredSeries | SeriesResult | RunResult,
-    path: PathLike,
-    settings: MapSettings,
-    per_s: float,
-    camera: str | None,
-    on_image: Callable[[int], None],
+    results: MeasuredSeries | SeriesResult | RunResult, path: PathLike, camera: str | None, how: _How
 ) -> Animation:
-    source = _only_source(results, camera)
+    settings, source = how.settings, _with_known(_only_source(results, camera), how.known)
     reference, image_of = _images_of(results, source, settings)
     total = 2 * len(source.images)
-    with animation_writer(path, per_s, colours_of(settings)) as add:
-        whole = _whole(source, settings, lambda: on_image(total))
+    with animation_writer(path, how.per_s, colours_of(settings)) as add:
+        whole = _whole(source, settings, lambda: how.on_image(total))
         failures = []
         for k, image in enumerate(source.images):
             title, grey, maps = _title(k, source, image), reference, whole.without_values()
@@ -116,8 +124,18 @@ def _write(
                 grey, maps = image_of(k), maps_of(image.measurement, settings, image.correction)
             figure = draw_maps(whole.framed(maps), grey, title, settings, whole.scale)
             add(_frame(figure, settings.dpi))
-            on_image(total)
+            how.on_image(total)
     return Animation(len(source.images), failures)
+
+
+def _with_known(source: ExportSource, known: Sequence[Mapping[str, Any]]) -> ExportSource:
+    """Return the source with further known values of each image."""
+    if not known:
+        return source
+    if len(known) != len(source.images):
+        expected, remedy = f"values of {len(source.images)} images", "give those of all images, or none"
+        raise CorrelationError("results", "draw an animation", expected, str(len(known)), remedy)
+    return replace(source, known=[dict(each) for each in known])
 
 
 def _only_source(results: MeasuredSeries | SeriesResult | RunResult, camera: str | None) -> ExportSource:
@@ -140,14 +158,10 @@ def _images_of(
     if settings.on == "reference":
         return reference, lambda k: reference
     if isinstance(results, RunResult):
-        run, camera = results, source.camera
-        steps = next(one.steps for one in run.cameras if one.camera == camera)
-
-        def of_run(k: int) -> Grey:
-            with RunFile(run.source) as file:
-                return file.image(camera, steps[k])
-
-        return reference, of_run
+        steps = next(one.steps for one in results.cameras if one.camera == source.camera)
+        return reference, partial(deformed_of_run, results, source.camera, steps)
+    if isinstance(results, SeriesResult):
+        return reference, partial(deformed_of_series, results)
     return reference, lambda k: read_image(source.images[k].label)
 
 
@@ -207,14 +221,13 @@ def _whole(source: ExportSource, settings: MapSettings, count: Callable[[], None
 def _title(k: int, source: ExportSource, image: MeasuredImage) -> str:
     """Return the name and the number of an image, and the load and the time where they are known."""
     known = source.known[k] if k < len(source.known) else image.time.as_dict()
-    name = str(known.get("step") or PurePath(image.label).name)
-    name = name if len(name) <= _LONGEST_NAME else f"…{name[1 - _LONGEST_NAME :]}"
+    name = shortened(str(known.get("step") or image.label))
     parts = [name, f"{k + 1} of {len(source.images)}"]
-    # Do not show the time of the last change of a file, because it may not be the time of the exposure.
-    shown = known if known.get("time_source") != "file" else {}
     for key, unit, digits in (("load_n", "N", 0), ("time_s", "s", 1)):
-        value = shown.get(key)
-        if value is not None and np.isfinite(value):
+        value = known.get(key)
+        # Do not show the time of the last change of a file, because it may not be the time of the exposure.
+        wrong = key == "time_s" and known.get("time_source") == "file"
+        if value is not None and np.isfinite(value) and not wrong:
             parts.append(f"{value:z.{digits}f} {unit}")
     return " · ".join(parts)
 

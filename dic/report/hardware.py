@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from dic.errors import MeasurementError
+from dic.pipeline.deformed_images import beside
 from dic.pipeline.run_result import RunResult
 from dic.quality.noise import noise_of_one
 from dic.quality.speckle import autocovariance, even_light, speckle_size
-from dic.report.camera_images import CameraImages, Results, beside
+from dic.report.camera_images import CameraImages, Results
 from dic.report.numbers import fixed, with_std
 from dic.report.stated_facts import FACTS, NOT_STATED, StatedFacts
 from dic.runfile.reader import RunFile

@@ -76,7 +76,7 @@ def test_an_animation_has_a_frame_for_each_image(folder, tmp_path, on):
     film = tmp_path / "a.gif"
     done = run_dic(
         *("plot", "animation", folder / "r.h5", "-o", film, "--frames-per-s", 2, "--on", on),
-        *("--width-mm", 50, "--dpi", 72),
+        *("--width-mm", 50, "--dpi", 72, "--record", folder / "machine.csv", "--load", "Force:kN"),
     )
     assert done.status == 0, done
     assert done.out.splitlines()[-1] == f"animation: {film}, {IMAGES} images"
@@ -128,6 +128,7 @@ def test_gaps_are_said_and_give_status_1(folder, tmp_path, speckle):
         (["cuts", "{r}", "{g}", "--images", "1,x"], "whole numbers with commas between them, got 1,x"),
         (["cuts", "{r}", "{g}", "--images", "9"], "expected numbers from 1 to 4, got 9"),
         (["cuts", "{r}", "--gauge", "a=extensometer start=90,35 end=90,125 patch=30"], "expected a line cut"),
+        (["animation", "{r}", "--load", "Force:kN"], "--load: expected --record beside it, got none"),
         (["animation", "{r}", "--limits", "eyy=1"], "give for example --limits eyy=0,2000"),
         (["animation", "{r}", "--kind", "calibrated"], "a calibration, got none"),
         (["animation", "{r}", "--on", "paper"], "image under maps: expected one of reference, deformed"),

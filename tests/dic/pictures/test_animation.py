@@ -15,6 +15,7 @@ from dic.pictures.animation import animation_writer, colours_of
 from dic.pipeline import animation
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
 from tests.dic.pictures.fields import SHAPE, stretched
+from tests.dic.pipeline.rendered_run import slid, write_rendered_run
 
 GREY = np.full(SHAPE, 128.0, np.float32)
 COLOURS = colours_of(dic.MapSettings())
@@ -138,6 +139,37 @@ def test_the_title_names_image_number_load_and_time(tmp_path, monkeypatch):
     done = dic.write_animation(series, tmp_path / "a.gif", settings=PLAIN)
     assert titles == ["load 3 · 1 of 2 · 1234 N · 2.5 s", "image 1.png · 2 of 2 · not measured"]
     assert done.failures == ["image 1: too dark"]
+
+
+def test_given_loads_are_in_the_titles_but_not_the_times_of_files(tmp_path, monkeypatch):
+    titles = []
+    drawn = animation.draw_maps
+    monkeypatch.setattr(
+        animation,
+        "draw_maps",
+        lambda maps, image, title, *rest: [titles.append(title), drawn(maps, image, title, *rest)][1],
+    )
+    known = [{"load_n": 20.0, "time_s": 1.0, "time_source": "file"}, {"load_n": np.nan, "time_s": 3.0}]
+    series = series_of(0.001, 0.002)
+    dic.write_animation(series, tmp_path / "a.gif", settings=PLAIN, known=known)
+    assert titles == ["image 0.png · 1 of 2 · 20 N", "image 1.png · 2 of 2 · 3.0 s"]
+    with pytest.raises(dic.CorrelationError, match="expected values of 2 images, got 1"):
+        dic.write_animation(series, tmp_path / "b.gif", settings=PLAIN, known=known[:1])
+
+
+@pytest.mark.long
+def test_the_deformed_images_of_a_run_come_from_its_file(tmp_path):
+    run = write_rendered_run(tmp_path / "run.h5", [slid(0.02), slid(0.04)])
+    results = dic.process_run(run, settings=dic.CorrelationSettings(subset_px=31, step_px=15))
+    films = []
+    for on in ("reference", "deformed"):
+        dic.write_animation(results, tmp_path / f"{on}.gif", settings=replace(PLAIN, on=on, axes="px"))
+        films.append(list(frames_of(tmp_path / f"{on}.gif")))
+    assert len(films[0]) == len(films[1]) == 2
+    assert (films[0][1] != films[1][1]).any()
+    run.unlink()
+    with pytest.raises(dic.RunFileError, match="no such file"):
+        dic.write_animation(results, tmp_path / "c.gif", settings=replace(PLAIN, on="deformed", axes="px"))
 
 
 def test_on_the_deformed_image_the_view_holds_still_and_each_frame_has_its_image(tmp_path):

@@ -201,3 +201,16 @@ def test_a_wrong_setting_is_named_with_one_that_works(settings, sentence):
 def test_axes_in_mm_need_a_calibration():
     with pytest.raises(dic.MeasurementError, match="axes of maps: expected a calibration"):
         maps_of(dic.measure(stretched(0.01)), dic.MapSettings(axes="mm"))
+
+
+@pytest.mark.parametrize("width_mm", [50.0, 120.0])
+def test_a_title_fits_into_the_width_of_its_picture(width_mm):
+    settings = dic.MapSettings(quantities=("exx",), axes="off", width_mm=width_mm)
+    maps = maps_of(dic.measure(stretched(0.001)), settings)
+    figure = draw_maps(
+        maps, GREY, "step-13.png · 13 of 16 · 2800 N · 120.0 s", settings, scale_of([maps], settings)
+    )
+    FigureCanvasAgg(figure).draw()
+    box = figure._suptitle.get_window_extent()
+    assert box.x0 >= 0
+    assert box.x1 <= figure.bbox.width
