@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -19,6 +20,9 @@ from dic.pictures.panels import maps_of
 from dic.pictures.settings import MapSettings
 from dic.pipeline.run import process_run
 from dic.pipeline.run_result_file import load_run_result, save_run_result
+from dic.report.camera_images import images_of
+from dic.report.hardware import hardware_table
+from dic.report.stated_facts import StatedFacts
 from dic.runfile.reader import RunFile
 from rig.run import run_protocol
 from tests.command_line import refusal, run_both, run_dic
@@ -65,6 +69,37 @@ def test_a_result_file_gives_back_what_was_measured(result, tmp_path):
             # Files hold displacements and gradients, without the second derivatives of quadratic subsets.
             np.testing.assert_array_equal(b.field.warps, a.field.warps[..., :6])
             np.testing.assert_array_equal(b.strain.exx, a.strain.exx)
+
+
+def test_report_reads_the_images_and_the_cameras_of_a_run_from_its_file(result, run_file, tmp_path):
+    cameras = images_of(result)
+    assert [each.camera for each in cameras] == ["on_axis", "off_axis"]
+    rows = dict(hardware_table(result, cameras, StatedFacts()).rows)
+    with RunFile(run_file) as run:
+        for k, images in enumerate(cameras):
+            for place, label in enumerate(images.labels):
+                step = next(step for step in run.steps if label == f"{step.kind} {step.index}")
+                image = run.image(images.camera, step)
+                np.testing.assert_array_equal(images.deformed(place), image)
+                height, width = image.shape
+            identity = run.identity(images.camera)
+            assert rows["Camera"][k].startswith(f"{identity['vendor']}, {identity['model']}")
+            assert rows["Image resolution"][k] == f"{width} px × {height} px, {identity['bits']} bit"
+            exposure_us = run.columns(f"instrument/{images.camera}")["exposure_us"][0]
+            assert rows["Exposure time"][k] == f"{exposure_us / 1000:g} ms"
+            view_mm = width * images.calibration.mm_per_px
+            assert float(rows["Field of view"][k].split()[0]) == pytest.approx(view_mm, abs=0.005)
+    gone = replace(result, source=str(tmp_path / "gone.h5"))
+    assert dict(hardware_table(gone, images_of(gone), StatedFacts()).rows)["Camera"] == ["not stated"] * 2
+    with pytest.raises(RunFileError, match=r"gone\.h5"):
+        images_of(gone)[0].deformed(0)
+    other = tmp_path / "other.h5"
+    other.write_bytes(run_file.read_bytes())
+    with h5py.File(other, "r+") as file:
+        digests = file["entry/instrument/on_axis/digest"]
+        digests[-1] = b"0" * 64
+    with pytest.raises(RunFileError, match="expected the image that was measured, got another image"):
+        images_of(replace(result, source=str(other)))[0].deformed(1)
 
 
 def test_the_command_prints_the_table_and_writes_what_it_printed(run_file, tmp_path):

@@ -70,7 +70,7 @@ def tensile_view(test: TensileTest, results: Sequence[Results]) -> TensileView:
         test=test,
         headings=[(column.camera, column.kind_text) for column in test.columns],
         rows=[_row(test, name, *words) for name, words in symbols.items() if _is_shown(test, name)],
-        remarks=_grouped(test),
+        remarks=remarks_of(test),
         about=_about(test),
         curves=svg_uri(curves_figure(test)),
         curve=png_uri(draw_properties(test.main.properties)),
@@ -112,9 +112,9 @@ def value_cell(value: PropertyValue, digits: int) -> str:
     return fixed(value.value, digits) if not value.std else with_std(value.value, value.std)
 
 
-def _grouped(test: TensileTest) -> list[Remarks]:
+def remarks_of(test: TensileTest) -> list[Remarks]:
     """Return the objections to the values: first those to all columns, then those to single columns."""
-    own = [_remarks(column) for column in test.columns]
+    own = [_remarks(test, column) for column in test.columns]
     if len(own) == 1:
         return [Remarks(test.main.label, own[0])]
     shared = [sentence for sentence in own[0] if all(sentence in each for each in own)]
@@ -125,11 +125,12 @@ def _grouped(test: TensileTest) -> list[Remarks]:
     return [Remarks("All columns", shared), *apart]
 
 
-def _remarks(column: TestColumn) -> list[str]:
+def _remarks(test: TensileTest, column: TestColumn) -> list[str]:
+    """Return the objections to the values of a column, and the reason for each value that is missing."""
     found, sentences = column.properties, []
     for name, (symbol, _) in symbols_of(found.settings).items():
         value = found.values[name]
-        if name in _ALWAYS or value.value is not None:
+        if _is_shown(test, name):
             sentences += [f"{symbol}: {flag}" for flag in value.flags]
     sentences += found.flags
     if found.not_counted:

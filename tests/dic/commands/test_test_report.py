@@ -11,9 +11,11 @@ import pytest
 import rdflib
 
 import dic
-from dic.report.states import chosen_states
+from dic.report.camera_images import images_of
+from dic.report.state_fields import state_picture
+from dic.report.states import State, chosen_states
 from tests.command_line import refusal, run_dic
-from tests.dic.commands.tension_series import AREA_MM2, AXIAL, E_MPA, GAUGES, stress_mpa
+from tests.dic.commands.tension_series import AREA_MM2, AXIAL, E_MPA, GAUGES, WIDTH, stress_mpa
 from tests.dic.report.page import Page
 
 FACTS = """
@@ -33,7 +35,7 @@ STATIC = ("img001", "img002.png")
 
 @pytest.fixture(scope="session")
 def reported(folder, tmp_path_factory):
-    """The report of the tension test as HTML, JSON and PDF, with facts, gauges, fields and images at rest."""
+    """The report of the tension test as HTML and JSON, with facts, gauges, fields and images at rest."""
     place = tmp_path_factory.mktemp("report")
     (place / "facts.toml").write_text(FACTS, encoding="utf-8")
     (place / "gauges.toml").write_text(GAUGES)
@@ -215,8 +217,7 @@ def test_points_that_the_curve_does_not_have_are_refused(column, wanted, words):
 
 
 def test_deformed_images_that_are_gone_or_changed_are_not_shown(folder, tmp_path):
-    for path in (folder / "r.h5", folder / "machine.csv"):
-        (tmp_path / path.name).write_bytes(path.read_bytes())
+    (tmp_path / "r.h5").write_bytes((folder / "r.h5").read_bytes())
     with h5py.File(tmp_path / "r.h5", "r+") as file:
         names = file["series/images/label"].asstr()[:]
         images = {name: tmp_path / f"moved{k}.png" for k, name in enumerate(names)}
@@ -224,18 +225,26 @@ def test_deformed_images_that_are_gone_or_changed_are_not_shown(folder, tmp_path
             file[group][:] = [str(images[name]) for name in file[group].asstr()[:]]
     last = names[-1]
     images[last].write_bytes((folder / "images" / "img003.png").read_bytes())
-    record = "--record", tmp_path / "machine.csv", "--load", "Force:kN", "--area-mm2", AREA_MM2
-    shown = "--declare", AXIAL, "--fields-at", "stress=100", "--fields-at", "last"
-    page = tmp_path / "report.html"
-    assert run_dic("report", tmp_path / "r.h5", *record, *shown, "-o", page).status == 0
-    captions = " ".join(Page(page.read_text(encoding="utf-8")).captions)
-    assert "expected the image file, got No such file or directory" in captions
-    assert "expected the image that was measured, got another image" in captions
+    (images,) = images_of(dic.load_series_result(tmp_path / "r.h5"))
+    states = [State("Rm", images.labels[k], 400.0, 0.012) for k in (3, -1)]
+    picture = state_picture(images, states, "eyy")
+    assert picture.kind == "εyy raw"
+    gone, other = picture.missing
+    assert "moved3.png: draw the deformed image: expected the image file, got No such file" in gone
+    assert "expected the image that was measured, got another image" in other
 
 
-def test_pdf_has_every_table_whole_on_a_page(reported):
+@pytest.mark.long
+def test_pdf_has_every_table_whole_on_a_page(folder, tmp_path):
     pdfium = pytest.importorskip("pypdfium2")
-    document = pdfium.PdfDocument(reported / "report.pdf")
+    (tmp_path / "facts.toml").write_text(FACTS, encoding="utf-8")
+    done = run_dic(
+        "report", folder / "r.h5", "--declare", AXIAL, "--declare", WIDTH, "--transverse-gauge", "width",
+        "--record", folder / "machine.csv", "--load", "Force:kN", "--area-mm2", AREA_MM2,
+        "--facts", tmp_path / "facts.toml", "-o", tmp_path / "r.html", "--pdf", tmp_path / "report.pdf",
+    )  # fmt: skip
+    assert done.status == 0, done
+    document = pdfium.PdfDocument(tmp_path / "report.pdf")
     pages = [" ".join(page.get_textpage().get_text_range().split()) for page in document]
     assert len(pages) >= 5
     for first, last in (

@@ -2,12 +2,13 @@ from pathlib import Path
 
 import pytest
 
-from dic import process_run
+from dic import process_run, write_report
 from rig.commands import demo
 from rig.commands.demo import run_demo
 from rig.engine.status import Outcome
 from rig.errors import Aborted, RigError
 from rig.run import run_protocol
+from tests.dic.report.page import Page
 from tests.places import EXAMPLES
 
 
@@ -59,7 +60,8 @@ def test_tensile_test_gives_the_exact_properties_from_every_camera(tmp_path: Pat
     protocol, rig = (EXAMPLES / name for name in demo.EXPERIMENTS["tensile"])
     outcome = run_protocol(protocol, rig, tmp_path / "t.h5")
     assert outcome.status == "completed"
-    test = demo._tensile_test(process_run(tmp_path / "t.h5"), EXAMPLES)
+    result = process_run(tmp_path / "t.h5")
+    test = demo._tensile_test(result, EXAMPLES)
     assert [(column.camera, column.read.kind) for column in test.columns] == [
         (camera, kind) for camera in ("on_axis", "off_axis") for kind in ("calibrated", "corrected")
     ]
@@ -71,3 +73,12 @@ def test_tensile_test_gives_the_exact_properties_from_every_camera(tmp_path: Pat
     uncorrected = test.columns[2].properties.values["E_gpa"]
     assert uncorrected.value < 68.0
     assert len(demo._property_lines(test)) == 3
+    write_report(result, tmp_path / "report.html", tests=[test])
+    page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    fields = [caption for caption in page.captions if "on the deformed images" in caption]
+    assert [caption.split(":")[0].strip() for caption in fields] == ["on_axis", "off_axis"]
+    assert not any("not shown" in caption or "not measured" in caption for caption in fields)
+    (hardware, analysis) = page.all_tables("settings facts")
+    assert hardware[0] == analysis[0] == ["", "on_axis", "off_axis"]
+    assert ["Subset size", "41 px", "41 px"] in analysis
+    assert "not stated" not in next(row for row in hardware if row[0] == "Exposure time")

@@ -1,4 +1,4 @@
-"""Curves of good cameras that lie upon each other can be told apart."""
+"""A tensile test in the report, from readings that are made by hand: its curves and its reasons."""
 
 from itertools import pairwise
 
@@ -8,31 +8,45 @@ import pytest
 from dic import GaugeImage, GaugeSeries, PropertySettings, Reading, StrainGauge, tensile_test
 from dic.report.style import plot_style
 from dic.report.tensile_figures import curves_figure, gauges_figure
+from dic.report.tensile_page import remarks_of
 
 AREA_MM2, E_MPA = 25.0, 70e3
 FALSE = 3e-4
 """False strain of the uncorrected off-axis camera at the largest load."""
 
 
-@pytest.fixture(scope="module")
-def pulled():
-    """A test seen by two cameras; only the calibrated strain of the off-axis camera is wrong."""
+def drawn(noise=0.0):
+    """A test seen by two cameras; only the calibrated strain of the off-axis camera is wrong, and noisy."""
     gauges = (StrainGauge(name="along", unit="mm", centre=(0, 0), size=(5, 5), direction_deg=90.0),)
-    images = []
+    images, errors = [], noise * np.random.default_rng(5).normal(size=30)
     for camera in ("off_axis", "on_axis"):
         for k, load_n in enumerate(np.linspace(200.0, 5000.0, 30)):
             strain = load_n / AREA_MM2 / E_MPA
-            wrong = FALSE * load_n / 5000.0 if camera == "off_axis" else 0.0
+            wrong = FALSE * load_n / 5000.0 + errors[k] if camera == "off_axis" else 0.0
             kinds = {"calibrated": strain + wrong, "corrected": strain}
-            readings = {
-                kind: Reading("mm", strain=value, strain_std=5e-6, strain_std_images=5e-6)
-                for kind, value in kinds.items()
-            }
+            readings = {kind: Reading("mm", value, 5e-6, 5e-6) for kind, value in kinds.items()}
             known = {"camera": camera, "step": f"load {k}", "load_n": load_n, "time_s": float(k)}
-            images.append(GaugeImage(f"step {k}", {"along": readings}, known))
-    return tensile_test(
-        GaugeSeries("", gauges, tuple(images)), "along", None, PropertySettings(area_mm2=AREA_MM2)
-    )
+            images.append(GaugeImage(f"step {k}", {"along": readings}, known, digest=f"{camera}{k}"))
+    series, settings = GaugeSeries("", gauges, tuple(images)), PropertySettings(area_mm2=AREA_MM2)
+    return tensile_test(series, "along", None, settings)
+
+
+@pytest.fixture(scope="module")
+def pulled():
+    return drawn()
+
+
+def test_modulus_that_cannot_be_had_has_its_reason_on_the_page_and_in_the_json():
+    test = drawn(noise=1.5e-3)
+    columns = {f"{column['camera']} {column['strain_kind']}": column for column in test.as_dict()["columns"]}
+    lost = columns["off_axis calibrated"]["values"]["E_gpa"]
+    assert lost["value"] is None
+    (reason,) = (flag for flag in lost["flags"] if flag.startswith("missing: "))
+    remarks = {remark.label: remark.sentences for remark in remarks_of(test)}
+    assert f"E: {reason}" in remarks["off_axis, calibrated, uncorrected"]
+    for name, column in columns.items():
+        assert (column["values"]["E_gpa"]["value"] is None) == (name == "off_axis calibrated")
+        assert [row["sha256"] for row in column["curve"]] == [f"{column['camera']}{k}" for k in range(30)]
 
 
 def test_curves_differ_by_width_and_markers_and_their_differences_are_shown(pulled):
