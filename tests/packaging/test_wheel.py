@@ -66,7 +66,7 @@ def test_wheel_holds_the_bytes_of_the_tree(contents):
 def test_metadata_says_licence_version_and_what_it_is(contents, wheel):
     info = f"offaxis-{PROJECT['version']}.dist-info/"
     metadata = Parser().parsestr(contents[info + "METADATA"].decode())
-    assert metadata["License-Expression"] == "BSD-3-Clause"
+    assert metadata["License-Expression"] == "BSD-3-Clause AND MIT"
     assert metadata.get_all("License-File") == ["LICENSE", "NOTICE"]
     for name in ("LICENSE", "NOTICE"):
         assert contents[info + f"licenses/{name}"] == (ROOT / name).read_bytes()
