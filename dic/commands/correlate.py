@@ -98,7 +98,7 @@ def correlate(
     for note in sources.notes:
         say(note)
     with ExitStack() as stack:
-        image = read_image(sources.reference)
+        image = read_image(sources.reference, stored=True)
         digests = FileDigests()
         digest = digests.of(sources.reference)
         source = SeriesImage(sources.reference, str(sources.reference), digest=digest)

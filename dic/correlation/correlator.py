@@ -1,12 +1,16 @@
 """Correlate deformed images with their reference, and return fields of displacements in pixels."""
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from dic.correlation import kernel
 from dic.correlation.consistency import consistent_field
 from dic.correlation.earlier_field import EarlierField
 from dic.correlation.field import Field
 from dic.correlation.initial_guess import checked_homography
+from dic.correlation.laid_rows import LaidReference
 from dic.correlation.prepared_reference import PreparedReference
 from dic.correlation.seeds import FEWEST_SEEDS, SeedFinder, Seeds, scattered
 from dic.correlation.settings import CorrelationSettings
@@ -15,12 +19,12 @@ from dic.correlation.solver import Solver
 from dic.correlation.status import Status
 from dic.correlation.turned_image import TurnableImage
 from dic.errors import CorrelationError, require_kind
-from dic.image.given import checked_region, grey_image
+from dic.image.given import checked_region, grey_levels
 from dic.image.point_grid import PointGrid, clear_of_edges, place_points
-from dic.image.spline import edge_reach_px, spline_image
+from dic.image.spline import edge_reach_px
 from dic.image.threads import processors
 from dic.specimen.find import Specimen, find_specimen
-from dic.typing import Float, Grey, ImageLike, Mask, PathLike
+from dic.typing import Float, ImageLike, Mask, PathLike
 
 _LOST_SHARE = 0.05
 """New seeds are searched among failed points only if at least this fraction of all points failed."""
@@ -85,18 +89,16 @@ class Correlator:
         else:
             surface = self.region = checked_region(region, grey.shape)
         self.smoothing = chosen_smoothing(grey, self.region, settings)
-        grey = self.smoothing.apply(grey)
-        spline = spline_image(grey, settings.order, threads)
-        slopes = spline.gradient(threads)
+        image = self.smoothing.applied(grey)
         usable = np.ones(grey.shape, np.bool_)
         if region is None or clip:
             reach_px = edge_reach_px(settings.order) + self.smoothing.reach_px
             usable = clear_of_edges(surface, settings.subset_px, reach_px)
         grid = place_points(self.region, usable, settings.subset_px, settings.step_px)
-        mean = float(grey.mean())
-        image = kernel.lay_reference(spline, slopes, usable, mean, threads)
-        self._reference = PreparedReference(image, mean, grid, settings, threads, self.smoothing)
-        self._seed_finder = SeedFinder(self._reference, grey)
+        mean = image.mean()
+        laid = LaidReference(image, usable, settings.order, mean, threads)
+        self._reference = PreparedReference(laid, mean, grid, settings, threads, self.smoothing)
+        self._seed_finder = SeedFinder(self._reference, image)
 
     def __repr__(self) -> str:
         height, width = self.region.shape
@@ -137,7 +139,7 @@ class Correlator:
         self, earlier: EarlierField | None, deformed: ImageLike, hint: Float | None = None
     ) -> Field:
         """Return the field of `correlate`; `earlier` has those parts of `previous` that are needed."""
-        image = TurnableImage(self._reference, self.smoothing.apply(self._checked_deformed(deformed)))
+        image = TurnableImage(self._reference, self.smoothing.applied(self._checked_deformed(deformed)))
         seeds = self._first_seeds(image, earlier, hint)
         solver = image.solver(seeds.quarters)
         solution = kernel.Solution.empty(self._reference.grid.active.shape, self.settings.parameters)
@@ -156,9 +158,9 @@ class Correlator:
             smoothing_px=self.smoothing.width_px, greatest_bias_px=self.smoothing.bias_px,
         )  # fmt: skip
 
-    def _checked_deformed(self, deformed: ImageLike) -> Grey:
-        """Return the image as float32; raise `CorrelationError` if its size differs from the reference's."""
-        grey, shape = grey_image(deformed, "deformed image"), self.region.shape
+    def _checked_deformed(self, deformed: ImageLike) -> NDArray[Any]:
+        """Return the grey levels; raise `CorrelationError` if the size differs from the reference's."""
+        grey, shape = grey_levels(deformed, "deformed image"), self.region.shape
         if grey.shape != shape:
             raise CorrelationError(
                 "deformed image",
@@ -245,9 +247,9 @@ class Correlator:
                 solver.solve_beside_cracks(solution)
 
 
-def _checked_reference(reference: ImageLike, subset_px: int) -> Grey:
-    """Return the image as float32; raise `CorrelationError` if the image is smaller than a subset."""
-    grey = grey_image(reference, "reference image")
+def _checked_reference(reference: ImageLike, subset_px: int) -> NDArray[Any]:
+    """Return the grey levels; raise `CorrelationError` if the image is smaller than a subset."""
+    grey = grey_levels(reference, "reference image")
     if min(grey.shape) < subset_px:
         raise CorrelationError(
             "reference image",

@@ -1,7 +1,6 @@
 """Points beside cracks: if a crack cuts a subset into parts, only the part around the point is used."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
 
@@ -9,44 +8,41 @@ from dic.correlation.kernel import Reference
 from dic.image.point_grid import PointGrid, connected_part
 from dic.typing import Mask
 
+_VECTOR = 16
+"""Number of elements of the longest vector of the kernel."""
+
 _NEIGHBOUR_REACH = 3
 """Largest distance of a point beside a crack from the neighbour that gives its first guess, in grid steps."""
 
 
-class CutReference:
-    """A reference image in which the pixels beyond a crack can be hidden, for one subset at a time.
+def limited_to(reference: Reference, x: int, y: int, usable: Mask, radius: int) -> Reference:
+    """Return a reference that holds one subset only, without the pixels beyond a crack.
 
     Parameters
     ----------
     reference : Reference
-        The reference image, which is copied and not changed.
+    x, y : int
+        Centre of the subset. A pixel of the subset is hidden if a crack separates it from the centre.
+    usable : ndarray of bool, shape (height, width)
+        True for pixels that subsets may use.
+    radius : int
+        Number of pixels of the subset on either side of its centre.
     """
-
-    def __init__(self, reference: Reference) -> None:
-        f, fx, fy, inside = (
-            plane.copy() for plane in (reference.f, reference.fx, reference.fy, reference.inside)
-        )
-        self._planes = f, fx, fy, inside
-        self._reference = reference._replace(f=f, fx=fx, fy=fy, inside=inside)
-
-    @contextmanager
-    def limited_to(self, x: int, y: int, usable: Mask, radius: int) -> Iterator[Reference]:
-        """Provide a reference in which one subset lacks the pixels beyond a crack.
-
-        A pixel of the subset is hidden if a crack separates the pixel from the subset's centre (x, y).
-        """
-        width = 2 * radius + 1
-        first = self._reference.origin + (y - radius) * self._reference.pitch + x - radius
-        elements = first + self._reference.pitch * np.arange(width)[:, None] + np.arange(width)
-        hidden = elements[~connected_part(usable, x, y, radius)]
-        values = [plane[hidden] for plane in self._planes]
-        for plane in self._planes:
-            plane[hidden] = 0.0
-        try:
-            yield self._reference
-        finally:
-            for plane, before in zip(self._planes, values, strict=True):
-                plane[hidden] = before
+    width = 2 * radius + 1
+    first = reference.origin + (y - radius) * reference.pitch + x - radius
+    elements = first + reference.pitch * np.arange(width)[:, None] + np.arange(width)
+    hidden = ~connected_part(usable, x, y, radius)
+    # The kernel reads a vector at the end of a row to its last element, and multiplies what is beyond the
+    # subset by 0.
+    pitch = width + _VECTOR
+    planes = []
+    for plane in (reference.f, reference.fx, reference.fy, reference.inside):
+        subset = np.zeros((width, pitch), np.float32)
+        subset[:, :width] = np.where(hidden, np.float32(0.0), plane[elements])
+        planes.append(subset.ravel())
+    f, fx, fy, inside = planes
+    origin = -((y - radius) * pitch + x - radius)
+    return reference._replace(f=f, fx=fx, fy=fy, inside=inside, pitch=pitch, origin=origin)
 
 
 def visible_neighbours(

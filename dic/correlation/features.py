@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.image.stored import StoredImage, is_large
 from dic.typing import Float, Grey, Indices, Mask
 
 Descriptors = NDArray[np.float32]
@@ -20,6 +21,9 @@ Descriptors = NDArray[np.float32]
 
 _AREA_PX = 400_000
 """The first search for features uses images that are shrunk to this area, which is usually large enough."""
+
+_LARGEST_AREA_PX = 12_000_000
+"""The last search for features uses images of at most this area."""
 
 _FEATURES = 2000
 _CONTRAST = 0.02
@@ -88,44 +92,55 @@ class FeatureFinder:
 
     Parameters
     ----------
-    reference : ndarray of float32, shape (height, width)
+    reference : StoredImage
     usable : ndarray of bool, shape (height, width)
         True at pixels where features of the reference may lie.
     """
 
-    def __init__(self, reference: Grey, usable: Mask) -> None:
+    def __init__(self, reference: StoredImage, usable: Mask) -> None:
         self._reference, self._usable = reference, usable
         self._known: dict[float, tuple[Float, Descriptors]] = {}
 
-    def find(self, deformed: Grey) -> Iterator[Matches]:
-        """Yield the matches of shrunk images first, then those of larger images, up to the full size."""
-        shrink = max(1.0, float(np.sqrt(deformed.size / _AREA_PX)))
+    def find(self, deformed: StoredImage) -> Iterator[Matches]:
+        """Yield the matches of shrunk images first, then those of larger images.
+
+        The last images have the full size, but at most 12 megapixels, because the search takes more than a
+        hundred bytes for each pixel.
+        """
+        size = deformed.shape[0] * deformed.shape[1]
+        shrink, least = (max(1.0, float(np.sqrt(size / area))) for area in (_AREA_PX, _LARGEST_AREA_PX))
         while True:
             if shrink not in self._known:
                 self._known[shrink] = _features(self._reference, shrink, self._usable)
             matches = _match(self._known[shrink], _features(deformed, shrink))
             if matches is not None:
                 yield matches
-            if shrink == 1.0:
+            if shrink == least:
                 return
-            shrink = max(1.0, shrink / 2)
+            shrink = max(least, shrink / 2)
 
 
-def _features(grey: Grey, shrink: float, usable: Mask | None = None) -> tuple[Float, Descriptors]:
+def _features(image: StoredImage, shrink: float, usable: Mask | None = None) -> tuple[Float, Descriptors]:
     """Return the x, y, size and angle (radians) of features, shape (n, 4), and the SIFT descriptors."""
     import cv2
 
-    small, mask = _to_8_bit(grey), None if usable is None else usable.astype(np.uint8)
-    if shrink > 1.0:
-        size = (round(grey.shape[1] / shrink), round(grey.shape[0] / shrink))
-        small = np.asarray(cv2.resize(small, size, interpolation=cv2.INTER_AREA), np.uint8)
-        mask = None if mask is None else cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST)
+    height, width = image.shape
+    size = (round(width / shrink), round(height / shrink))
+    mask = None if usable is None else usable.view(np.uint8)
+    if is_large(image.shape):
+        small = _to_8_bit(image.reduced(size))
+    else:
+        small = _to_8_bit(image.rows(0, height))
+        if shrink > 1.0:
+            small = np.asarray(cv2.resize(small, size, interpolation=cv2.INTER_AREA), np.uint8)
+    if mask is not None and mask.shape != small.shape:
+        mask = cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST)
     sift = cv2.SIFT.create(nfeatures=_FEATURES, contrastThreshold=_CONTRAST)
     found, descriptors = sift.detectAndCompute(small, mask)
     if descriptors is None:
         return np.empty((0, 4)), np.empty((0, 128), np.float32)
     places = np.array([(*k.pt, k.size, np.radians(k.angle)) for k in found], np.float64)
-    scale = np.array(grey.shape[::-1]) / small.shape[::-1]
+    scale = np.array((width, height)) / small.shape[::-1]
     places[:, :2] = (places[:, :2] + 0.5) * scale - 0.5
     return places, descriptors
 

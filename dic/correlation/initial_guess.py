@@ -13,6 +13,7 @@ import numpy as np
 
 from dic.correlation.features import FeatureFinder
 from dic.errors import CorrelationError
+from dic.image.stored import StoredImage, is_large
 from dic.image.threads import bands_of, in_parallel
 from dic.typing import Float, Grey, Indices
 
@@ -29,8 +30,8 @@ _SHIFT_SIDE_PX = 512
 
 
 def guesses(
-    reference: Grey,
-    deformed: Grey,
+    reference: StoredImage,
+    deformed: StoredImage,
     features: FeatureFinder,
     points: Indices,
     half_px: int,
@@ -45,7 +46,7 @@ def guesses(
 
     Parameters
     ----------
-    reference, deformed : ndarray, shape (height, width)
+    reference, deformed : StoredImage
     features : FeatureFinder
         The feature finder of the reference.
     points : ndarray of int, shape (n, 2)
@@ -80,7 +81,7 @@ def guesses(
     yield "search", found_around(np.eye(3), large)
 
 
-def whole_shift(reference: Grey, deformed: Grey) -> Float:
+def whole_shift(reference: StoredImage, deformed: StoredImage) -> Float:
     """Return the shift of the whole image as a homography (3, 3), in whole pixels, by phase correlation.
 
     C. Kuglin, D. Hines, "The phase correlation image alignment method", IEEE Conference on Cybernetics and
@@ -91,7 +92,7 @@ def whole_shift(reference: Grey, deformed: Grey) -> Float:
     height, width = reference.shape
     shrink = max(1.0, max(height, width) / _SHIFT_SIDE_PX)
     size = (round(width / shrink), round(height / shrink))
-    here, there = (cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in (reference, deformed))
+    here, there = reference.reduced(size), deformed.reduced(size)
     # Without a window function, the fixed edges of the image would dominate the measured shift.
     (x, y), _ = cv2.phaseCorrelate(here, there, cv2.createHanningWindow(size, cv2.CV_32F))
     return np.array(
@@ -175,8 +176,8 @@ def homography_warps(homography: Float, points: Float) -> Float:
 
 
 def search(
-    reference: Grey,
-    deformed: Grey,
+    reference: StoredImage,
+    deformed: StoredImage,
     points: Indices,
     half_px: int,
     radius_px: int,
@@ -187,7 +188,7 @@ def search(
 
     Parameters
     ----------
-    reference, deformed : ndarray, shape (height, width)
+    reference, deformed : StoredImage
     points : ndarray of int, shape (n, 2)
         Centres (x, y) of the templates in the reference.
     half_px : int
@@ -204,14 +205,7 @@ def search(
         The warps of the points. A warp is NaN if the template is too close to the image's edge or has no
         contrast.
     """
-    import cv2
-
-    height, width = reference.shape
-    moved_back = deformed
-    if not np.allclose(motion, np.eye(3), atol=1e-12):
-        moved_back = cv2.warpPerspective(
-            deformed, motion, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        )
+    moved_back = _MovedBack(deformed, motion)
     found = np.full((len(points), 2), np.nan)
 
     def work(band: slice) -> None:
@@ -229,8 +223,52 @@ def search(
     return warps
 
 
+class _MovedBack:
+    """The deformed image after an expected motion is undone; of a large image, the parts that are used."""
+
+    def __init__(self, deformed: StoredImage, motion: Float) -> None:
+        self._deformed, self._motion = deformed, motion
+        self._still = np.allclose(motion, np.eye(3), atol=1e-12)
+        self._whole: Grey | None = None
+        if not self._still and not is_large(deformed.shape):
+            height, width = deformed.shape
+            self._whole = _warped(deformed.rows(0, height), motion, (width, height))
+
+    def part(self, rows: slice, columns: slice) -> Grey:
+        """Return the grey levels of some rows and columns."""
+        if self._whole is not None:
+            return self._whole[rows, columns]
+        if self._still:
+            return self._deformed.part(rows, columns)
+        x, y = np.array([columns.start, columns.stop]), np.array([rows.start, rows.stop])
+        corners = np.stack([np.repeat(x, 2), np.tile(y, 2), np.ones(4)])
+        there = self._motion @ corners
+        there = there[:2] / there[2]
+        height, width = self._deformed.shape
+        first = np.clip(np.floor(there.min(axis=1)).astype(int) - 1, 0, (width - 1, height - 1))
+        last = np.clip(np.ceil(there.max(axis=1)).astype(int) + 2, first + 1, (width, height))
+        shown = self._deformed.part(slice(first[1], last[1]), slice(first[0], last[0]))
+        motion = _shift(-first) @ self._motion @ _shift(corners[:2].min(axis=1))
+        return _warped(shown, motion, (columns.stop - columns.start, rows.stop - rows.start))
+
+
+def _warped(image: Grey, motion: Float, size: tuple[int, int]) -> Grey:
+    """Return the image of `size` (width, height) whose pixels `motion` maps to pixels of `image`."""
+    import cv2
+
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    return np.asarray(cv2.warpPerspective(image, motion, size, flags=flags), np.float32)
+
+
+def _shift(by: Float | Indices) -> Float:
+    """Return the homography (3, 3) of a shift by (x, y)."""
+    homography = np.eye(3)
+    homography[:2, 2] = by
+    return homography
+
+
 def _whole_pixel(
-    reference: Grey, moved_back: Grey, x: int, y: int, half_px: int, radius_px: int
+    reference: StoredImage, moved_back: _MovedBack, x: int, y: int, half_px: int, radius_px: int
 ) -> tuple[float, float]:
     """Return the pixel (x, y) where the image matches a point's template best; NaN if no template fits."""
     import cv2
@@ -238,9 +276,12 @@ def _whole_pixel(
     height, width = reference.shape
     half = min(half_px, x, y, width - 1 - x, height - 1 - y)
     left, top = max(0, x - half - radius_px), max(0, y - half - radius_px)
-    window = moved_back[top : y + half + radius_px + 1, left : x + half + radius_px + 1]
-    template = reference[y - half : y + half + 1, x - half : x + half + 1]
-    if half < _SMALLEST_TEMPLATE_RADIUS_PX or np.ptp(template) == 0.0 or np.ptp(window) == 0.0:
+    if half < _SMALLEST_TEMPLATE_RADIUS_PX:
+        return np.nan, np.nan
+    bottom, right = min(height, y + half + radius_px + 1), min(width, x + half + radius_px + 1)
+    window = moved_back.part(slice(top, bottom), slice(left, right))
+    template = reference.part(slice(y - half, y + half + 1), slice(x - half, x + half + 1))
+    if np.ptp(template) == 0.0 or np.ptp(window) == 0.0:
         return np.nan, np.nan
     scores = cv2.matchTemplate(window, template, cv2.TM_CCOEFF_NORMED)
     _, _, _, (column, row) = cv2.minMaxLoc(scores)

@@ -92,7 +92,7 @@ def _tiles(grey: Grey, region: Mask, tile_px: int) -> list[Grey]:
     covered = (share[:-1, :-1] + share[1:, :-1] + share[:-1, 1:] + share[1:, 1:]) / 4
     found = np.argwhere(covered >= _LEAST_SHARE) * half
     chosen = found[:: max(1, -(-len(found) // _TILES))]
-    return [grey[y : y + tile_px, x : x + tile_px] for y, x in chosen]
+    return [grey[y : y + tile_px, x : x + tile_px].astype(np.float32) for y, x in chosen]
 
 
 def _mean_power(tiles: Grey) -> PatternSpectrum:

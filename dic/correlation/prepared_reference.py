@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from dic.correlation import kernel
+from dic.correlation.laid_rows import LaidReference
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.smoothing import NO_SMOOTHING, Smoothing
 from dic.image.point_grid import PointGrid
@@ -50,7 +51,7 @@ class PreparedReference:
 
     Attributes
     ----------
-    image : kernel.Reference
+    image : LaidReference
     mean : float
         Mean grey level of the reference, which the kernel subtracts from all images.
     grid : PointGrid
@@ -61,7 +62,7 @@ class PreparedReference:
     memory : SubsetMemory
     """
 
-    image: kernel.Reference
+    image: LaidReference
     mean: float
     grid: PointGrid
     settings: CorrelationSettings

@@ -12,7 +12,8 @@ from dic.correlation.prepared_reference import PreparedReference
 from dic.correlation.quarter_turn import quarters_of
 from dic.correlation.status import Status
 from dic.correlation.turned_image import TurnableImage
-from dic.typing import Float, Grey, Indices, Mask
+from dic.image.stored import StoredImage
+from dic.typing import Float, Indices, Mask
 
 FEWEST_SEEDS = 3
 """Smallest number of consistent seeds with which propagation begins.
@@ -57,13 +58,13 @@ class SeedFinder:
     Parameters
     ----------
     reference : PreparedReference
-    grey : ndarray of float32, shape (height, width)
-        Grey levels of the reference.
+    image : StoredImage
+        The smoothed reference.
     """
 
-    def __init__(self, reference: PreparedReference, grey: Grey) -> None:
-        self._reference, self._grey = reference, grey
-        self._features = FeatureFinder(grey, reference.grid.usable)
+    def __init__(self, reference: PreparedReference, image: StoredImage) -> None:
+        self._reference, self._image = reference, image
+        self._features = FeatureFinder(image, reference.grid.usable)
 
     def find(
         self,
@@ -98,7 +99,7 @@ class SeedFinder:
         template_radius_px = max(settings.radius_px, _SMALLEST_TEMPLATE_RADIUS_PX)
         best = Seeds("", 0, indices[:0], Solution.empty((0,), settings.parameters))
         for name, guess in guesses(
-            self._grey, image.grey, self._features, points, template_radius_px,
+            self._image, image.image, self._features, points, template_radius_px,
             previous=previous, hint=hint, threads=self._reference.threads,
         ):  # fmt: skip
             turn = quarters_of(guess) if quarters is None else quarters

@@ -27,7 +27,7 @@ from dic.correlation.series_state import (
 )
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
-from dic.image.given import grey_image
+from dic.image.given import grey_levels
 from dic.specimen.find import Specimen
 from dic.typing import Float, ImageLike, Mask, PathLike
 
@@ -171,7 +171,7 @@ class Series:
         The method `accept` of a second `Series` takes these fields. The second series can then go on after
         the image `deformed` without correlating it.
         """
-        read = cache(lambda: grey_image(deformed, "deformed image"))
+        read = cache(lambda: grey_levels(deformed, "deformed image"))
         return self.follow(lambda attempt: attempt.correlate(read()), read, hint)
 
     @property

@@ -15,13 +15,16 @@ smoothed pattern, D the factor of the slope, and G² / mean(G²) the power of th
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dic.correlation.interpolation_bias import greatest_bias
 from dic.correlation.pattern_spectrum import PatternSpectrum, pattern_spectrum
 from dic.correlation.settings import AUTO, CorrelationSettings
 from dic.correlation.transfer import filter_transfer, slope_transfer
+from dic.image.stored import StoredImage, is_large
 from dic.typing import Grey, Mask
 
 LARGEST_BIAS_PX = 0.001
@@ -68,6 +71,16 @@ class Smoothing:
     def noise_factor(self) -> float:
         """Factor by which the filter changes the standard deviation of white noise."""
         return float(np.sum(np.square(self.taps)))
+
+    def applied(self, grey: NDArray[Any]) -> StoredImage:
+        """Return an image that is smoothed: a large image when its rows are used, a small image at once.
+
+        Parameters
+        ----------
+        grey : ndarray, shape (height, width)
+            Grey levels as `dic.image.given.grey_levels` returns them.
+        """
+        return StoredImage(grey, self.taps) if is_large(grey.shape) else StoredImage(self.apply(grey))
 
     def apply(self, grey: Grey) -> Grey:
         """Return the smoothed image."""

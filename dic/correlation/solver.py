@@ -3,12 +3,14 @@
 import numpy as np
 
 from dic.correlation import kernel
-from dic.correlation.cracks import CutReference, visible_neighbours
+from dic.correlation.cracks import limited_to, visible_neighbours
+from dic.correlation.laid_rows import LaidDeformed
 from dic.correlation.prepared_reference import PreparedReference
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
+from dic.correlation.working_rows import propagation_rows, strips
 from dic.image.spline import halfway_noise_gain, slope_noise_gain
-from dic.image.threads import balanced_bands, in_parallel
+from dic.image.threads import balanced_bands, bands_of, in_parallel
 from dic.typing import Float, Indices, Mask
 
 _TRIES = 3
@@ -16,6 +18,9 @@ _TRIES = 3
 
 _BANDS = 16
 """Number of bands of rows that are solved in parallel; this number keeps several processors busy."""
+
+_BAND_PX = 4_000_000
+"""Largest number of pixels of a band; a larger image has more bands."""
 
 
 def method_of(settings: CorrelationSettings, smoothing: tuple[float, ...] = (1.0,)) -> kernel.Method:
@@ -41,11 +46,11 @@ class Solver:
     Parameters
     ----------
     reference : PreparedReference
-    deformed : kernel.Deformed
-        Result of `kernel.lay_coefficients`. The deformed image may differ in shape from the reference.
+    deformed : LaidDeformed
+        The deformed image, which may differ in shape from the reference.
     """
 
-    def __init__(self, reference: PreparedReference, deformed: kernel.Deformed) -> None:
+    def __init__(self, reference: PreparedReference, deformed: LaidDeformed) -> None:
         self._reference, self._deformed = reference, deformed
         self._method = method_of(reference.settings, reference.smoothing.taps)
         self._prepared: kernel.Prepared | None = None
@@ -57,23 +62,27 @@ class Solver:
         Warp parameters that a guess does not give start at 0. A point whose guess has NaN is not tried and
         keeps the status "not reached".
         """
-        grid, radius = self._reference.grid, self._method.radius
-        solution = kernel.Solution.empty((len(indices),), self._reference.settings.parameters)
+        reference, radius = self._reference, self._method.radius
+        solution = kernel.Solution.empty((len(indices),), reference.settings.parameters)
         solution.warps[:, : warps.shape[1]] = warps
-        guessed = np.isfinite(warps).all(axis=1)
-        cut = grid.cut[indices[:, 0], indices[:, 1]]
-        self._correlate(self._reference.image, indices, np.flatnonzero(guessed & ~cut), solution)
-        beside_cracks = np.flatnonzero(guessed & cut)
-        if beside_cracks.size:
-            image = CutReference(self._reference.image)
-            for k in beside_cracks:
-                x, y = grid.points_at(indices[k : k + 1])[0]
-                with image.limited_to(int(x), int(y), grid.usable, radius) as limited:
-                    self._correlate(limited, indices, np.array([k]), solution)
+        guessed = np.flatnonzero(np.isfinite(warps).all(axis=1))
+        cut, at = reference.grid.cut[indices[:, 0], indices[:, 1]], reference.grid.points_at(indices)
+        for strip in strips(at[guessed], solution.warps[guessed], radius, whole=not reference.image.in_bands):
+            image, deformed = reference.image.rows(*strip.here), self._deformed.rows(*strip.there)
+            chosen = guessed[strip.members]
+            self._correlate(image, deformed, indices, chosen[~cut[chosen]], solution)
+            for k in chosen[cut[chosen]]:
+                limited = limited_to(image, int(at[k, 0]), int(at[k, 1]), reference.grid.usable, radius)
+                self._correlate(limited, deformed, indices, np.array([k]), solution)
         return solution
 
     def _correlate(
-        self, image: kernel.Reference, indices: Indices, chosen: Indices, solution: kernel.Solution
+        self,
+        image: kernel.Reference,
+        deformed: kernel.Deformed,
+        indices: Indices,
+        chosen: Indices,
+        solution: kernel.Solution,
     ) -> None:
         """Correlate the `chosen` points, and put the results into `solution`.
 
@@ -86,7 +95,7 @@ class Solver:
         small.put((row, column), solution.part(chosen))
         small_grid = kernel.Grid(grid.x[columns], grid.y[rows], grid.pixels[np.ix_(rows, columns)])
         seeds = np.stack([row, column], axis=1)
-        kernel.correlate_seeds(image, self._deformed, self._method, small_grid, seeds, small)
+        kernel.correlate_seeds(image, deformed, self._method, small_grid, seeds, small)
         solution.put((chosen,), small.part((row, column)))
 
     def propagate(self, solution: kernel.Solution, pending: Mask, *, in_bands: bool) -> None:
@@ -108,27 +117,83 @@ class Solver:
                 bands,
                 self._reference.threads,
             )
-        fronts = solution.converged & next_to(pending)
+        self._propagate_from_fronts(solution, pending)
+
+    def _propagate_from_fronts(self, solution: kernel.Solution, pending: Mask) -> None:
+        """Propagate from all converged points that have a pending neighbour.
+
+        In a large image, one band of rows is solved after another, together with the row before and the row
+        after the band. This is repeated until no band has a front that has not been tried.
+        """
+        rows = len(pending)
+        height = -(-rows // self._band_count) if self._reference.image.in_bands else rows
+        bands = bands_of(rows, height)
+        tried_fronts = [np.zeros_like(pending[self._with_neighbours(band, rows)]) for band in bands]
+        again = True
+        while again:
+            again = False
+            for band, tried_before in zip(bands, tried_fronts, strict=True):
+                part = self._with_neighbours(band, rows)
+                own = pending[part].copy()
+                own[: band.start - part.start] = own[len(own) - (part.stop - band.stop) :] = False
+                again |= self._propagate_fronts_of(solution.part(part), own, tried_before, part)
+                pending[band] = own[band.start - part.start : band.stop - part.start]
+
+    def _propagate_fronts_of(
+        self, solution: kernel.Solution, pending: Mask, tried_before: Mask, rows: slice
+    ) -> bool:
+        """Propagate in some rows from fronts that were not tried before; return False without any."""
+        fronts = solution.converged & next_to(pending) & ~tried_before
         if not fronts.any():
-            return
+            return False
         # Other converged points have no pending neighbour. Mark them NOT_REACHED so that the kernel does not
         # queue them.
         status = np.where(solution.converged & ~fronts, np.int8(Status.NOT_REACHED), solution.status)
         tried = pending.copy()
-        self._propagate_rows(solution._replace(status=status), pending, slice(None))
+        self._propagate_rows(solution._replace(status=status), pending, rows)
         solution.status[tried] = status[tried]
+        tried_before |= fronts | (tried & solution.converged)
+        return True
+
+    @staticmethod
+    def _with_neighbours(band: slice, rows: int) -> slice:
+        return slice(max(0, band.start - 1), min(rows, band.stop + 1))
 
     def _propagate_rows(self, part: kernel.Solution, pending: Mask, rows: slice) -> None:
-        """Run the kernel in some rows of the grid, from their converged points to their pending points."""
+        """Run the kernel in some rows of the grid, from their converged points to their pending points.
+
+        If the rows of the deformed image that are expected to show these points are not enough, the rows of
+        the grid are solved anew with more rows of the image.
+        """
         grid, prepared = self._reference.grid, self._prepared
+        if not part.converged.any():
+            return
         if prepared is not None:
             prepared = kernel.Prepared(prepared.known[rows], prepared.records[rows])
         band = kernel.Grid(grid.x, grid.y[rows], grid.pixels[rows])
-        kernel.propagate(self._reference.image, self._deformed, self._method, band, part, pending, prepared)
+        laid = self._reference.image
+        if not laid.in_bands:
+            image, deformed = laid.rows(0, 0), self._deformed.rows(0, 0)
+            kernel.propagate(image, deformed, self._method, band, part, pending, prepared)
+            return
+        radius = self._method.radius
+        image = laid.rows(int(band.y[0]) - radius, int(band.y[-1]) + radius + 1)
+        for there in propagation_rows(band, part, radius, self._deformed.height):
+            trial, left = part.copy(), pending.copy()
+            kernel.propagate(image, self._deformed.rows(*there), self._method, band, trial, left, prepared)
+            if not (trial.status == kernel.NOT_LAID).any():
+                break
+        part.put((slice(None),), trial)
+        pending[...] = left
+
+    @property
+    def _band_count(self) -> int:
+        """Number of bands of rows of the grid. It does not depend on the number of threads."""
+        return max(_BANDS, -(-self._reference.grid.usable.size // _BAND_PX))
 
     def _seeded_bands(self, solution: kernel.Solution, pending: Mask) -> list[slice]:
         """Cut the grid into bands of about equal work; in bands without solved points, solve a few points."""
-        bands = balanced_bands(pending.sum(axis=1), _BANDS)
+        bands = balanced_bands(pending.sum(axis=1), self._band_count)
         converged = solution.converged
         seeds = []
         for band in bands:

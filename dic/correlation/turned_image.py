@@ -1,13 +1,12 @@
 """A deformed image that can be turned exactly by 90°, 180° or 270° before it is correlated."""
 
-import numpy as np
-
 from dic.correlation import kernel
+from dic.correlation.laid_rows import LaidDeformed
 from dic.correlation.prepared_reference import PreparedReference
 from dic.correlation.quarter_turn import turn_std, turn_warps
 from dic.correlation.solver import Solver
-from dic.image.spline import spline_image
-from dic.typing import Float, Grey, Indices
+from dic.image.stored import StoredImage
+from dic.typing import Float, Indices
 
 
 class TurnableImage:
@@ -16,11 +15,11 @@ class TurnableImage:
     Parameters
     ----------
     reference : PreparedReference
-    grey : ndarray of float32, shape (height, width)
+    image : StoredImage
     """
 
-    def __init__(self, reference: PreparedReference, grey: Grey) -> None:
-        self.grey = grey
+    def __init__(self, reference: PreparedReference, image: StoredImage) -> None:
+        self.image = image
         self._reference = reference
         self._solvers: dict[int, Solver] = {}
 
@@ -30,23 +29,20 @@ class TurnableImage:
             # Keep one solver at a time, because a solver holds a whole image and a second is seldom needed.
             self._solvers.clear()
             order, threads = self._reference.settings.order, self._reference.threads
-            spline = spline_image(np.rot90(self.grey, quarters), order, threads)
-            laid = kernel.lay_coefficients(spline, self._reference.mean, threads)
+            laid = LaidDeformed(self.image.turned(quarters), order, self._reference.mean, threads)
             self._solvers[quarters] = Solver(self._reference, laid)
         return self._solvers[quarters]
 
     def turned(self, warps: Float, points: Indices, quarters: int) -> Float:
         """Return the guesses (n, 6) at `points` (n, 2), converted to the turned image."""
-        height, width = self.grey.shape
-        return turn_warps(warps, points[:, 0], points[:, 1], (height, width), quarters)
+        return turn_warps(warps, points[:, 0], points[:, 1], self.image.shape, quarters)
 
     def turned_back(self, solution: kernel.Solution, quarters: int) -> kernel.Solution:
         """Convert a solution from the turned image to the original image."""
         if quarters == 0:
             return solution
-        height, width = np.rot90(self.grey, quarters).shape
-        grid = self._reference.grid
+        shape, grid = self.image.turned(quarters).shape, self._reference.grid
         return solution._replace(
-            warps=turn_warps(solution.warps, grid.x, grid.y[:, None], (height, width), -quarters),
+            warps=turn_warps(solution.warps, grid.x, grid.y[:, None], shape, -quarters),
             std=turn_std(solution.std, quarters),
         )

@@ -2,12 +2,14 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dic.errors import CorrelationError, require_kind
 from dic.image.read import read_image
+from dic.image.stored import is_large
 from dic.regions.drawn import DrawnRegion
 from dic.regions.read import is_region_file, read_drawn_region
 from dic.typing import Grey, ImageLike, Mask, PathLike
@@ -50,6 +52,17 @@ def grey_image(image: object, name: str) -> Grey:
             return grey
         got, remedy = "NaN or infinity among them", "replace them, for example by 0"
     raise CorrelationError(name, "read", "finite grey levels of shape (height, width)", got, remedy)
+
+
+def grey_levels(image: object, name: str) -> NDArray[Any]:
+    """Return an image's grey levels: of a large image with 8 or 16 bit as stored, otherwise as float32.
+
+    The arguments and errors are those of `grey_image`.
+    """
+    found = read_image(image, stored=True) if isinstance(image, str | Path) else image
+    if isinstance(found, np.ndarray) and found.ndim == 2 and found.dtype in (np.uint8, np.uint16):
+        return found if is_large(found.shape) else found.astype(np.float32)
+    return grey_image(found, name)
 
 
 def name_of(image: ImageLike, otherwise: str) -> str:

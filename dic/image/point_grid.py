@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.errors import CorrelationError
+from dic.image.threads import bands_of
 from dic.typing import Indices, Mask
 
 MIN_PIXEL_FRACTION = 0.4
@@ -15,6 +16,13 @@ A subset at the edge of a crack has about half of its pixels in the region, so t
 
 EDGE_PX = 4
 """Smallest distance of a subset from the image's edge, so that a small motion keeps the subset in view."""
+
+
+_BAND_PX, _HALO_PX = 2048, 16
+"""Height of the bands of rows in which the edges of a region are examined, and spare rows around a band."""
+
+_ROWS = 128
+"""Number of rows of the grid whose subsets are counted at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,12 +116,27 @@ def clear_of_edges(region: Mask, subset_px: int, reach_px: int) -> Mask:
         Distance from the region's edge within which pixels are disturbed. The edge of the image does not
         count.
     """
-    import cv2
-
     if region.all():
         return region
-    clear = (cv2.distanceTransform(region.view(np.uint8), cv2.DIST_L2, 5) > reach_px).view(np.uint8)
     least_px = int(np.ceil(MIN_PIXEL_FRACTION * subset_px))
+    height, halo = len(region), 2 * least_px + 4 * reach_px + _HALO_PX
+    clear = np.empty_like(region)
+    for band in bands_of(height, _BAND_PX):
+        # Additional rows on either side hold all that decides about the rows of the band.
+        above = max(0, band.start - halo)
+        around = np.ascontiguousarray(region[above : band.stop + halo])
+        clear[band] = _clear(around, least_px, reach_px)[band.start - above : band.stop - above]
+    return clear
+
+
+def _clear(region: Mask, least_px: int, reach_px: int) -> Mask:
+    """Return the pixels of a region that its edges do not disturb, and the parts that are too narrow.
+
+    A part is too narrow if no square of `least_px` pixels fits between its disturbed pixels.
+    """
+    import cv2
+
+    clear = (cv2.distanceTransform(region.view(np.uint8), cv2.DIST_L2, 5) > reach_px).view(np.uint8)
     wide = cv2.morphologyEx(clear, cv2.MORPH_OPEN, np.ones((least_px, least_px), np.uint8))
     # A corner of the region is 1.42 times as far from the undisturbed pixels as the region's sides.
     rim = cv2.distanceTransform(1 - wide, cv2.DIST_L2, 5) <= 1.5 * reach_px + 1.0
@@ -127,8 +150,14 @@ def _pixels_around(usable: Mask, subset_px: int, y: Indices, x: Indices) -> Indi
     if usable.all():
         return np.full((len(y), len(x)), subset_px**2, np.int64)
     box = (subset_px, subset_px)
-    counts = np.asarray(cv2.boxFilter(usable.view(np.uint8), cv2.CV_32F, box, normalize=False))
-    pixels: Indices = np.rint(counts[np.ix_(y, x)]).astype(np.int64)
+    pixels, radius = np.empty((len(y), len(x)), np.int64), subset_px // 2
+    for first in range(0, len(y), _ROWS):
+        own = slice(first, first + _ROWS)
+        # Subsets lie inside the image, so no subset reaches beyond these rows.
+        top = y[own][0] - radius
+        rows = np.ascontiguousarray(usable[top : y[own][-1] + radius + 1]).view(np.uint8)
+        counts = np.asarray(cv2.boxFilter(rows, cv2.CV_32F, box, normalize=False))
+        pixels[own] = np.rint(counts[np.ix_(y[own] - top, x)])
     return pixels
 
 

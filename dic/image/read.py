@@ -3,7 +3,7 @@
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,7 @@ _LOSSY = (
 )
 
 # For each orientation tag, the turn that makes the stored image upright (TIFF 6.0, section 8).
-_TURNS: dict[int, Callable[[NDArray[np.float32]], NDArray[np.float32]]] = {
+_TURNS: dict[int, Callable[[NDArray[Any]], NDArray[Any]]] = {
     1: lambda grey: grey,
     2: np.fliplr,
     3: lambda grey: np.rot90(grey, 2),
@@ -48,7 +48,11 @@ _TURNS: dict[int, Callable[[NDArray[np.float32]], NDArray[np.float32]]] = {
 }
 
 
-def read_image(path: str | Path) -> NDArray[np.float32]:
+@overload
+def read_image(path: str | Path) -> NDArray[np.float32]: ...
+@overload
+def read_image(path: str | Path, *, stored: bool) -> NDArray[Any]: ...
+def read_image(path: str | Path, *, stored: bool = False) -> NDArray[Any]:
     """Read a PNG, TIFF, BMP, PGM, PPM or JPEG image without loss of grey levels.
 
     Parameters
@@ -57,12 +61,15 @@ def read_image(path: str | Path) -> NDArray[np.float32]:
         A grey or colour image of at most 160 megapixels, with 8 bit, 16 bit or floating-point values. A page
         of a TIFF file has the page's number behind its name: ``stack.tif#3`` is the third page, and
         ``test.avi#3`` the third frame of a video.
+    stored : bool
+        True to return grey levels with 8 or 16 bit in the integer type of the file, which takes a quarter or
+        half of the memory. Other grey levels are still returned as float32.
 
     Returns
     -------
     ndarray of float32, shape (height, width)
-        Grey levels as stored in the file, not rescaled. A colour image is converted to its luma (ITU-R
-        BT.601); its opacity is ignored.
+        Grey levels as stored in the file, not rescaled; with `stored`, of uint8 or uint16 if possible. A
+        colour image is converted to its luma (ITU-R BT.601); its opacity is ignored.
 
     Raises
     ------
@@ -81,18 +88,19 @@ def read_image(path: str | Path) -> NDArray[np.float32]:
     path = Path(path)
     file, page = split_page(path)
     try:
-        stored, orientation, notes = _frame(file, page) if is_video(file) else _picture(file, page)
+        decoded, orientation, notes = _frame(file, page) if is_video(file) else _picture(file, page)
     except OSError as error:
         raise _refusal(path, error.strerror or str(error), "name an image file that exists") from error
     except Damage as damage:
         raise _refusal(path, str(damage), damage.remedy) from damage
     for note in notes:
         warn_of_image(path, note)
-    if stored.dtype.kind == "f" and not np.isfinite(stored).all():
+    if decoded.dtype.kind == "f" and not np.isfinite(decoded).all():
         raise _refusal(path, "pixels that are NaN or infinite", "save it with finite grey levels")
-    if max(float(stored.max()), -float(stored.min())) > GREY_MAX:
+    if max(float(decoded.max()), -float(decoded.min())) > GREY_MAX:
         raise _refusal(path, f"grey levels beyond {GREY_MAX:.0e}", "save it as the camera gave it")
-    grey = np.ascontiguousarray(_TURNS[orientation](to_grey(stored)))
+    is_plain = decoded.ndim == 2 and decoded.dtype in (np.uint8, np.uint16)
+    grey = np.ascontiguousarray(_TURNS[orientation](decoded if stored and is_plain else to_grey(decoded)))
     if min(grey.shape) < MINIMUM_SIDE_PX:
         got = f"{grey.shape[1]} × {grey.shape[0]} px"
         raise _refusal(path, got, f"use images of at least {MINIMUM_SIDE_PX} px on each side")

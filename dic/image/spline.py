@@ -13,6 +13,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.image.stored import StoredImage
 from dic.image.threads import bands_of, in_parallel
 
 ORDERS = (3, 5)
@@ -75,28 +76,55 @@ def edge_reach_px(order: int) -> int:
 
 def spline_image(grey: NDArray[np.float32], order: int, threads: int = 1) -> SplineImage:
     """Return the B-spline of degree `order` through the grey levels; the image is mirrored at its edges."""
+    grey = np.ascontiguousarray(grey, np.float32)
+    return spline_of_rows(StoredImage(grey), order, slice(0, len(grey)), threads)
+
+
+def spline_of_rows(image: StoredImage, order: int, rows: slice, threads: int = 1) -> SplineImage:
+    """Return the B-spline of some rows of an image, with the coefficients that it has in the whole image.
+
+    Parameters
+    ----------
+    image : StoredImage
+        The image, which is mirrored at its edges.
+    order : int
+        Degree of the spline, 3 or 5.
+    rows : slice
+        The rows, of which `SplineImage.grey` holds the grey levels.
+    threads : int
+    """
     import cv2
 
     taps = _inverse_filter(order).astype(np.float32)
-    grey = np.ascontiguousarray(grey, np.float32)
-    height, width = grey.shape
-    padded = np.empty((height + 2 * MARGIN, width + 2 * MARGIN), np.float32)
+    height, width = image.shape
     reach = len(taps) // 2
+    # Rows beyond the edges of the image are filled below.
+    first, last = max(0, rows.start - MARGIN), min(height, rows.stop + MARGIN)
+    padded = np.empty((rows.stop - rows.start + 2 * MARGIN, width + 2 * MARGIN), np.float32)
+    top = rows.start - MARGIN
 
     def work(band: slice) -> None:
         # Filter `reach` extra rows on either side, and drop these rows, because these rows lack neighbours.
-        first = max(0, band.start - reach)
-        rows = grey[first : min(height, band.stop + reach)]
-        filtered = cv2.sepFilter2D(rows, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101)
-        own = filtered[band.start - first : band.stop - first]
-        padded[band.start + MARGIN : band.stop + MARGIN] = cv2.copyMakeBorder(
-            own, 0, 0, MARGIN, MARGIN, cv2.BORDER_REFLECT_101
+        start, stop = first + band.start, first + band.stop
+        above = max(0, start - reach)
+        filtered = cv2.sepFilter2D(
+            image.rows(above, min(height, stop + reach)),
+            cv2.CV_32F,
+            taps,
+            taps,
+            borderType=cv2.BORDER_REFLECT_101,
+        )
+        padded[start - top : stop - top] = cv2.copyMakeBorder(
+            filtered[start - above : stop - above], 0, 0, MARGIN, MARGIN, cv2.BORDER_REFLECT_101
         )
 
-    in_parallel(work, bands_of(height, _BAND_PX), threads)
+    in_parallel(work, bands_of(last - first, _BAND_PX), threads)
     for k in range(1, MARGIN + 1):
-        padded[MARGIN - k], padded[-MARGIN - 1 + k] = padded[MARGIN + k], padded[-MARGIN - 1 - k]
-    return SplineImage(order, grey, padded)
+        if rows.start - k < 0:
+            padded[MARGIN - k] = padded[MARGIN + k - 2 * rows.start]
+        if rows.stop - 1 + k >= height:
+            padded[-MARGIN - 1 + k] = padded[2 * (height - 1) - (rows.stop - 1 + k) - top]
+    return SplineImage(order, image.rows(rows.start, rows.stop), padded)
 
 
 @cache

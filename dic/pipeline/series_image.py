@@ -7,14 +7,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
 from dic.errors import WorkerError
 from dic.files.reading import opened
-from dic.image.given import grey_image
+from dic.image.given import grey_levels
 from dic.image.pages import split_page
 from dic.image.times import ImageTime
 from dic.results.job import content_of
 from dic.results.provenance import file_digest
-from dic.typing import Float, Grey, ImageLike
+from dic.typing import Float, ImageLike
 
 UNREADABLE = "unreadable"
 """This text replaces the digest of an image that cannot be read."""
@@ -74,9 +76,9 @@ class SeriesImage:
             )
         return self.image() if callable(self.image) else self.image
 
-    def grey(self) -> Grey:
-        """Return the grey levels of the image, shape (height, width)."""
-        return grey_image(self.read(), "deformed image")
+    def grey(self) -> NDArray[Any]:
+        """Return the grey levels of the image, shape (height, width), as `grey_levels` returns them."""
+        return grey_levels(self.read(), "deformed image")
 
     def __getstate__(self) -> dict[str, Any]:
         # Another process may work in another folder.

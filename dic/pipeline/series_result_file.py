@@ -7,12 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy as np
+from numpy.typing import NDArray
 
 from dic.calibration.calibration import Calibration
 from dic.calibration.file import read_calibration, write_calibration
 from dic.errors import RunFileError
 from dic.files.lazy import Computed
 from dic.hdf5.open import NotReadable, open_hdf5
+from dic.image.threads import bands_of
 from dic.image.times import ImageTime
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
@@ -27,7 +30,7 @@ from dic.results.reader import read_corrections, read_measurements, read_provena
 from dic.results.schema import FORMAT, VERSION
 from dic.results.unfinished import FinishedImage
 from dic.results.writer import ResultWriter
-from dic.typing import Grey, PathLike
+from dic.typing import PathLike
 
 _SERIES = "series"
 
@@ -73,7 +76,7 @@ class SeriesResult:
 
 def write_set_up(
     writer: ResultWriter,
-    reference: Grey,
+    reference: NDArray[Any],
     calibration: Calibration | None,
     outcomes: Sequence[Outcome],
     alignment: Alignment | None,
@@ -84,7 +87,8 @@ def write_set_up(
     ----------
     writer : ResultWriter
         The writer, which has written at least one image.
-    reference : ndarray of float32, shape (height, width)
+    reference : ndarray, shape (height, width)
+        Grey levels, which are stored as float32.
     calibration : Calibration or None
     outcomes : sequence of Outcome
         The outcome of each image of the series.
@@ -93,8 +97,11 @@ def write_set_up(
     """
     group = writer.group(_SERIES)
     stored = group.create_dataset(
-        "reference", data=reference, shuffle=True, compression="gzip", compression_opts=1
+        "reference", reference.shape, np.float32, shuffle=True, compression="gzip", compression_opts=1
     )
+    # Convert some rows at a time. Each write fills whole chunks, because a chunk is compressed as a whole.
+    for rows in bands_of(len(reference), 64 * stored.chunks[0]):
+        stored[rows] = reference[rows].astype(np.float32)
     stored.attrs["units"] = "grey level"
     failures = [(each.label, each.failure) for each in outcomes if each.failure is not None]
     for k, name in enumerate(("failed_label", "failure")):

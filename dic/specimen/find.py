@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.errors import CorrelationError, is_whole
-from dic.image.given import checked_region, grey_image, name_of
+from dic.image.given import checked_region, grey_levels, name_of
+from dic.image.stored import is_large
 from dic.specimen.outline import outline
+from dic.specimen.pooled_texture import pooled_texture_maps
 from dic.specimen.surfaces import FirstLook, find_surfaces, first_look
 from dic.specimen.texture import TextureMaps, texture_maps
 from dic.typing import ImageLike, Mask, PathLike
@@ -88,9 +90,9 @@ def find_specimen(image: ImageLike, subset_px: int = 41, within: Mask | PathLike
     """
     _require_subset(subset_px)
     name = name_of(image, "reference image")
-    grey = grey_image(image, name)
+    grey = grey_levels(image, name)
     part = np.ones(grey.shape, np.bool_) if within is None else checked_region(within, grey.shape)
-    maps = texture_maps(grey, subset_px)
+    maps = (pooled_texture_maps if is_large(grey.shape) else texture_maps)(grey, subset_px)
     inner = _reduced(part, maps)
     look = first_look(maps, inner)
     surfaces = find_surfaces(maps, look)
@@ -105,7 +107,8 @@ def find_specimen(image: ImageLike, subset_px: int = 41, within: Mask | PathLike
             _reasons(left_out) or "no texture",
             f"name the region, or give another subset, such as {subset_px + 20} px",
         )
-    return Specimen(mask, _count(inside), float(inside.sum() / part.sum()), left_out)
+    counted = _reduced(inside, maps) if is_large(grey.shape) else inside
+    return Specimen(mask, _count(counted), float(inside.sum() / part.sum()), left_out)
 
 
 def _require_subset(subset_px: int) -> None:

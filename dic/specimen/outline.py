@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dic.image.threads import bands_of
 from dic.specimen.surfaces import Bits, Surfaces, square
 from dic.specimen.texture import TextureMaps
 from dic.typing import Mask
@@ -20,6 +21,9 @@ _NEAR = 0.28
 
 _ROUND = 0.3
 """Parts narrower than this fraction of the specimen, such as a cable beside it, do not belong to it."""
+
+_BAND_PX = 1024
+"""Height of the bands in which the mask is enlarged, in reduced pixels."""
 
 _NO_SUBSET_PX = 4
 """No subset uses the outermost pixels of the image, so the image's dark border does not matter there."""
@@ -92,10 +96,21 @@ def _smoothed(whole: Bits, inside: Bits, radius: int) -> Bits:
 def _at_full_resolution(found: Bits, reduction: int, shape: tuple[int, ...]) -> Mask:
     import cv2
 
-    enlarged = cv2.resize(
-        found.astype(np.float32), None, fx=reduction, fy=reduction, interpolation=cv2.INTER_LINEAR
-    )
-    mask = (enlarged[: shape[0], : shape[1]] > 0.5).astype(np.uint8)
+    mask = np.empty((len(found) * reduction, shape[1]), np.uint8)
+    for band in bands_of(len(found), _BAND_PX):
+        # A row more on either side gives the interpolated values at the ends of the band.
+        above = max(0, band.start - 1)
+        enlarged = cv2.resize(
+            found[above : band.stop + 1].astype(np.float32),
+            None,
+            fx=reduction,
+            fy=reduction,
+            interpolation=cv2.INTER_LINEAR,
+        )
+        first, height = (band.start - above) * reduction, (band.stop - band.start) * reduction
+        rows = slice(band.start * reduction, band.stop * reduction)
+        mask[rows] = enlarged[first : first + height, : shape[1]] > 0.5
+    mask = mask[: shape[0]]
     # The slope filter responds about half a reduced pixel beyond an edge, so erode the mask by this distance.
     mask = np.asarray(cv2.erode(mask, square(reduction + 1)), np.uint8)
     border = _NO_SUBSET_PX

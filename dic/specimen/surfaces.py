@@ -196,10 +196,7 @@ def _resembling(maps: TextureMaps, inside: Bits, energy: Grey, sharpness: Grey) 
     between a dark specimen and a bright background would hide the texture beside the edge.
     """
     weight: Grey = np.reciprocal(np.maximum(np.maximum(energy, maps.energy), np.float32(1e-30)))
-    weighted_x = maps.fx * weight
-    weakest, strongest = eigenvalues(
-        *(_mean(maps, of) for of in (weighted_x * maps.fx, maps.fy * maps.fy * weight, weighted_x * maps.fy))
-    )
+    weakest, strongest = eigenvalues(*(_mean(maps, of) for of in maps.slopes.weighted(weight)))
     total = np.maximum(weakest + strongest, np.float32(1e-30))
     relative = _mean(maps, maps.curvature * weight) / np.maximum(total * sharpness, np.float32(1e-30))
     own = inside > 0

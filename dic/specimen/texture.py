@@ -14,6 +14,7 @@ automatic scale selection", International Journal of Computer Vision 30 (1998) 7
 
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -37,6 +38,25 @@ EVERY_DIRECTION = 0.12
 """Least ratio of the eigenvalues. Speckles seen at 70° have 0.12; streaks and straight edges have less."""
 
 
+class SlopeProducts(Protocol):
+    """The products of the slopes of the grey levels, at each pixel of the reduced image."""
+
+    def weighted(self, weight: Grey) -> tuple[Grey, Grey, Grey]:
+        """Return fx², fy² and fx fy, times a weight for each pixel."""
+
+
+class Slopes(NamedTuple):
+    """The slopes of the grey levels along x and y."""
+
+    fx: Grey
+    fy: Grey
+
+    def weighted(self, weight: Grey) -> tuple[Grey, Grey, Grey]:
+        """Return fx², fy² and fx fy, times a weight for each pixel."""
+        weighted_x = self.fx * weight
+        return weighted_x * self.fx, self.fy * self.fy * weight, weighted_x * self.fy
+
+
 @dataclass(frozen=True)
 class TextureMaps:
     """Maps of the texture, each an array of float32 of the size of the reduced image.
@@ -49,8 +69,8 @@ class TextureMaps:
         Width of the window of all means, in reduced pixels.
     grey : ndarray
         Mean grey level.
-    fx, fy : ndarray
-        Slopes of the grey levels along x and y.
+    slopes : SlopeProducts
+        Slopes of the grey levels, or means of their products.
     energy : ndarray
         Squared slope fx² + fy².
     curvature : ndarray
@@ -68,8 +88,7 @@ class TextureMaps:
     reduction: int
     window: int
     grey: Grey
-    fx: Grey
-    fy: Grey
+    slopes: SlopeProducts
     energy: Grey
     curvature: Grey
     weakest: Grey
@@ -104,11 +123,29 @@ def texture_maps(grey: Grey, subset_px: int) -> TextureMaps:
     """
     import cv2
 
-    ripples = np.square(_diagonal_difference(grey))
-    maps = _maps_at(grey, ripples, subset_px, 2)
-    while subset_px // (2 * maps.reduction) >= _NARROWEST:
-        grey = np.asarray(cv2.pyrDown(grey), np.float32)
-        coarser = _maps_at(grey, ripples, subset_px, 2 * maps.reduction)
+    ripples, small = np.square(diagonal_difference(grey)), np.asarray(cv2.pyrDown(grey), np.float32)
+    return at_best_scale(maps_at(small, ripples, subset_px, 2), small, ripples, subset_px)
+
+
+def at_best_scale(maps: TextureMaps, small: Grey, ripples: Grey, subset_px: int) -> TextureMaps:
+    """Return the texture at the resolution at which it is strongest.
+
+    Parameters
+    ----------
+    maps : TextureMaps
+        The texture of an image that is reduced by 2.
+    small : ndarray of float32
+        The image, reduced by 2.
+    ripples : ndarray of float32
+        Estimates of the variance of the full image's noise.
+    subset_px : int
+    """
+    import cv2
+
+    reduction = 2
+    while subset_px // (2 * reduction) >= _NARROWEST:
+        small, reduction = np.asarray(cv2.pyrDown(small), np.float32), 2 * reduction
+        coarser = maps_at(small, ripples, subset_px, reduction)
         if _strength(coarser) <= _strength(maps):
             break
         maps = coarser
@@ -128,19 +165,18 @@ def _strength(maps: TextureMaps) -> float:
     return float(np.percentile(np.where(good, maps.weakest[every_other], 0.0), 90))
 
 
-def _maps_at(grey: Grey, ripples: Grey, subset_px: int, reduction: int) -> TextureMaps:
-    """Return the texture of an image that has been reduced by half of `reduction` already.
+def maps_at(small: Grey, ripples: Grey, subset_px: int, reduction: int) -> TextureMaps:
+    """Return the texture of the image `small`, which has been reduced by `reduction`.
 
     The pixels of `ripples` are estimates of the variance of the full image's noise.
     """
     import cv2
 
-    window = min(max(subset_px // reduction | 1, _NARROWEST), _WIDEST)
+    window = window_at(subset_px, reduction)
 
     def mean(of: Grey) -> Grey:
         return np.asarray(cv2.blur(of, (window, window)), np.float32)
 
-    small = np.asarray(cv2.pyrDown(grey), np.float32)
     fx = np.asarray(cv2.Sobel(small, cv2.CV_32F, 1, 0, ksize=3, scale=0.125), np.float32)
     fy = np.asarray(cv2.Sobel(small, cv2.CV_32F, 0, 1, ksize=3, scale=0.125), np.float32)
     squares_x, squares_y = fx * fx, fy * fy
@@ -153,19 +189,23 @@ def _maps_at(grey: Grey, ripples: Grey, subset_px: int, reduction: int) -> Textu
         reduction=reduction,
         window=window,
         grey=mean(small),
-        fx=fx,
-        fy=fy,
+        slopes=Slopes(fx, fy),
         energy=energy,
         curvature=np.square(np.asarray(cv2.Laplacian(small, cv2.CV_32F), np.float32)),
         weakest=weakest,
         strongest=strongest,
-        noise=np.float32(_slope_gain(reduction)) * mean(ripples),
+        noise=np.float32(slope_gain(reduction)) * mean(ripples),
         spread=magnitude * magnitude / np.maximum(weakest + strongest, np.float32(1e-30)),
     )
 
 
+def window_at(subset_px: int, reduction: int) -> int:
+    """Return the width of the window of all means in an image that is reduced by `reduction`, px."""
+    return min(max(subset_px // reduction | 1, _NARROWEST), _WIDEST)
+
+
 @cache
-def _slope_gain(reduction: int) -> float:
+def slope_gain(reduction: int) -> float:
     """Return the variance of a slope after the reduction, if the pixels have white noise of variance 1."""
     taps, spacing = np.ones(1), 1
     while spacing < reduction:
@@ -181,7 +221,7 @@ def _spaced(taps: Float, spacing: int) -> Float:
     return spaced
 
 
-def _diagonal_difference(grey: Grey) -> Grey:
+def diagonal_difference(grey: Grey) -> Grey:
     """Return (a - b - c + d) / 2 for each square of four pixels a b / c d; white noise keeps its variance."""
     rows, columns = (size // 2 * 2 for size in grey.shape)
     above = grey[0:rows:2, 0:columns:2] - grey[0:rows:2, 1:columns:2]

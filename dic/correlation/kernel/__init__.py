@@ -6,13 +6,22 @@ order: `method`, `layout` (images in memory), `warps`, `vectors` and `unrolled` 
 point), `uncertainty` (standard deviations), `propagation` (many points).
 """
 
-from dic.correlation.kernel.layout import Deformed, Reference, lay_coefficients, lay_reference
+from dic.correlation.kernel.icgn import NOT_LAID, ROOM_PX
+from dic.correlation.kernel.layout import (
+    Deformed,
+    Reference,
+    flat_variance_of,
+    lay_coefficients,
+    lay_reference,
+)
 from dic.correlation.kernel.method import Method
 from dic.correlation.kernel.prepared import Prepared, record_length
 from dic.correlation.kernel.propagation import correlate_seeds, propagate
 from dic.correlation.kernel.solution import Grid, Solution
 
 __all__ = [
+    "NOT_LAID",
+    "ROOM_PX",
     "Deformed",
     "Grid",
     "Method",
@@ -20,6 +29,7 @@ __all__ = [
     "Reference",
     "Solution",
     "correlate_seeds",
+    "flat_variance_of",
     "lay_coefficients",
     "lay_reference",
     "propagate",

@@ -31,6 +31,7 @@ from dic.correlation.kernel.warps import (
     compose_inverse,
     compose_inverse_quadratic,
     in_view,
+    is_laid,
     is_smooth,
     monomial,
     step_length_px,
@@ -42,6 +43,15 @@ from dic.typing import Float
 CONVERGED, NO_TEXTURE = int(Status.CONVERGED), int(Status.NO_TEXTURE)
 OUT_OF_VIEW, NOT_CONVERGED = int(Status.OUT_OF_VIEW), int(Status.NOT_CONVERGED)
 LOW_CORRELATION = int(Status.LOW_CORRELATION)
+
+NOT_LAID = -1
+"""Status of a point whose first guess is too close to the end of the rows that are laid."""
+
+ROOM_PX = 32
+"""Number of rows that must be laid on either side of the first guess.
+
+In an image that is laid in bands, a point that moves farther during its iterations has not converged.
+"""
 
 _FAR_PX = 0.5
 """Limit for a quadratic step: a longer step is replaced by an affine step, or shortened to this length."""
@@ -64,9 +74,10 @@ def correlate_point(
 ) -> tuple[int, float, int]:
     """Improve the warp `p` of one point in place; return its status, ZNCC and number of iterations.
 
-    The standard deviations of the first six warp parameters are written into `std`. If `known` is False, the
-    data of the reference's subset are computed and written into `record`. If `known` is True, `record`
-    already holds these data from an earlier image.
+    The status is `NOT_LAID` if the rows around the first guess are not laid; the point can then be tried
+    again with more rows. The standard deviations of the first six warp parameters are written into `std`.
+    If `known` is False, the data of the reference's subset are computed and written into `record`. If `known`
+    is True, `record` already holds these data from an earlier image.
     """
     if not known:
         prepare(image, method.shape, subset, work, record)
@@ -77,6 +88,8 @@ def correlate_point(
     for iteration in range(1, method.max_iterations + 1):
         if not in_view(deformed, subset, p):
             return OUT_OF_VIEW, np.nan, iteration
+        if not is_laid(deformed, subset, p, ROOM_PX if iteration == 1 else 0):
+            return (NOT_LAID if iteration == 1 else NOT_CONVERGED), np.nan, iteration
         for i in range(len(p)):
             work.q[i] = p[i]
         m.moments_with_image(

@@ -16,7 +16,13 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-COMPILED_IN = ("correlation/status.py", "image/spline.py", "image/threads.py", "typing.py")
+COMPILED_IN = (
+    "correlation/status.py",
+    "image/spline.py",
+    "image/stored.py",
+    "image/threads.py",
+    "typing.py",
+)
 """Files of `dic` outside the kernel's folder whose constants can be part of the kernel's machine code."""
 
 _PACKAGE = Path(__file__).parents[2]

@@ -3,6 +3,9 @@
 Vectors of 8 or 16 elements read a few elements beyond the pixels of a subset. So rows follow one another
 without gaps, and there are spare elements at both ends of the array. The mean grey level of the reference is
 subtracted from all grey levels, which reduces rounding errors in float32.
+
+Either a whole image is laid, or a band of its rows. The indices of elements count from the first row of the
+whole image in both cases, so the kernel does not distinguish them.
 """
 
 from typing import NamedTuple
@@ -20,6 +23,9 @@ _SPARE = 64
 """Number of spare elements before the first row and after the last row of an image."""
 
 _BAND_PX = 128
+
+_BEYOND = 2**30
+"""A row that is beyond every image."""
 
 _ROUNDING = 1.0 / 12.0
 """Variance that rounding adds to grey levels, in units of the squared step between grey levels."""
@@ -44,7 +50,10 @@ class Deformed(NamedTuple):
     origin : int
         Index of the element that belongs to the image's first pixel.
     width, height : int
-        Size of the image, px.
+        Size of the whole image, px.
+    top, bottom : int
+        The first row that is laid, and the row after the last one. If the band ends at an edge of the image,
+        the number lies far beyond this edge, because every point that is in view is then laid.
     """
 
     c: Flat
@@ -52,6 +61,8 @@ class Deformed(NamedTuple):
     origin: int
     width: int
     height: int
+    top: int
+    bottom: int
 
 
 class Reference(NamedTuple):
@@ -82,9 +93,31 @@ class Reference(NamedTuple):
 
 
 def lay_reference(
-    spline: SplineImage, slopes: tuple[Grey, Grey], region: Mask, mean: float, threads: int = 1
+    spline: SplineImage,
+    slopes: tuple[Grey, Grey],
+    region: Mask,
+    mean: float,
+    threads: int = 1,
+    *,
+    top: int = 0,
+    flat_variance: float | None = None,
 ) -> Reference:
-    """Return the reference image for the kernel, with `mean` subtracted from its grey levels."""
+    """Return the reference image for the kernel, with `mean` subtracted from its grey levels.
+
+    Parameters
+    ----------
+    spline : SplineImage
+        The image, or a band of its rows.
+    slopes : (ndarray, ndarray)
+        Result of `spline.gradient()`.
+    region : ndarray of bool, of the shape of `spline.grey`
+    mean : float
+    threads : int
+    top : int
+        The first row of the band.
+    flat_variance : float, optional
+        Result of `flat_variance_of` for the whole image. By default it is computed from `spline.grey`.
+    """
     height, width = spline.grey.shape
     (f, f_image), (fx, fx_image), (fy, fy_image), (inside, inside_image) = (
         _empty_plane(height, width) for _ in range(4)
@@ -99,11 +132,12 @@ def lay_reference(
         np.copyto(inside_image[band], own)
 
     in_parallel(lay, bands_of(height, _BAND_PX), threads)
-    pitch, origin = _pitch_and_origin(width)
-    return Reference(f, fx, fy, inside, pitch, origin, _flat_variance(spline.grey, region))
+    if flat_variance is None:
+        flat_variance = flat_variance_of(spline.grey, region)
+    return Reference(f, fx, fy, inside, *_pitch_and_origin(width, top), flat_variance)
 
 
-def _flat_variance(grey: Grey, region: Mask) -> float:
+def flat_variance_of(grey: Grey, region: Mask) -> float:
     """Return the variance of a subset's grey levels that rounding alone can cause.
 
     The function does not know the scale of the grey levels. The step between grey levels is assumed to be the
@@ -118,8 +152,22 @@ def _flat_variance(grey: Grey, region: Mask) -> float:
     return _ROUNDING * step**2
 
 
-def lay_coefficients(spline: SplineImage, mean: float, threads: int = 1) -> Deformed:
-    """Return a deformed image for the kernel, with the reference's `mean` subtracted from its grey levels."""
+def lay_coefficients(
+    spline: SplineImage, mean: float, threads: int = 1, *, top: int = 0, image_height: int | None = None
+) -> Deformed:
+    """Return a deformed image for the kernel, with the reference's `mean` subtracted from its grey levels.
+
+    Parameters
+    ----------
+    spline : SplineImage
+        The image, or a band of its rows.
+    mean : float
+    threads : int
+    top : int
+        The first row of the band.
+    image_height : int, optional
+        Height of the whole image, px. By default `spline` is the whole image.
+    """
     factor = np.float32(1.0 / {3: 6.0, 5: 120.0}[spline.order] ** 2)
     flat = np.zeros(spline.coefficients.size + 2 * _SPARE, np.float32)
     plane = flat[_SPARE:-_SPARE].reshape(spline.coefficients.shape)
@@ -129,14 +177,20 @@ def lay_coefficients(spline: SplineImage, mean: float, threads: int = 1) -> Defo
         plane[band] *= factor
 
     in_parallel(lay, bands_of(len(plane), _BAND_PX), threads)
-    height, width = spline.grey.shape
-    return Deformed(flat, *_pitch_and_origin(width), width, height)
+    rows, width = spline.grey.shape
+    height = rows if image_height is None else image_height
+    first, last = top if top > 0 else -_BEYOND, top + rows if top + rows < height else _BEYOND
+    return Deformed(flat, *_pitch_and_origin(width, top), width, height, first, last)
 
 
-def _pitch_and_origin(width: int) -> tuple[int, int]:
-    """Return the pitch of an image of the given width, and the index of its first pixel's element."""
+def _pitch_and_origin(width: int, top: int) -> tuple[int, int]:
+    """Return the pitch of an image of the given width, and the index of its first pixel's element.
+
+    If the image is laid from the row `top` on, the element of its first pixel is before the array's first
+    element.
+    """
     pitch = width + 2 * MARGIN
-    return pitch, _SPARE + MARGIN * pitch + MARGIN
+    return pitch, _SPARE + (MARGIN - top) * pitch + MARGIN
 
 
 def _empty_plane(height: int, width: int) -> tuple[Flat, Grey]:

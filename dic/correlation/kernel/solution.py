@@ -59,7 +59,17 @@ class Solution(NamedTuple):
             np.zeros(shape, np.int16),
         )
 
-    def put(self, where: tuple[Indices, ...], part: "Solution") -> None:
+    def copy(self) -> "Solution":
+        """Return a copy of all arrays."""
+        return Solution(
+            self.warps.copy(),
+            self.std.copy(),
+            self.status.copy(),
+            self.zncc.copy(),
+            self.iterations.copy(),
+        )
+
+    def put(self, where: tuple[Indices | slice, ...], part: "Solution") -> None:
         """Write the solution `part` to the points at the indices `where`."""
         self.warps[where], self.std[where] = part.warps, part.std
         self.status[where], self.zncc[where] = part.status, part.zncc

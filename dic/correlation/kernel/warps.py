@@ -129,7 +129,24 @@ def step_length_px(d: Float, r: int) -> float:
 @inner
 def in_view(image: Deformed, subset: Subset, p: Float) -> bool:
     """Return True if the warped subset stays in the image, with a margin for second derivatives."""
-    r = subset.radius
+    reach_x, reach_y = _reach(subset.radius, p)
+    to_x, to_y = subset.x + p[0], subset.y + p[3]
+    across = to_x - reach_x >= EDGE_PX and to_x + reach_x < image.width - EDGE_PX - 1
+    down = to_y - reach_y >= EDGE_PX and to_y + reach_y < image.height - EDGE_PX - 1
+    return bool(across and down)
+
+
+@inner
+def is_laid(image: Deformed, subset: Subset, p: Float, room_px: int) -> bool:
+    """Return True if the rows of the warped subset are laid, and `room_px` more rows on either side."""
+    _, reach_y = _reach(subset.radius, p)
+    to_y, room = subset.y + p[3], EDGE_PX + room_px
+    return bool(to_y - reach_y >= image.top + room and to_y + reach_y < image.bottom - room - 1)
+
+
+@inner
+def _reach(r: int, p: Float) -> tuple[float, float]:
+    """Return how far a warped subset of radius `r` reaches from its centre along x and along y, px."""
     reach_x = r * (abs(1.0 + p[1]) + abs(p[2]))
     reach_y = r * (abs(p[4]) + abs(1.0 + p[5]))
     for i in range(6, len(p)):
@@ -138,10 +155,7 @@ def in_view(image: Deformed, subset: Subset, p: Float) -> bool:
             reach_x += bulge
         else:
             reach_y += bulge
-    to_x, to_y = subset.x + p[0], subset.y + p[3]
-    across = to_x - reach_x >= EDGE_PX and to_x + reach_x < image.width - EDGE_PX - 1
-    down = to_y - reach_y >= EDGE_PX and to_y + reach_y < image.height - EDGE_PX - 1
-    return bool(across and down)
+    return reach_x, reach_y
 
 
 @inner

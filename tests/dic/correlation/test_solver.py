@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from dic.correlation import kernel
 from dic.correlation.correlator import Correlator
+from dic.correlation.laid_rows import LaidDeformed
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.solver import Solver, next_to
 from dic.correlation.status import Status
-from dic.image.spline import spline_image
+from dic.image.stored import StoredImage
 
 NEAR = np.array([0.3, 0, 0, -0.2, 0, 0])
 """Error, px, of the displacements from which the iterations start."""
@@ -24,7 +24,7 @@ def test_next_to_an_element_is_up_down_left_or_right():
 def solver_of(reference, deformed, settings):
     """Return a solver for all points of `reference` in a deformed image of any shape."""
     solved = Correlator(reference, np.ones(reference.shape, bool), settings)
-    laid = kernel.lay_coefficients(spline_image(deformed, settings.order), float(reference.mean()))
+    laid = LaidDeformed(StoredImage(deformed), settings.order, float(reference.mean()), 1)
     return Solver(solved._reference, laid)
 
 

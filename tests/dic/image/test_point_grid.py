@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dic.image.point_grid import clear_of_edges
+from dic.image.point_grid import clear_of_edges, place_points
 from dic.image.spline import edge_reach_px, spline_image
 
 
@@ -52,3 +52,22 @@ def test_what_is_too_narrow_is_used_whole_and_what_is_wide_beside_it_is_not():
 
 def test_a_region_without_edges_is_used_whole():
     assert clear_of_edges(np.ones((40, 50), bool), 21, 5).all()
+
+
+def test_bands_of_rows_change_neither_clear_pixels_nor_their_numbers(monkeypatch):
+    rng = np.random.default_rng(5)
+    region = np.ones((520, 200), bool)
+    for _ in range(12):
+        y, x, height, width = rng.integers((0, 0, 2, 2), (500, 180, 60, 60))
+        region[y : y + height, x : x + width] = False
+    found = []
+    for band_px, rows in ((2048, 1000), (64, 3)):
+        monkeypatch.setattr("dic.image.point_grid._BAND_PX", band_px)
+        monkeypatch.setattr("dic.image.point_grid._ROWS", rows)
+        usable = clear_of_edges(region, 21, 5)
+        found.append((usable, place_points(region, usable, 21, 7)))
+    (usable, grid), (banded, banded_grid) = found
+    assert 0.2 < usable.mean() < 0.9
+    np.testing.assert_array_equal(banded, usable)
+    for name in ("active", "pixels", "cut"):
+        np.testing.assert_array_equal(getattr(banded_grid, name), getattr(grid, name))

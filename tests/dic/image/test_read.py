@@ -35,6 +35,17 @@ def test_sixteen_bits_keep_their_depth(tmp_path: Path, suffix: str) -> None:
     assert np.array_equal(read_image(tmp_path / f"a.{suffix}"), grey)
 
 
+@pytest.mark.parametrize(("kind", "largest"), [(np.uint8, 255), (np.uint16, 65535)])
+def test_grey_levels_may_keep_the_type_of_the_file(tmp_path: Path, kind: type, largest: int) -> None:
+    image = np.random.default_rng(8).integers(0, largest, (40, 50)).astype(kind)
+    path = tmp_path / "image.tif"
+    assert cv2.imwrite(str(path), image)
+    stored = read_image(path, stored=True)
+    assert stored.dtype == kind
+    np.testing.assert_array_equal(stored, image)
+    assert read_image(path).dtype == np.float32
+
+
 @pytest.mark.parametrize("compression", ["tiff_lzw", "tiff_adobe_deflate", "packbits"])
 def test_compressed_tiffs_are_read(tmp_path: Path, compression: str) -> None:
     grey = _grey()

@@ -51,6 +51,32 @@ def test_points_lie_on_the_specimen_and_nowhere_else(name):
     assert beside <= 0.02
 
 
+def in_pooled_maps(monkeypatch, reference):
+    """Return the specimen that is found in an image as if the image were large, and stored with 8 bit."""
+    monkeypatch.setattr("dic.image.stored.WHOLE_PX", 0)
+    monkeypatch.setattr("dic.specimen.pooled_texture._BAND_PX", 96)
+    return find_specimen(np.clip(np.rint(reference), 0, 255).astype(np.uint8), 21)
+
+
+@pytest.mark.parametrize("name", ["dark_room", "two_specimens", "whole_picture"])
+def test_the_specimen_in_a_large_image_is_found_in_pooled_maps(monkeypatch, name):
+    drawn = scene(name, 3, (501, 639))
+    found = in_pooled_maps(monkeypatch, drawn.reference)
+    assert found.surfaces == (2 if name == "two_specimens" else 1)
+    assert (found.mask & drawn.mask).sum() >= 0.97 * drawn.mask.sum()
+    assert (found.mask & ~drawn.mask).sum() <= 0.04 * drawn.mask.sum()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(2, 6))
+@pytest.mark.parametrize("name", SCENES)
+def test_pooled_maps_show_the_specimen_in_every_scene(monkeypatch, name, seed):
+    drawn = scene(name, seed, (1000, 1300))
+    found = in_pooled_maps(monkeypatch, drawn.reference)
+    assert (found.mask & drawn.mask).sum() >= 0.97 * drawn.mask.sum()
+    assert (found.mask & ~drawn.mask).sum() <= 0.03 * drawn.mask.sum()
+
+
 def test_a_specimen_that_fills_the_picture_is_kept_whole():
     found = find_specimen(scene("whole_picture", 3).reference, 21)
     assert found.mask.all()
