@@ -32,7 +32,9 @@ class DiceExporter(Exporter):
         own = _prefix(image)
         strains = values[f"{own}exx"], values[f"{own}eyy"], -values[f"{own}exy"]
         places = x_px, y_px, values["u_px"], values["v_px"]
-        table = np.stack([*places, *strains, sigma, 2.0 * (1.0 - values["zncc"])], axis=-1)[points.converged]
+        # A negative value would count as a failed point; rounding alone makes a ZNCC larger than 1.
+        gamma = np.maximum(2.0 * (1.0 - values["zncc"]), 0.0)
+        table = np.stack([*places, *strains, sigma, gamma], axis=-1)[points.converged]
         digits = len(str(self.series.count))
         folder = self.folder / file_name(self.series.camera)
         folder.mkdir(parents=True, exist_ok=True)

@@ -88,7 +88,9 @@ class ExportSource:
                 failed(image)
                 continue
             points = PointValues.of(image.measurement, image.correction, raw_strain=raw_strain)
-            known = image.time.as_dict() | (self.known[k] if k < len(self.known) else {})
+            # The time of a file's last change is lost if the file is copied, and most formats name no source.
+            taken = {} if image.time.source == "file" else image.time.as_dict()
+            known = taken | (self.known[k] if k < len(self.known) else {})
             yield ExportImage(k + 1, self.names[k], points, readings_of(known), image.row() | known)
 
     def series(self, first: Measurement) -> ExportSeries:

@@ -146,11 +146,20 @@ def use_results(
         If the file is not a result file of these commands, or is damaged.
     """
     if not Path(path).exists():
-        expected = "a result file of `dic correlate -o` or `dic process`"
-        raise RunFileError(str(path), "read results", expected, "no such file", "name another file")
+        raise _neither(path, "no such file")
     if is_series_result(path):
         return use_series_result(path, use, local_strain=local_strain)
-    return use_run_result(path, use, local_strain=local_strain)
+    try:
+        return use_run_result(path, use, local_strain=local_strain)
+    except RunFileError as error:
+        if error.source == str(path) and "from `dic process`" in error.expected:
+            raise _neither(path, error.got) from error
+        raise
+
+
+def _neither(path: PathLike, got: str) -> RunFileError:
+    expected, remedy = "a result file of `dic correlate -o` or `dic process`", "name another file"
+    return RunFileError(str(path), "read results", expected, got, remedy)
 
 
 def is_results(path: PathLike) -> bool:

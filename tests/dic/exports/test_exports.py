@@ -2,7 +2,6 @@
 
 import csv
 import json
-import os
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from PIL import Image
 
 import dic
 from dic.exports.image import unique_names
@@ -20,6 +20,7 @@ from tests.conftest import SpecklePattern
 from tests.dic.exports.exported import READERS, of_dataset, truth
 from tests.dic.out_of_plane.exact_views import State
 from tests.dic.pipeline.exact_runs import run_of
+from tests.exif_files import save_taken
 from tests.image_files import write_image
 from tests.peers import interpreter
 
@@ -37,8 +38,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         write_image(made / f"{name}.png", pattern.draw(lambda x, y, s=stretch: (x / (1 + s), y)))
     write_image(made / "other.png", np.full((20, 30), 9.0))
     files = [made / f"{name}.png" for name in ("ref", "img1", "other", "img2")]
-    for file, changed_s in zip(files, (1000.0, 1010.0, 1020.0, 1035.5), strict=True):
-        os.utime(file, (changed_s, changed_s))
+    for file, taken in zip(files, ("00.0", "10.0", "20.0", "35.5"), strict=True):
+        save_taken(Image.open(file), file, f"2026:07:01 10:00:{taken[:2]}", taken[3:])
     assert run_dic("correlate", *files, "--subset", 21, "--step", 12, "-o", made / "series.h5").status == 2
     F = np.array([[0.9991, 0.0004], [0.0004, 1.003]])
     states = [State(Pose.sloped(0.05, -0.15, 0.005), F), State(Pose.sloped(0.1, 0.1, 0.02), F)]
@@ -172,12 +173,37 @@ def test_grids_of_paraview_lie_upright_and_hide_points_without_a_displacement(fo
 
 
 def test_images_of_a_series_have_their_times(folder):
-    """The files were changed 10 s and 35.5 s after the reference."""
+    """By their Exif tags they were taken 10 s and 35.5 s after the reference."""
     order = (folder / "series" / "vtk" / "series.pvd").read_text()
     assert 'timestep="10.0" part="0" file="img1.vts"' in order
     assert 'timestep="35.5" part="0" file="img2.vts"' in order
     with np.load(folder / "series" / "npz" / "img2.npz") as file:
         assert json.loads(str(file["about"]))["time_s"] == 35.5
+
+
+def test_times_of_files_are_in_the_table_of_strains_alone(folder, tmp_path):
+    """Such a time is lost if the file is copied, and only this table names the source of a time."""
+    write_image(tmp_path / "img.png", np.asarray(Image.open(folder / "img1.png"), float))
+    result, out = tmp_path / "r.h5", tmp_path / "out"
+    files = folder / "ref.png", tmp_path / "img.png"
+    assert run_dic("correlate", *files, "--subset", 21, "--step", 24, "-o", result).status == 0
+    assert run_dic("export", result, "csv", "npz", "-o", out).status == 0
+    with np.load(out / "npz" / "img.npz") as file:
+        assert "time_s" not in json.loads(str(file["about"]))
+    assert ",file," in (out / "csv" / "strain.csv").read_text()
+
+
+def test_copy_of_the_reference_has_no_failed_points_in_dice_text(folder, tmp_path):
+    """Rounding makes the ZNCC of equal images larger than 1; in DICe, negative values mark failures."""
+    result, out = tmp_path / "r.h5", tmp_path / "out"
+    (tmp_path / "copy.png").write_bytes((folder / "ref.png").read_bytes())
+    files = folder / "ref.png", tmp_path / "copy.png"
+    assert run_dic("correlate", *files, "--subset", 21, "--step", 24, "-o", result).status == 0
+    assert run_dic("export", result, "dice", "-o", out).status == 0
+    with h5py.File(result) as file:
+        assert (file["series/zncc"][0] > 1.0).any()
+        points = np.count_nonzero((file["series/status"][0] == 0) & (file["series/active"][:] == 1))
+    assert len(dic.read_peer(out / "dice" / "DICe_solution_1.txt")) == points
 
 
 def test_raw_strain_beside_the_calibrated_one_is_that_of_planes_through_the_displacements(folder, tmp_path):
@@ -258,7 +284,9 @@ def test_places_and_files_that_cannot_be_used_end_with_one_sentence(folder, tmp_
     assert "expected a folder, got a file" in refusal(
         "export", folder / "series.h5", "npz", "-o", tmp_path / "file"
     )
-    assert "a result file of version" in refusal("export", folder / "img1.png", "npz", "-o", tmp_path / "new")
+    words = "expected a result file of `dic correlate -o` or `dic process`, got"
+    for other in (folder / "img1.png", folder):
+        assert words in refusal("export", other, "npz", "-o", tmp_path / "new")
     assert "choose a camera: expected aside or straight, got left" in refusal(
         "export", folder / "run.h5", "npz", "-o", tmp_path / "new", "--camera", "left"
     )
