@@ -103,6 +103,7 @@ def draw_background(axis: Any, background: Background, unit: str | None) -> None
     left, right, lower, upper = background.extent
     axis.set_xlim(left, right)
     axis.set_ylim(lower, upper)
+    axis.grid(visible=False)  # a style with a grid would draw its lines over the map
     if unit is None:
         axis.set_axis_off()
         return

@@ -15,6 +15,7 @@ from dic.report.camera_images import CameraImages, Results
 from dic.report.numbers import fixed, with_std
 from dic.report.stated_facts import FACTS, NOT_STATED, StatedFacts
 from dic.runfile.reader import RunFile
+from dic.typing import Grey, Mask
 
 _MM_TO_UM = 1000.0
 
@@ -120,19 +121,18 @@ def _interval(images: CameraImages) -> str:
 
 
 def _feature_size(images: CameraImages, facts: StatedFacts) -> str:
-    """Return the size of the speckles, measured in the reference image around the measured points."""
+    """Return the size of the speckles, measured in the reference image within the region of interest."""
     made = facts.given("pattern", "feature_size_mm")
     found = next((one.measurement for one in images.series.images if one.measurement is not None), None)
     texts = [] if made is None else [f"{made} as made"]
     if found is not None:
-        x, y = found.field.x_px, found.field.y_px
-        grey = images.series.reference[int(y[0]) : int(y[-1]) + 1, int(x[0]) : int(x[-1]) + 1]
-        texts.append(_measured_size(grey, images))
+        field, grey = found.field, images.series.reference
+        region = np.ones(grey.shape, np.bool_) if field.region is None else field.region
+        texts.append(_measured_size(grey, region, images))
     return "; ".join(texts) or NOT_STATED
 
 
-def _measured_size(grey: np.ndarray, images: CameraImages) -> str:
-    region = np.ones(grey.shape, np.bool_)
+def _measured_size(grey: Grey, region: Mask, images: CameraImages) -> str:
     try:
         pattern, noise = even_light(grey, region), noise_of_one(grey, region)
         sizes = [speckle_size(autocovariance(pattern, region, noise, axis)) for axis in (1, 0)]

@@ -28,14 +28,14 @@ class Fact:
 
 FACTS: Mapping[str, Mapping[str, Fact]] = {
     "laboratory": {
-        "name": Fact("Laboratory"),
+        "name": Fact("Name"),
         "operator": Fact("Operator"),
         "report_number": Fact("Number of the report"),
         "order": Fact("Order"),
         "date": Fact("Date of the test"),
     },
     "specimen": {
-        "name": Fact("Specimen"),
+        "name": Fact("Name"),
         "material": Fact("Material"),
         "condition": Fact("Condition"),
         "orientation": Fact("Direction of the specimen in the product"),
@@ -46,7 +46,7 @@ FACTS: Mapping[str, Mapping[str, Fact]] = {
         "preparation": Fact("Preparation"),
     },
     "machine": {
-        "model": Fact("Testing machine"),
+        "model": Fact("Model"),
         "load_cell": Fact("Load cell"),
         "load_cell_class": Fact("Class of the load cell (ISO 7500-1)"),
         "grips": Fact("Grips"),
