@@ -38,8 +38,8 @@ class Found:
     what : str
         Name of the device, shown to the user.
     settings : dict
-        Settings of the device in a rig file. The first setting gives the location of the device: a device
-        node, a port or an address.
+        Settings of the device in a rig file. The first setting tells which device it is: a device
+        node, a port, an address, or the identifier of a camera.
     usable : bool
         True if the driver can open the device with these settings. A generated rig file lists unusable
         devices as comments.

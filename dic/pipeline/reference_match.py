@@ -15,7 +15,7 @@ _SETTINGS = CorrelationSettings(subset_px=41, step_px=20, shape="quadratic")
 
 
 def match_references(first: CameraResult, second: CameraResult) -> ReferenceSurface:
-    """Return the plane of the specimen's surface in the reference images of two cameras.
+    """Return the plane, in the grid's axes, of the specimen's surface in the reference images of two cameras.
 
     If the two images cannot be correlated, the result gives the reason instead of the plane.
     """

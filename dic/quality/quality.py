@@ -269,7 +269,9 @@ def _second_image(second: ImageLike, grey: Grey, name: str) -> Grey:
 
 
 def _region(region: Mask | None, grey: Grey, subset_px: int) -> tuple[Mask, Mask, Specimen | None]:
-    """Return two masks, the allowed points of interest and the pixels to use, and the specimen if found.
+    """Return the mask of the allowed points, the mask of the pixels to use, and the specimen.
+
+    The specimen is None if the user gives a region.
 
     If the user gives a region of interest, both masks are this region. Otherwise the pixels are those of the
     specimen, and points are allowed where at least half of a subset lies on the specimen.

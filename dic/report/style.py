@@ -104,8 +104,9 @@ def legend_below(figure: Any, columns: int = 4) -> None:
 def line_style(series: CameraSeries, order: int, kind: Kind) -> dict[str, Any]:
     """Return the colour, the marker and the line style for the strains of a camera.
 
-    Raw strain is a dashed line with open markers. Calibrated strain is a solid line with full markers.
-    Corrected strain is a broad, partly transparent line.
+    Raw strain is a dashed line, calibrated strain a solid line, corrected strain a broad transparent line.
+    Off-axis cameras have open markers for raw strain and filled ones for calibrated strain. The markers of
+    on-axis cameras are crosses for both strains.
 
     Parameters
     ----------

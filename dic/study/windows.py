@@ -20,7 +20,7 @@ from dic.typing import Float
 
 
 def window_strain(u_px: Float, v_px: Float, step_px: int, strain: StrainSettings) -> Float:
-    """Return the strains exx and eyy from displacements on a regular grid, shape (2, rows, columns).
+    """Return the strains exx and eyy, shape (2, rows, columns), from displacements on a regular grid.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ def lock_path(line: str, folder: Path | None = None) -> Path:
 
 
 def note_holder(descriptor: int, doing: str = "") -> None:
-    """Write into a lock file the number and the command of this process, for messages of other programs."""
+    """Write this process's number, and `doing` or its command, into a lock file, for messages of others."""
     text = f"{os.getpid()}\n{doing or ' '.join(sys.argv)}\n".encode(errors="replace")
     with contextlib.suppress(OSError):
         os.ftruncate(descriptor, 0)
