@@ -78,4 +78,5 @@ class SeriesTimes:
             return ImageTime()
         first = (self._page or 1) if realpath(file) == realpath(self._file) else 1
         start_s = times_s[first - 1] if first <= len(times_s) else nan
-        return ImageTime(times_s[frame - 1] - start_s, "video")
+        time_s = times_s[frame - 1] - start_s
+        return ImageTime(time_s, "video") if isfinite(time_s) else ImageTime()

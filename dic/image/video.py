@@ -4,6 +4,7 @@ import os
 import threading
 from dataclasses import dataclass
 from functools import lru_cache
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ class Video:
     Attributes
     ----------
     times_s : tuple of float
-        Time of each frame since the first frame, as the file states it.
+        Time of each frame since the first frame, as the file states it; NaN if the file does not state it.
     declared : int
         Number of frames that the file declares; 0 if it declares none.
     codec : str
@@ -127,7 +128,20 @@ def _read_video(path: str, size: int, changed_ns: int) -> Video:
     codec = _letters(capture.get(cv2.CAP_PROP_FOURCC))
     lossy = codec.upper() not in _LOSSLESS | _UNCOMPRESSED
     declared = max(0, int(capture.get(cv2.CAP_PROP_FRAME_COUNT)))
-    return Video(tuple(time - times_s[0] for time in times_s), declared, codec, lossy, tuple(errors))
+    return Video(_since_first(times_s), declared, codec, lossy, tuple(errors))
+
+
+def _since_first(times_s: list[float]) -> tuple[float, ...]:
+    """Return times since the first frame; NaN for a time that is not after all earlier ones.
+
+    OpenCV gives the time 0 for a frame whose time the file does not state, such as the last one of an MPEG
+    file.
+    """
+    latest_s, found = times_s[0], [0.0]
+    for time_s in times_s[1:]:
+        found.append(time_s - times_s[0] if time_s > latest_s else nan)
+        latest_s = max(latest_s, time_s)
+    return tuple(found)
 
 
 def _is_of_ffmpeg(line: bytes) -> bool:

@@ -8,6 +8,7 @@ import pytest
 
 import dic
 from dic.errors import ImageError, ImageWarning
+from dic.image.times import ImageTime, SeriesTimes
 from dic.image.video import read_video
 
 RATE = 12.5
@@ -56,6 +57,20 @@ def test_colour_is_converted_to_its_luma(tmp_path):
 def test_times_follow_from_the_rate_of_frames(tmp_path):
     video = read_video(write_video(tmp_path / "a.mkv", grey_frames()))
     np.testing.assert_allclose(video.times_s, np.arange(FRAMES) / RATE, atol=1e-9)
+
+
+def test_frame_whose_time_the_file_does_not_state_has_no_time(tmp_path):
+    """The last frame of an MPEG file of small frames is such a frame; OpenCV gives it the time 0."""
+    path = tmp_path / "a.mpg"
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*"mpg1"), 25.0, SHAPE[::-1])
+    for k in range(FRAMES):
+        writer.write(np.full((*SHAPE, 3), 20 * k, np.uint8))
+    writer.release()
+    times_s = read_video(path).times_s
+    np.testing.assert_allclose(times_s[:-1], np.arange(FRAMES - 1) / 25.0, atol=1e-9)
+    assert np.isnan(times_s[-1])
+    assert SeriesTimes(f"{path}#2").of(f"{path}#{FRAMES}") == ImageTime()
+    assert SeriesTimes(f"{path}#2").of(f"{path}#5").time_s == pytest.approx(0.12)
 
 
 def test_lossy_codec_is_warned_of(tmp_path):
