@@ -10,6 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from dic.strain.convolution import convolved
 from dic.strain.displacement import Displacement, Noise
+from dic.strain.error_sums import add_products, set_weighted
 from dic.strain.window_kernel import add_covariances, add_shared, fit_slopes
 from dic.typing import Float, Indices, Mask
 
@@ -91,26 +92,30 @@ def covariance_of_sums(weights: Float, noise: Noise) -> Float:
         Errors of the displacements.
     """
     covariance = np.zeros((weights.shape[-1], weights.shape[-1]))
-    used = (weights != 0.0).any(axis=(2, 3))
     if noise.factors.any():
-        covariance = _covariance_of_noise(weights, used, noise)
+        covariance = _covariance_of_noise(weights, noise)
     if noise.bias is not None:
+        used = (weights != 0.0).any(axis=(2, 3))
         bias = np.einsum("nia,nip->pa", noise.bias[used], weights[used])
         covariance += bias @ bias.T
     return np.asarray(covariance)
 
 
-def _covariance_of_noise(weights: Float, used: Mask, noise: Noise) -> Float:
-    """Return the part of `covariance_of_sums` that image noise causes at the points `used`."""
-    parts = np.einsum("rcia,rcip->rcpa", noise.factors, weights)
-    parts = np.where(used[..., None, None], parts, 0.0)
+def _covariance_of_noise(weights: Float, noise: Noise) -> Float:
+    """Return the part of `covariance_of_sums` that image noise causes."""
+    rows, columns, _, count = weights.shape
+    parts = np.empty((rows, columns, count, 2))
+    factors, weights = (np.ascontiguousarray(each, np.float64) for each in (noise.factors, weights))
+    set_weighted(factors.reshape(-1, 2, 2), weights.reshape(-1, 2, count), parts.reshape(-1, count, 2))
     around = np.pad(noise.overlap, [(n - 1, 0) for n in noise.overlap.shape], mode="reflect")
     shared = convolved(parts, around[..., None, None])
     # Only the middle part of the convolution belongs to points of the grid.
     for axis in (0, 1):
         first = noise.overlap.shape[axis] - 1
         shared = shared.take(range(first, first + parts.shape[axis]), axis)
-    return np.asarray(np.einsum("rcpa,rcqa->pq", parts, shared))
+    sums = np.zeros((count, count))
+    add_products(parts.reshape(-1, count, 2), shared.reshape(-1, count, 2), sums)
+    return sums
 
 
 def fitted_gradients(displacement: Displacement, window: int, degree: int) -> tuple[Float, Float | None]:

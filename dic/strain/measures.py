@@ -8,6 +8,7 @@ to the x and y axes of the displacement in the undeformed state.
 
 import numpy as np
 
+from dic.strain.error_sums import set_variances
 from dic.typing import Float
 
 MEASURES = ("green-lagrange", "small", "hencky")
@@ -49,11 +50,17 @@ def strain_of(gradient: Float, covariance: Float | None, measure: str) -> tuple[
     if covariance is None:
         return strain, np.full(strain.shape, np.nan)
     by_gradient = by_tensor @ derivative
-    variance = np.einsum("...ki,...ij,...kj->k...", by_gradient, covariance, by_gradient)
-    std = np.sqrt(np.maximum(variance, 0.0))
+    variance = np.empty((*strain.shape[1:], 6))
+    set_variances(_in_line(by_gradient, 6), _in_line(covariance, 4), variance.reshape(-1, 6))
+    std = np.sqrt(np.maximum(np.moveaxis(variance, -1, 0), 0.0))
     std[5] = np.fmin(np.degrees(std[5]), _ANY_DIRECTION_DEG)
     # Where the strain is NaN, this sum makes the standard deviation NaN as well.
     return strain, std + 0.0 * strain
+
+
+def _in_line(matrices: Float, rows: int) -> Float:
+    """Return matrices (…, rows, 4) as an array (n, rows, 4)."""
+    return np.ascontiguousarray(matrices, np.float64).reshape(-1, rows, 4)
 
 
 def shared_std(tensor: Float, covariance: Float) -> Float:

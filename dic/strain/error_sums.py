@@ -1,0 +1,71 @@
+"""Sums over the errors of all points, compiled. Each sum has the order of terms that `numpy.einsum` has."""
+
+from dic.correlation.kernel.jit import compiled
+from dic.typing import Float
+
+
+@compiled
+def set_variances(derivatives: Float, covariance: Float, variance: Float) -> None:
+    """Set the variances of k values of each point: "nki,nij,nkj->nk" in the notation of `numpy.einsum`.
+
+    Parameters
+    ----------
+    derivatives : ndarray, shape (n, k, 4)
+        Derivatives of each point's values with respect to the elements of its displacement gradient.
+    covariance : ndarray, shape (n, 4, 4)
+        Covariance of these elements.
+    variance : ndarray, shape (n, k)
+        Output.
+    """
+    for n in range(derivatives.shape[0]):
+        for k in range(derivatives.shape[1]):
+            total = 0.0
+            for i in range(4):
+                for j in range(4):
+                    total += derivatives[n, k, i] * covariance[n, i, j] * derivatives[n, k, j]
+            variance[n, k] = total
+
+
+@compiled
+def add_products(one: Float, other: Float, sums: Float) -> None:
+    """Add the products of two arrays: "npa,nqa->pq" in the notation of `numpy.einsum`.
+
+    Parameters
+    ----------
+    one, other : ndarray, shape (n, p, a)
+    sums : ndarray, shape (p, p)
+        Input and output.
+    """
+    for n in range(one.shape[0]):
+        for p in range(one.shape[1]):
+            for q in range(one.shape[1]):
+                total = 0.0
+                for a in range(one.shape[2]):
+                    total += one[n, p, a] * other[n, q, a]
+                sums[p, q] += total
+
+
+@compiled
+def set_weighted(factors: Float, weights: Float, parts: Float) -> None:
+    """Set the parts of sums that each point's errors cause: "nia,nip->npa" in the notation of `numpy.einsum`.
+
+    Parameters
+    ----------
+    factors : ndarray, shape (n, 2, 2)
+        `Noise.factors` of each point, which may be NaN for points without weights.
+    weights : ndarray, shape (n, 2, p)
+        Weights of each displacement in the sums.
+    parts : ndarray, shape (n, p, 2)
+        Output; 0 for points whose weights are all 0.
+    """
+    for n in range(weights.shape[0]):
+        used = False
+        for each in weights[n].flat:
+            used |= each != 0.0
+        for p in range(weights.shape[2]):
+            for a in range(2):
+                total = 0.0
+                if used:
+                    total += factors[n, 0, a] * weights[n, 0, p]
+                    total += factors[n, 1, a] * weights[n, 1, p]
+                parts[n, p, a] = total
