@@ -68,7 +68,9 @@ class Noise:
 
     def of_bias(self) -> "Noise":
         """Return the errors that interpolation alone causes."""
-        return replace(self, factors=np.zeros_like(self.factors), gradient=np.zeros_like(self.gradient))
+        # Arrays of one repeated element take no memory.
+        factors, gradient = (np.broadcast_to(0.0, of.shape) for of in (self.factors, self.gradient))
+        return replace(self, factors=factors, gradient=gradient)
 
 
 @dataclass(frozen=True)

@@ -48,8 +48,13 @@ def mean_gradient(displacement: Displacement, use: Mask) -> tuple[Float, Float |
         return None
     covariance = None
     if displacement.noise is not None:
-        weights = np.zeros((*use.shape, 2, 4))
-        weights[use] = gradient_weights(position)
+        shape = (*use.shape, 2, 4)
+        if len(position) == use.size:
+            # Another array of this size would take more memory than the displacements.
+            weights = gradient_weights(position).reshape(shape)
+        else:
+            weights = np.zeros(shape)
+            weights[use] = gradient_weights(position)
         covariance = covariance_of_sums(weights, displacement.noise)
     return solution[:2].T, covariance
 
@@ -118,7 +123,9 @@ def _covariance_of_noise(weights: Float, noise: Noise) -> Float:
     return sums
 
 
-def fitted_gradients(displacement: Displacement, window: int, degree: int) -> tuple[Float, Float | None]:
+def fitted_gradients(
+    displacement: Displacement, window: int, degree: int, rows: slice | None = None
+) -> tuple[Float, Float | None]:
     """Fit a surface to the window of points around each point; return the displacement gradient of each fit.
 
     Parameters
@@ -129,6 +136,8 @@ def fitted_gradients(displacement: Displacement, window: int, degree: int) -> tu
         valid displacement.
     degree : int
         Degree of the fitted surface: 1 for a plane, 2 for a quadratic surface.
+    rows : slice, optional
+        Limits the result to some rows of points. Their windows may contain points of other rows.
 
     Returns
     -------
@@ -139,18 +148,21 @@ def fitted_gradients(displacement: Displacement, window: int, degree: int) -> tu
         Covariance of the gradient's elements xx, xy, yx, yy at each point; None if the errors of the
         displacements are not known.
     """
-    noise, shape, places = displacement.noise, displacement.valid.shape, window**2
+    noise, places = displacement.noise, window**2
+    rows = slice(0, len(displacement.valid)) if rows is None else rows
     points = np.concatenate([displacement.position, displacement.vector], axis=-1)
-    valid = _windows(displacement.valid, window)
+    valid = _windows(displacement.valid, window)[rows]
+    shape = valid.shape[:2]
     gradient = np.full((*shape, 2, 2), np.nan)
     covariance = None if noise is None else np.full((*shape, 4, 4), np.nan)
     # Points on two straight lines do not determine a quadratic surface. At most 2 · window points of a window
     # lie on two lines, so require one point more.
     needed = max(_MIN_WINDOW_SHARE * places, 2 * window + 1 if degree == 2 else 0)
-    fits = np.flatnonzero(displacement.valid & (valid.sum(axis=(-1, -2)) >= needed))
+    fits = np.flatnonzero(displacement.valid[rows] & (valid.sum(axis=(-1, -2)) >= needed))
     for some in np.array_split(fits, 1 + fits.size * places * 8 // _TERMS_IN_MEMORY):
         at = np.stack(np.divmod(some, shape[1]), axis=-1)
         use = valid[at[:, 0], at[:, 1]]
+        at[:, 0] += rows.start
         if displacement.sight is not None:
             use &= displacement.sight.neighbours(at[:, 0], at[:, 1], window)
             enough = use.sum(axis=(1, 2)) >= needed
@@ -159,9 +171,10 @@ def fitted_gradients(displacement: Displacement, window: int, degree: int) -> tu
         terms = 6 if degree == 2 else 3
         design, normal = np.empty((terms, window, window)), np.empty((terms, terms + 2))
         fit_slopes(at, use, points, design, normal, weights, slopes)
-        gradient[at[:, 0], at[:, 1]] = slopes
+        own = at[:, 0] - rows.start, at[:, 1]
+        gradient[own] = slopes
         if noise is not None and covariance is not None:
-            covariance[at[:, 0], at[:, 1]] = _covariances(at, use, weights, noise)
+            covariance[own] = _covariances(at, use, weights, noise)
     return gradient, covariance
 
 

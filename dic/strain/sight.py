@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.correlation.kernel.jit import compiled
+from dic.image.stored import is_large
 from dic.typing import Float, Grey, Indices, Mask
 
 _SAMPLES_PER_PX = 2
@@ -51,6 +52,22 @@ class Sight:
         ndarray of bool, shape (n, window, window)
             True for points inside the grid to which the straight line stays inside the region.
         """
+        reach = window // 2
+        if is_large(self.region.shape) and rows.size:
+            return self._rows_around(rows, reach)._neighbours(rows, columns, window)
+        return self._neighbours(rows, columns, window)
+
+    def _rows_around(self, rows: Indices, reach: int) -> "Sight":
+        """Return the part of a large region in which the windows around some rows of points lie.
+
+        The maps of a whole large region would take several times as much memory as the image.
+        """
+        # An even number, so that places half-way between two pixels are rounded as in the whole region.
+        top = self.y_px[max(0, int(rows.min()) - reach)] // 2 * 2
+        bottom = self.y_px[min(len(self.y_px) - 1, int(rows.max()) + reach)]
+        return Sight(self.region[top : bottom + 1], self.x_px, self.y_px - top)
+
+    def _neighbours(self, rows: Indices, columns: Indices, window: int) -> Mask:
         reach = window // 2
         seen = np.ones((len(rows), window, window), np.bool_)
         near_an_edge = ~self._surrounded(rows, columns, reach)

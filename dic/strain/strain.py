@@ -7,6 +7,7 @@ import numpy as np
 
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError, is_whole, require_all
+from dic.image.threads import bands_of
 from dic.strain.displacement import Displacement
 from dic.strain.fit import fitted_gradients, mean_gradient
 from dic.strain.measures import COMPONENTS, MEASURES, limited, shared_std, strain_of
@@ -14,6 +15,9 @@ from dic.typing import Float, Mask
 
 SOURCES = ("fit", "quadratic-fit", "shape")
 """Sources of local strain: a fitted plane, a fitted quadratic surface, or the subset's shape function."""
+
+_POINTS = 100_000
+"""Approximate number of points whose strains are computed at a time."""
 
 STRAIN_KEYS = (*COMPONENTS, *(f"{name}_std" for name in COMPONENTS))
 IMAGES_KEYS = tuple(f"{name}_std_images" for name in COMPONENTS[:3])
@@ -269,15 +273,24 @@ def strain_field(displacement: Displacement, settings: StrainSettings | None = N
         If the source of the strain is "shape" and the displacement has no `gradient`.
     """
     settings = settings or StrainSettings()
-    noise = displacement.noise
-    if settings.source == "shape":
-        if displacement.gradient is None:
-            raise ValueError("strain from shape functions needs Displacement.gradient, which is None")
-        known = displacement.valid[..., None, None]
-        gradient = np.where(known, displacement.gradient, np.nan)
-        covariance = None if noise is None else np.where(known, noise.gradient, np.nan)
-    else:
-        degree = 2 if settings.source == "quadratic-fit" else 1
-        gradient, covariance = fitted_gradients(displacement, settings.window_points, degree)
-    values = np.concatenate(strain_of(gradient, covariance, settings.measure))
+    if settings.source == "shape" and displacement.gradient is None:
+        raise ValueError("strain from shape functions needs Displacement.gradient, which is None")
+    count, columns = displacement.valid.shape
+    values = np.empty((len(STRAIN_KEYS), count, columns))
+    # The covariances of a point take ten times as much memory as its strain, so compute some rows at a time.
+    for rows in bands_of(count, max(1, _POINTS // max(1, columns))):
+        gradient, covariance = _gradients(displacement, settings, rows)
+        values[:, rows] = np.concatenate(strain_of(gradient, covariance, settings.measure))
     return StrainField(**dict(zip(STRAIN_KEYS, values, strict=True)))
+
+
+def _gradients(
+    displacement: Displacement, settings: StrainSettings, rows: slice
+) -> tuple[Float, Float | None]:
+    """Return the displacement gradients and their covariances of some rows of points."""
+    if settings.source == "shape" and displacement.gradient is not None:
+        known, noise = displacement.valid[rows, :, None, None], displacement.noise
+        gradient = np.where(known, displacement.gradient[rows], np.nan)
+        return gradient, None if noise is None else np.where(known, noise.gradient[rows], np.nan)
+    degree = 2 if settings.source == "quadratic-fit" else 1
+    return fitted_gradients(displacement, settings.window_points, degree, rows)

@@ -154,7 +154,7 @@ def test_a_line_of_sight_ends_at_the_region_and_goes_round_no_tip():
     assert not seen[0, 0].any()
 
 
-def test_points_that_see_each_other_are_those_whose_line_is_clear():
+def test_points_that_see_each_other_are_those_whose_line_is_clear(monkeypatch):
     rng = np.random.default_rng(6)
     region = np.ones((140, 160), bool)
     for x, y, radius in rng.integers(0, (160, 140, 14), (9, 3)):
@@ -172,6 +172,10 @@ def test_points_that_see_each_other_are_those_whose_line_is_clear():
         np.testing.assert_array_equal(seen[there, i, j], clear)
         count += np.count_nonzero(~clear)
     assert count > 1000
+    # In a large region, only the rows around the points are examined.
+    monkeypatch.setattr("dic.image.stored.WHOLE_PX", 0)
+    for some in np.array_split(np.arange(len(rows)), 7):
+        np.testing.assert_array_equal(sight.neighbours(rows[some], columns[some], 9), seen[some])
 
 
 def test_displacements_without_a_region_use_whole_windows():

@@ -122,3 +122,13 @@ def test_wide_windows_take_only_correlations_of_subsets_that_overlap(monkeypatch
     fitted_gradients(scattered(0.3), 7, 1)
     assert asked
     assert max(asked) < max(DOWN, ACROSS)
+
+
+@pytest.mark.parametrize("clipped_share", [0.0, 0.3])
+def test_some_rows_have_the_fits_of_all_rows(clipped_share):
+    displacement = scattered(clipped_share)
+    every = fitted_gradients(displacement, 5, 1)
+    for rows in (slice(0, 2), slice(2, ROWS)):
+        for some, whole in zip(fitted_gradients(displacement, 5, 1, rows), every, strict=True):
+            assert np.isfinite(whole[rows]).any()
+            np.testing.assert_array_equal(some, whole[rows])
