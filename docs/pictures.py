@@ -38,6 +38,8 @@ OUT_OF_THE_REPORT = {
     "tension-differences.svg": "Differences from the raw strain of the on-axis camera",
     "tension-motion.svg": "Motion of the specimen's plane against the load",
     "tension-heights.png": "Heights of the specimen's surface",
+    "tensile-values.png": "Stress against strain with the elastic line",
+    "tensile-curves.svg": "Stress against strain of all cameras",
 }
 """Maps each picture of the documentation to the title of a figure in the demo's report."""
 

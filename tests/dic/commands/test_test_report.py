@@ -13,10 +13,12 @@ import rdflib
 import dic
 from dic.report.camera_images import images_of
 from dic.report.state_fields import state_picture
+from dic.report.stated_facts import FACTS as FACTS_KNOWN
 from dic.report.states import State, chosen_states
 from tests.command_line import refusal, run_dic
 from tests.dic.commands.tension_series import AREA_MM2, AXIAL, E_MPA, GAUGES, WIDTH, stress_mpa
 from tests.dic.report.page import Page
+from tests.places import DOCS
 
 FACTS = """
 [specimen]
@@ -173,6 +175,17 @@ def test_details_that_do_not_fit_are_one_sentence(folder, tmp_path, name, text, 
     said = refusal("report", folder / "r.h5", *record, "--declare", AXIAL, f"--{name}", text, "-o", page)
     assert all(each in said for each in words)  # all mistakes together
     assert not page.exists()
+
+
+def test_example_of_facts_in_the_documentation_states_every_fact(tmp_path):
+    page = (DOCS / "report.md").read_text("utf-8")
+    (example,) = re.findall(r"```toml\n(\[laboratory\].*?)```", page, re.DOTALL)
+    (tmp_path / "facts.toml").write_text(example, encoding="utf-8")
+    facts = dic.read_stated_facts(tmp_path / "facts.toml")
+    assert {name: set(table) for name, table in facts.tables.items()} == {
+        name: set(known) for name, known in FACTS_KNOWN.items()
+    }
+    assert facts.stated("specimen", "parallel_length_mm") == "75 mm"
 
 
 @pytest.fixture(scope="module")
