@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dic.errors import is_whole, require_kind
-from dic.gauges.plot import cameras_of, chosen_kinds, refused
+from dic.gauges.plot import cameras_of, chosen_kinds, refused, require_one_unit
 from dic.gauges.reading import Profile
 from dic.gauges.series import GaugeImage, GaugeSeries
 from dic.pictures.contact_sheet import evenly_spaced, shortened
@@ -33,6 +33,7 @@ QUANTITIES = {
     "exy": "εxy",
 }
 """The quantities that can be drawn along a cut, and their names on the axis."""
+_LENGTHS = ("u", "v")
 MOST_IMAGES = 8
 """Largest number of images that are drawn if the user does not choose images."""
 _COLOUR_MAP, _LIGHTEST = "viridis", 0.88
@@ -106,6 +107,8 @@ def plot_cuts(
     if not any(panel.curves for panel in panels):
         remedy = "look at the reasons in the table of `dic gauges -o`"
         raise refused(series, f"draw {quantity}", "a cut with values", "none", remedy)
+    for panel in panels if quantity in _LENGTHS else ():
+        require_one_unit(series, quantity, (curve.profile.unit for curve in panel.curves))
     with plot_style():
         figure, axes = new_plot(settings, len(panels))
         for axis, panel in zip(axes, panels, strict=True):
@@ -175,7 +178,7 @@ def _draw(axis: Any, panel: _Panel, quantity: str) -> None:
         return
     profiles = [curve.profile for curve in panel.curves]
     unit, scale = profiles[0].unit, 1.0
-    if quantity not in ("u", "v"):
+    if quantity not in _LENGTHS:
         unit, scale = strain_unit(np.concatenate([profile.values[quantity] for profile in profiles]))
     numbers = sorted({curve.number for curve in panel.curves})
     shades = np.linspace(0.0, _LIGHTEST, max(len(numbers), 2))

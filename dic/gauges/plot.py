@@ -1,6 +1,6 @@
 """A picture of gauges against time, load or the number of the image, with their uncertainty."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -113,6 +113,14 @@ def refused(series: GaugeSeries, step: str, expected: str, got: str, remedy: str
     return GaugeError(series.source or "gauges", step, expected, got, remedy)
 
 
+def require_one_unit(series: GaugeSeries, quantity: str, units: Iterable[str]) -> None:
+    """Raise an error if the values for one axis have different units."""
+    different = sorted(set(units))
+    if len(different) > 1:
+        remedy = "draw one kind of values"
+        raise refused(series, f"draw {quantity}", "values in one unit", " and ".join(different), remedy)
+
+
 def chosen_kinds(series: GaugeSeries, kinds: Sequence[str]) -> tuple[str, ...]:
     """Return the kinds of strain to draw, from the most accurate to the least accurate.
 
@@ -180,10 +188,8 @@ def _require_content(series: GaugeSeries, lines: list[_Line], against: str, quan
             "load": "give the machine's record with --record and --load",
         }[against]
         raise refused(series, f"draw against {against}", f"images with a {against}", "none", remedy)
-    units = {line.unit for line in lines}
-    if quantity in _LENGTHS and len(units) > 1:
-        remedy = "draw one kind of values"
-        raise refused(series, f"draw {quantity}", "values in one unit", " and ".join(sorted(units)), remedy)
+    if quantity in _LENGTHS:
+        require_one_unit(series, quantity, (line.unit for line in lines))
 
 
 def _draw(

@@ -1,5 +1,6 @@
 """Files of moving pictures, written frame by frame: GIF by Pillow, MP4 by OpenCV."""
 
+import errno
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -145,12 +146,14 @@ def _image_place(body: bytes) -> int:
 
 
 def _mp4(video: Path, per_s: float, path: Path) -> Iterator[Callable[[Frame], None]]:
-    """Yield a function that adds a frame to an MP4 file."""
+    """Yield a function that adds a frame to an MP4 file; then check that the file has all frames."""
     import cv2
 
     writers: list[cv2.VideoWriter] = []
+    added = 0
 
     def add(frame: Frame) -> None:
+        nonlocal added
         # The video codec needs an even width and height.
         even = np.pad(frame, ((0, frame.shape[0] % 2), (0, frame.shape[1] % 2), (0, 0)), mode="edge")
         if not writers:
@@ -160,9 +163,24 @@ def _mp4(video: Path, per_s: float, path: Path) -> Iterator[Callable[[Frame], No
                 got, remedy = f"OpenCV {cv2.__version__} without it", "give a name that ends with .gif"
                 raise OutputError(str(path), "write MP4", "an OpenCV that encodes MPEG-4", got, remedy)
         writers[0].write(np.ascontiguousarray(even[..., ::-1]))
+        added += 1
 
     try:
         yield add
     finally:
         for writer in writers:
             writer.release()
+    # OpenCV reports no error of writing, such as a full disk, so read the file again.
+    if writers and (written := _frames_in(video)) != added:
+        raise OSError(errno.EIO, f"the disk may be full: {written} of {added} frames were written", str(path))
+
+
+def _frames_in(video: Path) -> int:
+    """Return the number of frames of a video file; 0 if it cannot be read."""
+    import cv2
+
+    capture = cv2.VideoCapture(str(video))
+    try:
+        return int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
+    finally:
+        capture.release()

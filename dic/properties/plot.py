@@ -49,7 +49,10 @@ def draw_properties(properties: Properties) -> Any:
         axes.plot(strain, stress, color=_RECORD, linewidth=1.2, **points)
         axes.set(xlabel="strain after correction of the foot, %", ylabel="stress, MPa")
         axes.grid(alpha=0.3)
-    whole.set(title="whole record of strain", ylim=_with_room(stress, 0.12))
+    # Rm may be larger than all stresses with a strain.
+    strength = properties.values["Rm_mpa"].value
+    shown = stress if strength is None else np.append(stress, strength)
+    whole.set(title="whole record of strain", ylim=_with_room(shown, 0.12))
     for mark in _draw_extreme(whole, properties, strain, "Rm_mpa"):
         _name_above(whole, mark)
     if elastic is None:
@@ -136,10 +139,10 @@ def _draw_extreme(axes: Any, properties: Properties, strain: Float, name: str) -
     value = properties.values[name]
     sign, colour = _MARKS[name]
     at = value.window.get("point")
-    if value.value is None or at is None:
+    if value.value is None:
         return []
     text = _text(properties, name, _NAMES[name])
-    if at < len(strain):
+    if at is not None and at < len(strain):
         axes.plot(strain[at], value.value, sign, color=colour)
         return [_Mark((float(strain[at]), value.value), text, colour)]
     axes.axhline(value.value, color=colour, linewidth=0.8, linestyle=":")

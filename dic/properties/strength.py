@@ -32,35 +32,53 @@ def begin_of(plateau: Plateau | None) -> int:
     return plateau.last if plateau is not None else 0
 
 
+def why_no_strain(record: Record, at: int, plateau: Plateau | None = None) -> str:
+    """Return the reason why the strain at the largest stress is not known; "" if it is known.
+
+    Parameters
+    ----------
+    record : Record
+    at : int
+        Index of the largest stress, from `strength_point`.
+    plateau : Plateau, optional
+    """
+    if _largest_without_strain(record, plateau) > record.stress[at]:
+        return "the image of the largest load has no strain"
+    if at >= record.end:
+        return f"{record.end_reason or 'the strain ends before Rm'}; Rm comes later"
+    return ""
+
+
+def _largest_without_strain(record: Record, plateau: Plateau | None) -> float:
+    """Return the largest stress, MPa, of the images without strain after yielding."""
+    return record.passed(begin_of(plateau), len(record.stress))[1]
+
+
 def tensile_strength(
     record: Record, settings: PropertySettings, at: int, plateau: Plateau | None = None
 ) -> PropertyValue:
     """Return the tensile strength Rm, which is computed without any strain."""
     stress = float(record.stress[at])
     noise = record.noise(record.stress)
-    _, without_strain = record.passed(begin_of(plateau), len(record.stress))
+    without_strain = _largest_without_strain(record, plateau)
     count = np.count_nonzero(record.stress[begin_of(plateau) :] >= stress - FLAT_TIMES * noise)
-    flags = []
+    window, flags = {"point": at}, []
     if without_strain > stress:
-        stress = without_strain
+        # No point of the curve has this stress.
+        stress, window = without_strain, {}
         flags.append("gap: the image of the largest load has no strain")
     elif at >= len(record.stress) - 2:
         flags.append("end: the largest stress is the last one, so the record may end before Rm")
     # On a flat top, the largest of many noisy values is larger than the true stress.
     std = root_sum(stress * settings.stress_share, noise, excess_of_extreme(noise, int(count)))
-    return PropertyValue(stress, std, "MPa", RM_RULE, {"point": at}, tuple(flags))
+    return PropertyValue(stress, std, "MPa", RM_RULE, window, tuple(flags))
 
 
 def uniform_elongations(
     record: Record, elastic: Elastic, settings: PropertySettings, at: int, plateau: Plateau | None = None
 ) -> tuple[PropertyValue, PropertyValue]:
     """Return the total and the plastic extension at the largest force, Agt and Ag."""
-    if record.passed(begin_of(plateau), len(record.stress))[1] > record.stress[at]:
-        reason = "the image of the largest load has no strain"
-        return missing("%", AGT_RULE, reason), missing("%", AG_RULE, reason)
-    if at >= record.end:
-        reason = record.end_reason or "the strain ends before Rm"
-        reason += "; Rm comes later"
+    if reason := why_no_strain(record, at, plateau):
         return missing("%", AGT_RULE, reason), missing("%", AG_RULE, reason)
     if at >= len(record.stress) - 2:
         reason = "the largest stress is the last one, so the record may end before Rm"

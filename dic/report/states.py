@@ -7,7 +7,7 @@ from typing import NoReturn
 import numpy as np
 
 from dic.errors import CurveError
-from dic.properties.strength import strength_point
+from dic.properties.strength import strength_point, why_no_strain
 from dic.report.numbers import fixed
 from dic.report.tensile_test import SYMBOLS, TestColumn
 
@@ -101,12 +101,16 @@ def _point(column: TestColumn, text: str, *, required: bool) -> int | None:
         _refuse(f"one of {_EXAMPLES}", repr(text), "give Rp02")
     found = column.properties
     strain = found.record.strain
-    top = min(strength_point(found.record, found.plateau), len(strain) - 1)
+    top = strength_point(found.record, found.plateau)
     if kind == "last":
         return len(strain) - 1
-    if kind == "Rm":
-        return top
-    if kind == "half":
+    if kind in ("Rm", "half"):
+        if reason := why_no_strain(found.record, top, found.plateau):
+            if required:
+                _refuse("a strain at Rm", reason, "choose another point, such as last")
+            return None
+        if kind == "Rm":
+            return top
         return _nearest(strain[: top + 1] - strain[0], 0.5 * float(strain[top] - strain[0]))
     key = f"{kind}_mpa"
     mpa = found.values[key]

@@ -168,6 +168,18 @@ def test_a_place_without_points_leaves_a_gap_in_a_cut(drawn):
     assert len(band.get_paths()) == 2
 
 
+def test_displacements_in_different_units_are_not_drawn_on_one_axis(drawn):
+    (image,) = dic.measure_gauges(exact_series(exact_field(bent)), (ACROSS,)).images
+    raw = image.readings["across"]["raw"]
+    both = {"across": {"raw": raw, "calibrated": replace(raw, unit="mm")}}
+    series = dic.GaugeSeries("", (ACROSS,), (replace(image, readings=both),))
+    kinds = ("raw", "calibrated")
+    with pytest.raises(dic.GaugeError, match="draw u: expected values in one unit, got mm and px"):
+        dic.plot_cuts(series, "picture.svg", quantity="u", kinds=kinds)
+    figure, _ = drawn(dic.plot_cuts, series, quantity="exx", kinds=kinds)  # a strain has no unit
+    assert len(lines_of(figure.axes[0])) == 2
+
+
 def test_a_long_series_is_shown_by_eight_measured_images_of_a_cut(drawn):
     strains = np.linspace(1e-4, 2e-3, 20)
     series = of_strains((ACROSS,), strains=strains, images=[0, 10, 19])

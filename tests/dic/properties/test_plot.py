@@ -57,3 +57,18 @@ def test_values_are_named_in_the_chart_without_covering_each_other(curve, offset
             assert whole.y0 <= box.y0
             assert box.y1 <= whole.y1
         assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+
+
+def test_a_strength_between_the_images_is_a_line_and_no_point_of_the_curve():
+    strain, stress = smooth()
+    passed_n = np.full((len(stress), 2), np.nan)
+    passed_n[-1] = 500.0 * AREA_MM2  # an image without strain, just before the last point
+    record = Curve("drawn", AREA_MM2 * stress, strain, passed_n=passed_n)
+    found = material_properties(record, PropertySettings(area_mm2=AREA_MM2))
+    assert found.values["Rm_mpa"].value == pytest.approx(500.0)
+    assert "point" not in found.values["Rm_mpa"].window
+    whole = draw_properties(found).axes[0]
+    assert "Rm = 500.0 MPa, strain not known" in {text.get_text() for text in whole.texts}
+    at_rm = [line for line in whole.lines if np.allclose(line.get_ydata(), 500.0)]
+    assert [line.get_linestyle() for line in at_rm] == [":"]
+    assert whole.get_ylim()[1] > 500.0
