@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 from dic.correlation.chaining import chain, moved_region
 from dic.correlation.field import Field
+from dic.correlation.initial_guess import checked_homography
 from dic.correlation.reference import Reference
 from dic.correlation.series_state import (
     GUESS_DISTANCE,
@@ -171,6 +172,7 @@ class Series:
         The method `accept` of a second `Series` takes these fields. The second series can then go on after
         the image `deformed` without correlating it.
         """
+        hint = None if hint is None else checked_homography(hint)
         read = cache(lambda: grey_levels(deformed, "deformed image"))
         return self.follow(lambda attempt: attempt.correlate(read()), read, hint)
 

@@ -72,7 +72,7 @@ class StoredImage:
     def mean(self) -> float:
         """Return the mean grey level."""
         if self.is_ready:
-            return float(self.stored.mean())
+            return float(self.stored.mean(dtype=np.float64))
         height, width = self.shape
         sums = [self.rows(band.start, band.stop).sum(dtype=np.float64) for band in bands_of(height, _BAND_PX)]
         return float(sum(sums)) / (height * width)

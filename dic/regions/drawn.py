@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.errors import CorrelationError, MeasurementError, joined
-from dic.regions.crossings import find_crossings
+from dic.regions.crossings import Crossing, find_crossings
+from dic.regions.overlaps import find_overlaps
 from dic.regions.polygons import line_mask, polygon_mask
 from dic.typing import Float, Mask
 
@@ -102,8 +103,8 @@ class DrawnRegion:
         Raises
         ------
         CorrelationError
-            If a part lies outside the image, the region was drawn on an image of another size, or edges of
-            polygons cross. The message names all such parts together.
+            If a part lies outside the image, the region was drawn on an image of another size, or
+            polygons cross or cover each other in part. The message names all such parts together.
         """
         self.require_fits(shape)
         mask = polygon_mask([one.corners for one in self.polygons], shape)
@@ -114,8 +115,11 @@ class DrawnRegion:
         return mask
 
     def require_fits(self, shape: tuple[int, ...]) -> None:
-        """Raise the same errors as `mask`, but without computing a mask."""
-        if errors := [*self._wrong_sizes(shape), *self._outside(shape), *self._crossings()]:
+        """Raise the same errors as `mask`, but without computing the mask."""
+        outside, own = self._outside(shape), find_crossings([one.corners for one in self.polygons])
+        # The masks of places far outside the image could have any size.
+        overlaps = [] if outside else self._overlaps(own)
+        if errors := [*self._wrong_sizes(shape), *outside, *self._crossings(own), *overlaps]:
             raise joined(errors)
 
     def _wrong_sizes(self, shape: tuple[int, ...]) -> list[MeasurementError]:
@@ -146,8 +150,7 @@ class DrawnRegion:
                 errors.append(CorrelationError(label, "compare with the image", expected, _at(x, y), remedy))
         return errors
 
-    def _crossings(self) -> list[MeasurementError]:
-        own = find_crossings([one.corners for one in self.polygons])
+    def _crossings(self, own: Sequence[Crossing]) -> list[MeasurementError]:
         holes = [find_crossings([hole.corners]) for hole in self.holes]
         selves = [(self.polygons[one.first].label, one) for one in own if one.first == one.second]
         selves += [(hole.label, one) for hole, ones in zip(self.holes, holes, strict=True) for one in ones]
@@ -163,16 +166,31 @@ class DrawnRegion:
             for label, one in selves
         ]
         return errors + [
-            CorrelationError(
-                self.polygons[one.first].label,
-                "check the outline",
-                f"{expected}, also with those of other polygons",
-                f"a crossing with {self.polygons[one.second].label} at {_at(one.x, one.y)}",
-                "draw one polygon around both, or declare one of them as a hole",
+            self._refused_pair(
+                one.first, one.second, "edges that do not cross", "a crossing", f" at {_at(one.x, one.y)}"
             )
             for one in own
             if one.first != one.second
         ]
+
+    def _overlaps(self, crossings: Sequence[Crossing]) -> list[MeasurementError]:
+        crossed = {(one.first, one.second) for one in crossings}
+        return [
+            self._refused_pair(first, second, "polygons side by side, or one inside the other", "an overlap")
+            for first, second in find_overlaps([one.corners for one in self.polygons])
+            if (first, second) not in crossed
+        ]
+
+    def _refused_pair(
+        self, first: int, second: int, expected: str, got: str, place: str = ""
+    ) -> MeasurementError:
+        return CorrelationError(
+            self.polygons[first].label,
+            "compare with other polygons",
+            expected,
+            f"{got} with {self.polygons[second].label}{place}",
+            "draw one polygon around both, or declare one of them as a hole",
+        )
 
 
 def _at(x: float, y: float) -> str:

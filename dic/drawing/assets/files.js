@@ -86,6 +86,8 @@ function regionProblems(model) {
         found.push(
           `${outlines[k][0]} and ${outlines[m][0]} cross at ${at(place)}; draw one around both, or make one a hole.`
         );
+      } else if (overlapsPartly(outlines[k][1], outlines[m][1])) {
+        found.push(`${outlines[k][0]} and ${outlines[m][0]} overlap; draw one around both, or make one a hole.`);
       }
     }
   }

@@ -50,6 +50,37 @@ function isInside([x, y], corners) {
   return crossed.length % 2 === 1;
 }
 
+function isOnEdge([x, y], [a, b]) {
+  const length = distance(a, b);
+  const along = ((x - a[0]) * (b[0] - a[0]) + (y - a[1]) * (b[1] - a[1])) / (length || 1);
+  const share = Math.min(1, Math.max(0, along / (length || 1)));
+  return distance([x, y], moved(a, [share, [b[0] - a[0], b[1] - a[1]]])) < 1e-6;
+}
+
+// Which pieces of a polygon's outline lie inside and outside another polygon that it does not cross.
+function piecesBeside(corners, other) {
+  const edges = edgesOf(other);
+  const found = { inside: false, outside: false };
+  for (const [a, b] of edgesOf(corners)) {
+    const touching = other.filter((corner) => isOnEdge(corner, [a, b])).map((corner) => distance(a, corner));
+    const places = [0, ...touching, distance(a, b)].sort((one, next) => one - next);
+    for (let k = 1; k < places.length; k++) {
+      const share = (places[k - 1] + places[k]) / 2 / (distance(a, b) || 1);
+      const middle = moved(a, [share, [b[0] - a[0], b[1] - a[1]]]);
+      if (edges.some((edge) => isOnEdge(middle, edge))) continue;
+      found[isInside(middle, other) ? "inside" : "outside"] = true;
+    }
+  }
+  return found;
+}
+
+// Whether two polygons without a crossing cover each other, and neither lies inside the other.
+function overlapsPartly(one, other) {
+  const both = [piecesBeside(one, other), piecesBeside(other, one)];
+  const equal = both.every((pieces) => !pieces.inside && !pieces.outside);
+  return equal || both.some((pieces) => pieces.inside && pieces.outside);
+}
+
 // Unit vectors along and across a line; across is 90° to the left of along as the image is seen.
 function axesOf(start, end) {
   const length = distance(start, end) || 1;

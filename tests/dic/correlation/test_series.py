@@ -167,3 +167,13 @@ def test_memory_does_not_grow_with_the_number_of_images(speckle, incremental, im
 def test_an_unknown_way_of_taking_new_references_is_refused(speckle):
     with pytest.raises(CorrelationError, match="auto or never or always, got sometimes"):
         Series(speckle().draw(), settings=SETTINGS, incremental="sometimes")
+
+
+@pytest.mark.parametrize("hint", ["a turn", np.eye(2), np.full((3, 3), np.nan)])
+def test_an_expected_motion_that_is_none_is_refused(speckle, hint):
+    pattern = speckle(shape=(90, 100))
+    series = Series(pattern.draw(), settings=SETTINGS)
+    with pytest.raises(
+        CorrelationError, match=r"hint: expect motion: expected a homography of shape \(3, 3\)"
+    ):
+        series.correlate(pattern.draw(), hint=hint)

@@ -211,6 +211,10 @@ class TestLong:
         draw(window, "region", (50, 50), (150, 50), (150, 150))
         draw(window, "region", (120, 20), (140, 20), (140, 250))
         assert "Region 1 and Region 2 cross at" in said("region")
+        window.press("z", modifiers=2)
+        # A triangle whose upper edge lies on that of the first one: no edges cross.
+        draw(window, "region", (100, 50), (200, 50), (150, 150))
+        assert "Region 1 and Region 2 overlap" in said("region")
         draw(window, "extensometer", (60, 200), (100, 200), end=False)
         window.type("#value-patch", "60")
         assert "smaller than the gauge is long" in said("gauges")

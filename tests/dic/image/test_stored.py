@@ -50,6 +50,13 @@ def test_a_reduced_image_has_the_means_of_areas(kind):
     assert image.mean() == pytest.approx(exact.mean(), rel=1e-6)
 
 
+def test_the_mean_does_not_depend_on_the_stored_type():
+    levels = np.random.default_rng(5).integers(120, 250, (1400, 500), np.uint8)
+    # The exact sum, as whole numbers, exceeds the 2^24 up to which float32 counts exactly.
+    mean = int(levels.sum(dtype=np.int64)) / levels.size
+    assert StoredImage(levels).mean() == StoredImage(levels.astype(np.float32)).mean() == mean
+
+
 def test_a_turned_image_has_turned_rows():
     image = stored_image(np.uint8).turned(1)
     assert image.shape == SHAPE[::-1]
