@@ -260,6 +260,17 @@ class Calibration:
         return float(np.sqrt(abs(np.linalg.det(self.jacobian(middle)[0]))))
 
     @property
+    def axes_mm_per_px(self) -> tuple[float, float]:
+        """Scales at the middle of the grid along the image's x and y, mm/px.
+
+        They differ if the camera is off-axis: the length in the grid's plane that one pixel covers is larger
+        in the direction in which the plane is tilted. `mm_per_px` is a mean of both.
+        """
+        middle = self.grid.uv_px.mean(axis=0, keepdims=True)
+        x_mm, y_mm = np.linalg.norm(self.jacobian(middle)[0], axis=0)
+        return float(x_mm), float(y_mm)
+
+    @property
     def _in_use(self) -> PlaneMap:
         if self.model == "pinhole" and self.pinhole is not None:
             return self.pinhole

@@ -12,7 +12,7 @@ from dic.out_of_plane.correction import Correction
 from dic.pictures.background import background_of
 from dic.pictures.layout import FONT_PT, Layout
 from dic.pictures.maps import cut_ends, draw_background, draw_bar, draw_panel
-from dic.pictures.panels import Maps, Panel, Scale, map_scale, maps_of
+from dic.pictures.panels import Maps, Panel, Scale, common_name, map_scale, maps_of
 from dic.pictures.settings import MapSettings
 from dic.strain.measurement import Measurement
 from dic.typing import Grey, ImageLike, PathLike
@@ -107,12 +107,15 @@ def draw_contact_sheet(
     layout = Layout(len(images), columns, settings.width_mm, background.aspect, False, True, bars=False)
     figure = layout.new_figure()
     share = "" if len(images) == number else f", {len(images)} of {number} images"
-    figure.suptitle(panels[0].title + share, fontsize=FONT_PT + 2, y=1 - 1.0 / layout.height_mm, va="top")
+    common, mixed = common_name(panels)
+    title = f"{common}, {panels[0].unit}{share}"
+    figure.suptitle(title, fontsize=FONT_PT + 2, y=1 - 1.0 / layout.height_mm, va="top")
     meshes = []
     for index, (name, maps) in enumerate(images):
         axis = layout.add_axes(figure, index)
         draw_background(axis, background, None)
-        axis.set_title(shortened(name), fontsize=FONT_PT - 1, pad=1.5, y=1.0)
+        kind = f", {panels[index].kind}" if mixed else ""
+        axis.set_title(shortened(name, beside=kind), fontsize=FONT_PT - 1, pad=1.5, y=1.0)
         meshes.append(draw_panel(axis, panels[index], maps.places.drawn_corners(), settings, scale))
     drawn = [mesh for mesh in meshes if mesh is not None]
     if drawn:
@@ -121,7 +124,10 @@ def draw_contact_sheet(
     return figure
 
 
-def shortened(name: str) -> str:
-    """Return the last part of a path, cut at its beginning if it is too long for a small map."""
-    last = PurePath(name).name
-    return last if len(last) <= _LONGEST_NAME else "…" + last[1 - _LONGEST_NAME :]
+def shortened(name: str, beside: str = "") -> str:
+    """Return the last part of a path, cut at its beginning if it is too long for a small map.
+
+    The text `beside` follows the name and is not cut.
+    """
+    last, most = PurePath(name).name, _LONGEST_NAME - len(beside)
+    return (last if len(last) <= most else "…" + last[1 - most :]) + beside

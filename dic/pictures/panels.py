@@ -40,6 +40,8 @@ class Panel:
         Values at the points; NaN at a point without a value.
     reach : tuple of float, or None
         The lowest and the highest value of all images that share the colour bar; None for those of `values`.
+    kind : str
+        Kind of the strain: "raw", "calibrated" or "corrected"; "" for a displacement.
     """
 
     quantity: str
@@ -47,6 +49,7 @@ class Panel:
     unit: str
     values: Float
     reach: tuple[float, float] | None = None
+    kind: str = ""
 
     @property
     def title(self) -> str:
@@ -66,6 +69,18 @@ class Panel:
             return None
         low, high = np.percentile(known, _PERCENTILES)
         return float(low), float(high)
+
+
+def common_name(panels: Sequence[Panel]) -> tuple[str, bool]:
+    """Return the name of one quantity in several images, and whether the images show different kinds.
+
+    The name contains the kind of strain if all images show the same kind. If the kinds differ, for example
+    because the correction of one image was declined, each map must name its own kind.
+    """
+    first = panels[0]
+    if len({panel.kind for panel in panels}) == 1:
+        return first.name, False
+    return _STRAIN_NAMES[first.quantity], True
 
 
 @dataclass(frozen=True)
@@ -113,7 +128,7 @@ def _panels(measurement: Measurement, correction: Correction | None, wanted: str
     strain = _raw_strain(measurement) if strain is None else strain
     for quantity, name in _STRAIN_NAMES.items():
         values = np.where(present, getattr(strain, quantity), np.nan) * MICRO
-        yield Panel(quantity, f"{name} {kind}", "µε", values)
+        yield Panel(quantity, f"{name} {kind}", "µε", values, kind=kind)
 
 
 def _kind_of(measurement: Measurement, corrected: Correction | None) -> str:

@@ -12,11 +12,14 @@ from dic.report.camera_images import CameraImages, Results
 from dic.report.hardware import FactTable, hardware_table, stated_table
 from dic.report.numbers import date
 from dic.report.state_fields import StatePicture, quantity_along, state_picture
+from dic.report.stated_facts import NOT_STATED, StatedFacts
 from dic.report.states import State, chosen_states
 from dic.report.tensile_test import TensileTest
-from dic.results.provenance import versions
 
 _TITLES = {"laboratory": "Laboratory", "specimen": "Specimen", "machine": "Testing machine"}
+_SIDES = ("width_mm", "thickness_mm")
+_AREA_TOLERANCE = 0.01
+"""Accepted relative difference between the area used and width × thickness, which are often rounded."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,8 @@ class Conditions:
     ----------
     stated : list of (str, list of (str, str))
         Title of each table of facts, and its rows.
+    doubts : list of str
+        Facts that contradict the evaluation, one sentence each.
     hardware, analysis : FactTable
     noise : list of NoiseFloor
     states : list of State
@@ -35,6 +40,7 @@ class Conditions:
     """
 
     stated: list[tuple[str, list[tuple[str, str]]]]
+    doubts: list[str]
     hardware: FactTable
     analysis: FactTable
     noise: list[NoiseFloor]
@@ -58,9 +64,10 @@ def conditions_of(test: TensileTest, result: Results, images: Sequence[CameraIma
     quantity = quantity_along(_direction_deg(test))
     pictures = [state_picture(each, states, quantity) for each in images]
     origin = result.provenance
-    software = origin.versions.partition(",")[0] if origin is not None else versions().partition(",")[0]
+    software = origin.versions.partition(",")[0] if origin is not None else NOT_STATED
     return Conditions(
         stated=[(title, stated_table(facts, name, known.get(name, {}))) for name, title in _TITLES.items()],
+        doubts=_doubts(facts, result, test.settings.area_mm2),
         hardware=hardware_table(result, images, facts),
         analysis=analysis_table(images, software),
         noise=[floor for floor in floors if floor is not None],
@@ -77,10 +84,27 @@ def _known(result: Results) -> Mapping[str, Mapping[str, str]]:
     sizes = {
         "width_mm": info.width_mm,
         "thickness_mm": info.thickness_mm,
-        "parallel_length_mm": info.gauge_length_mm,
+        "gauge_length_mm": info.gauge_length_mm,
     }
     specimen = {"name": info.sample} | {key: f"{size:g} mm" for key, size in sizes.items()}
     return {"laboratory": {"date": date(info.start_time)}, "specimen": specimen}
+
+
+def _doubts(facts: StatedFacts, result: Results, area_mm2: float) -> list[str]:
+    """Return a sentence if the specimen's width and thickness do not give the area that was used."""
+    sizes = (
+        {"width_mm": result.info.width_mm, "thickness_mm": result.info.thickness_mm}
+        if isinstance(result, RunResult)
+        else {}
+    )
+    sizes |= {key: value for key, value in facts.tables.get("specimen", {}).items() if key in _SIDES}
+    if any(key not in sizes for key in _SIDES):
+        return []
+    width_mm, thickness_mm = (float(sizes[key]) for key in _SIDES)
+    if abs(width_mm * thickness_mm / area_mm2 - 1.0) <= _AREA_TOLERANCE:
+        return []
+    product = f"{width_mm:g} mm × {thickness_mm:g} mm = {width_mm * thickness_mm:.4g} mm²"
+    return [f"Width × thickness is {product}, but all stresses were computed with S0 = {area_mm2:g} mm²."]
 
 
 def _direction_deg(test: TensileTest) -> float:

@@ -18,6 +18,7 @@ from dic.runfile.reader import RunFile
 from dic.typing import Grey, Mask
 
 _MM_TO_UM = 1000.0
+_AT = "(x × y, in the middle of the grid)"
 
 
 @dataclass(frozen=True)
@@ -89,9 +90,10 @@ def _facts_of(images: CameraImages, facts: StatedFacts, recorded: Mapping[str, A
         stand_off = f"{away} mm from the camera's centre to the grid's plane, from the calibration"
         angle = f"{with_std(pinhole.off_axis_deg, pinhole.off_axis_std_deg)}°, from the calibration"
     if calibration is not None:
-        mm = calibration.mm_per_px
-        view = f"{fixed(width * mm, 2)} mm × {fixed(height * mm, 2)} mm"
-        scale = f"{fixed(1.0 / mm, 2)} px/mm, {fixed(_MM_TO_UM * mm, 3)} µm/px"
+        x_mm, y_mm = calibration.axes_mm_per_px
+        view = f"{fixed(width * x_mm, 2)} mm × {fixed(height * y_mm, 2)} mm {_AT}"
+        scale = f"{fixed(1.0 / x_mm, 2)} px/mm × {fixed(1.0 / y_mm, 2)} px/mm, "
+        scale += f"{fixed(_MM_TO_UM * x_mm, 3)} µm/px × {fixed(_MM_TO_UM * y_mm, 3)} µm/px {_AT}"
     exposure_us = float(recorded.get("exposure_us", 0.0))
     exposure = f"{exposure_us / 1000.0:g} ms" if exposure_us > 0.0 else NOT_STATED
     return {
@@ -140,6 +142,6 @@ def _measured_size(grey: Grey, region: Mask, images: CameraImages) -> str:
         return f"not measurable ({error.got})"
     text = f"{fixed(sizes[0], 1)} px × {fixed(sizes[1], 1)} px"
     if images.calibration is not None:
-        mm = images.calibration.mm_per_px
-        text += f", {fixed(mm * sizes[0], 3)} mm × {fixed(mm * sizes[1], 3)} mm"
+        x_mm, y_mm = images.calibration.axes_mm_per_px
+        text += f", {fixed(x_mm * sizes[0], 3)} mm × {fixed(y_mm * sizes[1], 3)} mm"
     return f"{text}, measured (width of the autocovariance)"

@@ -11,7 +11,7 @@ from dic.pictures.background import Background, background_of
 from dic.pictures.contact_sheet import shortened
 from dic.pictures.layout import FONT_PT, Layout
 from dic.pictures.maps import cut_ends, draw_background, draw_bar, draw_panel
-from dic.pictures.panels import Maps, Scale, finished, maps_of, widened
+from dic.pictures.panels import Maps, Scale, common_name, finished, maps_of, widened
 from dic.pictures.settings import MapSettings
 from dic.report.camera_images import CameraImages
 from dic.report.numbers import fixed
@@ -39,11 +39,12 @@ class StatePicture:
     ----------
     camera : str
     kind : str
-        Name of the strain, such as "εyy corrected".
+        Name of the strain, such as "εyy corrected"; only "εyy" if the maps show different kinds of strain.
     uri : str
         The picture as a data URI; two rows, on the reference and on the deformed image.
     missing : list of str
-        One sentence for each point without a map, or without its deformed image.
+        One sentence for each point without a map, without its deformed image, or with another kind of strain
+        than the other points.
     """
 
     camera: str
@@ -58,6 +59,7 @@ class _Shown:
     reference: Maps
     deformed: Maps
     background: Background | None
+    declined: str | None
 
 
 def quantity_along(direction_deg: float) -> str:
@@ -92,15 +94,22 @@ def state_picture(images: CameraImages, states: Sequence[State], quantity: str) 
         except MeasurementError as error:
             missing.append(f"The deformed image is not shown. {error}.")
         scale = widened(scale, maps)
-        shown.append(_Shown(state, maps, moved, deformed))
+        declined = None if measured.correction is None else measured.correction.declined
+        shown.append(_Shown(state, maps, moved, deformed, declined))
     if not shown:
         return None
+    name, mixed = common_name([one.reference.panels[0] for one in shown])
+    if mixed:
+        missing += [
+            f"{one.state.label} was not corrected: {one.declined}; its map shows"
+            f" {one.reference.panels[0].kind} strain."
+            for one in shown
+            if one.declined is not None
+        ]
     # The points are the same in all images, so all maps have the same place on the reference image.
     background = background_of(images.series.reference, shown[0].reference.places)
     figure = _draw(shown, background, on_reference, finished(scale, on_reference))
-    return StatePicture(
-        images.camera, shown[0].reference.panels[0].name, png_uri(figure, dpi=_DPI, all_colours=True), missing
-    )
+    return StatePicture(images.camera, name, png_uri(figure, dpi=_DPI, all_colours=True), missing)
 
 
 def _draw(shown: Sequence[_Shown], reference: Background, settings: MapSettings, scale: Scale) -> Any:
@@ -115,12 +124,16 @@ def _draw(shown: Sequence[_Shown], reference: Background, settings: MapSettings,
     layout = Layout(cells, columns, settings.width_mm, aspect, unit is not None, True, bars=False)
     figure = layout.new_figure()
     panels = [one.reference.panels[0] for one in shown]
-    figure.suptitle(panels[0].title, fontsize=FONT_PT + 2, y=1 - 1.0 / layout.height_mm, va="top")
+    common, mixed = common_name(panels)
+    figure.suptitle(
+        f"{common}, {panels[0].unit}", fontsize=FONT_PT + 2, y=1 - 1.0 / layout.height_mm, va="top"
+    )
     mesh = None
     for row, cells_of_row in enumerate(rows):
         for column, (maps, background) in enumerate(cells_of_row):
             axis = layout.add_axes(figure, row * columns + column)
-            axis.set_title(_title(shown[column].state, row), fontsize=FONT_PT, pad=2.5, y=1.0)
+            kind = f", {panels[column].kind}" if mixed else ""
+            axis.set_title(_title(shown[column].state, row, kind), fontsize=FONT_PT, pad=2.5, y=1.0)
             if background is None:
                 axis.text(0.5, 0.5, "no image", transform=axis.transAxes, ha="center", fontsize=FONT_PT)
                 axis.set_axis_off()
@@ -135,9 +148,9 @@ def _draw(shown: Sequence[_Shown], reference: Background, settings: MapSettings,
     return figure
 
 
-def _title(state: State, row: int) -> str:
+def _title(state: State, row: int, kind: str) -> str:
     if row:
-        return f"deformed: {shortened(state.label)}"
+        return f"deformed: {shortened(state.label, beside=kind)}"
     name = state.words.replace(HALF, "half way")
     text = f"{fixed(state.stress_mpa, 0)} MPa, {fixed(100.0 * state.strain, 2)} %"
-    return f"{name}: {text}" if len(name) <= _LONGEST_NAME else text
+    return (f"{name}: {text}" if len(name) <= _LONGEST_NAME else text) + kind

@@ -1,29 +1,47 @@
 """Facts about a test that only the user knows: laboratory, specimen, machine, pattern, cameras, lenses."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from dic.errors import MeasurementError, RunFileError, joined
-from dic.files.toml import NUMBER, TEXT, read_toml, wrong_values
+from dic.files.toml import NUMBER, TEXT, is_of_kind, read_toml, wrong_values
 from dic.typing import PathLike
 
 NOT_STATED = "not stated"
 """Text in the report for a fact that is neither measured nor stated by the user."""
 
+_ABSOLUTE_ZERO_C = -273.15
+
 
 @dataclass(frozen=True)
 class Fact:
-    """A fact that the user can state: its name in the report, the kind of its value, and its unit."""
+    """A fact that the user can state.
+
+    Attributes
+    ----------
+    name : str
+        Name in the report.
+    kind : str
+        Kind of the value, such as `TEXT`.
+    unit : str
+    above : float
+        A number must be above this value. Sizes, distances, rates and times are positive.
+    """
 
     name: str
     kind: str = TEXT
     unit: str = ""
+    above: float = 0.0
 
     def text(self, value: Any) -> str:
         """Return a value of this fact as text, with its unit."""
         number = value if isinstance(value, str) else f"{value:g}"
         return f"{number} {self.unit}".rstrip()
+
+    def is_possible(self, value: object) -> bool:
+        """Return False for a number that is not above the fact's limit."""
+        return self.kind != NUMBER or not is_of_kind(value, NUMBER) or value > self.above  # type: ignore[operator]
 
 
 FACTS: Mapping[str, Mapping[str, Fact]] = {
@@ -43,6 +61,7 @@ FACTS: Mapping[str, Mapping[str, Fact]] = {
         "width_mm": Fact("Width", NUMBER, "mm"),
         "thickness_mm": Fact("Thickness", NUMBER, "mm"),
         "parallel_length_mm": Fact("Parallel length", NUMBER, "mm"),
+        "gauge_length_mm": Fact("Gauge length", NUMBER, "mm"),
         "preparation": Fact("Preparation"),
     },
     "machine": {
@@ -51,7 +70,7 @@ FACTS: Mapping[str, Mapping[str, Fact]] = {
         "load_cell_class": Fact("Class of the load cell (ISO 7500-1)"),
         "grips": Fact("Grips"),
         "control": Fact("Control and rate of the test"),
-        "temperature_c": Fact("Temperature", NUMBER, "°C"),
+        "temperature_c": Fact("Temperature", NUMBER, "°C", above=_ABSOLUTE_ZERO_C),
     },
     "pattern": {
         "technique": Fact("Patterning technique"),
@@ -140,8 +159,8 @@ def read_stated_facts(path: PathLike) -> StatedFacts:
     Raises
     ------
     RunFileError
-        If the file cannot be read, or there are unknown keys or values of a wrong type. The message names all
-        mistakes together.
+        If the file cannot be read, or there are unknown keys, values of a wrong type or impossible numbers,
+        such as a negative width. The message names all mistakes together.
     """
     content = read_toml(path, RunFileError, "read the stated facts", _EXAMPLE)
     errors: list[MeasurementError] = []
@@ -156,11 +175,19 @@ def read_stated_facts(path: PathLike) -> StatedFacts:
             cameras = {key: value for key, value in table.items() if isinstance(value, dict)}
             table = {key: value for key, value in table.items() if key not in cameras}
         tables[name] = table
-    known = {name: {key: fact.kind for key, fact in facts.items()} for name, facts in FACTS.items()}
     for name, table in tables.items():
-        errors += wrong_values(f"{path}, [{name}]", table, known[name], RunFileError)
+        errors += _mistakes(f"{path}, [{name}]", table, FACTS[name])
     for camera, table in cameras.items():
-        errors += wrong_values(f"{path}, [{_CAMERAS}.{camera}]", table, known[_CAMERAS], RunFileError)
+        errors += _mistakes(f"{path}, [{_CAMERAS}.{camera}]", table, FACTS[_CAMERAS])
     if errors:
         raise joined(errors)
     return StatedFacts(tables, cameras)
+
+
+def _mistakes(place: str, table: Mapping[str, Any], facts: Mapping[str, Fact]) -> Iterator[MeasurementError]:
+    """Yield an error for each unknown key, value of a wrong type and impossible number of a table."""
+    yield from wrong_values(place, table, {key: fact.kind for key, fact in facts.items()}, RunFileError)
+    for key, value in table.items():
+        if key in facts and not facts[key].is_possible(value):
+            expected = f"a number above {facts[key].above:g}"
+            yield RunFileError(place, key, expected, repr(value)[:80], "correct the value")

@@ -146,8 +146,13 @@ def _gauge(measurement: Measurement) -> str:
     settings = measurement.strain_settings
     source = SOURCES[settings.source].format(settings.window_points)
     gauge = gauge_text(measurement.gauge_px, measurement.gauge_mm)
+    return f"{source}: {gauge}, {resolution_text(measurement)}"
+
+
+def resolution_text(measurement: Measurement) -> str:
+    """Return the spatial resolution of local strain in words."""
     wave = f"a strain wave with a period of {measurement.resolution_px:.0f} px"
-    return f"{source}: {gauge}, keeps 90 % of the amplitude of {wave}"
+    return f"keeps 90 % of the amplitude of {wave}"
 
 
 def problems(run: Run) -> list[str]:

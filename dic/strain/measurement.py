@@ -50,7 +50,8 @@ class Measurement:
         Width of the virtual strain gauge, which is the area of pixels that determines one local strain.
     gauge_mm : float or None
         Width of the virtual strain gauge on the specimen, for the image scale in the middle of the
-        calibration grid; None if there is no calibration.
+        calibration grid; None if there is no calibration. If the camera is off-axis, the widths along x and y
+        differ; `gauge_mm` is then the width of a square of the same area.
     raw_mean : MeanStrain
         Mean strain from the displacements in pixels. If there is a calibration, `raw_mean` and
         `calibrated_mean` use the same points.

@@ -136,13 +136,17 @@ def test_noise_floor_is_the_scatter_and_the_mean_in_the_images_at_rest(folder, r
     (table,) = Page((reported / "report.html").read_text(encoding="utf-8")).all_tables("noise")
     rows = {row[0]: [float(cell.replace("−", "-")) for cell in row[2:]] for row in table[1:]}
     with h5py.File(folder / "r.h5") as file:
-        known = {f"local ε{name[1:]}": 1e6 * file[f"series/{name}"][:2] for name in ("exx", "eyy", "exy")}
+        known = {
+            f"local ε{name[1:]}, raw": 1e6 * file[f"series/{name}"][:2] for name in ("exx", "eyy", "exy")
+        }
     for name, images in known.items():
         spread = np.sqrt(np.mean([np.nanvar(image, ddof=1) for image in images]))
         mean = np.mean([np.nanmean(image) for image in images])
         assert rows[name][1:] == pytest.approx([spread, mean], abs=0.051), name
         # 0.06 % of strain in the first image; the noise of the images makes nearly all of the scatter
         assert 0.5 < rows[name][0] / spread < 2.0, name
+    html = (reported / "report.html").read_text(encoding="utf-8")
+    assert "img001.png may not be at rest" in html  # 0.06 % of strain
     axial = 1e6 * 0.012 / 20 * np.array([1.0, 2.0])
     gauge = rows["strain of gauge “axial”, raw"]
     assert gauge[2] == pytest.approx(axial.mean(), abs=5 * gauge[0])
@@ -156,6 +160,15 @@ def test_noise_floor_is_the_scatter_and_the_mean_in_the_images_at_rest(folder, r
             "facts",
             '[specimen]\nmass_g = 3\nwidth_mm = "wide"\n[cameras.side]\nlense = "f"\n[rig]\na = 1',
             ("'mass_g'", "width_mm: expected a number, got 'wide'", "'lense'", "'rig'"),
+        ),
+        (
+            "facts",
+            "[specimen]\nwidth_mm = -5\n[machine]\ntemperature_c = -400\n[cameras]\nexposure_ms = 0",
+            (
+                "width_mm: expected a number above 0, got -5",
+                "temperature_c: expected a number above -273.15, got -400",
+                "exposure_ms: expected a number above 0, got 0",
+            ),
         ),
         ("facts", "[specimen", ("read the stated facts: expected a TOML file, got one that cannot",)),
         (

@@ -7,6 +7,7 @@ import pytest
 
 import dic
 from dic.out_of_plane.correction import Correction
+from dic.pictures.contact_sheet import draw_contact_sheet
 from dic.pictures.panels import maps_of
 from tests.dic.pictures.fields import SHAPE, stretched
 
@@ -80,3 +81,18 @@ def test_values_that_need_a_calibration_are_refused_without_one(kind):
 def test_an_unknown_kind_is_refused():
     with pytest.raises(dic.MeasurementError, match="kind of values of maps: expected one of best"):
         dic.MapSettings(kind="true")
+
+
+def test_a_contact_sheet_of_different_kinds_names_the_kind_in_each_map(measurement):
+    settings = dic.MapSettings(quantities=("exx",))
+    declined = Correction.refused("tilt", measurement, "it necks")
+    corrected = replace(declined, declined=None)
+    for other, title, names in (
+        (declined, "εxx, µε", ["a.png, corrected", "…_name_2.png, calibrated"]),
+        (corrected, "εxx corrected, µε", ["a.png", "a_long_name_2.png"]),
+    ):
+        both = (("images/a.png", corrected), ("images/a_long_name_2.png", other))
+        images = [(name, maps_of(measurement, settings, one)) for name, one in both]
+        figure = draw_contact_sheet(images, np.zeros(SHAPE, np.float32), 2, settings, {"exx": (0.0, 1.0)})
+        assert figure._suptitle.get_text() == title
+        assert [axes.get_title() for axes in figure.axes[:2]] == names

@@ -1,0 +1,105 @@
+"""The conditions of a tensile test in the report: facts, sizes in mm, noise floors and remarks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import dic
+from dic.out_of_plane.correct import Corrections
+from dic.out_of_plane.correction import Correction
+from dic.out_of_plane.plane import Plane
+from dic.report.analysis import doubt_of_rest, noise_floor_of
+from dic.report.camera_images import images_of
+from dic.report.conditions import conditions_of
+from dic.report.hardware import hardware_table
+from dic.report.state_fields import state_picture
+from dic.report.states import State
+from dic.report.style import plot_style
+from dic.runfile.reader import RunStep
+from tests.dic.report.runs import INFO, SIDE_PX, affine, camera, correction, given, stretch, uncorrected
+
+STEPS = 12
+NECKS = "it necks"
+
+
+def run(*declined, info=INFO):
+    """A run whose calibrated εyy rises by 1000 µε per step; corrected εyy is half of it, or was declined."""
+    steps = [RunStep(k, "load", 1e3 * k, 1e3 * k, 0.25 * k, np.nan, 10.0 * k) for k in range(1, STEPS + 1)]
+    seen = camera("on_axis", steps, [stretch(-3e-4 * step.index, 1e-3 * step.index) for step in steps])
+    half = [affine(stretch(0.0, 5e-4 * step.index), "half").calibrated for step in steps]
+    corrections = [
+        Correction.refused("tilt", one, NECKS)
+        if step.index in declined
+        else replace(correction(one, (0.0, 0.0, 0.0), Plane()), displacement=moved)
+        for step, one, moved in zip(steps, seen.measurements, half, strict=True)
+    ]
+    found = {"on_axis": Corrections(corrections)}
+    return given(uncorrected("runs/t.h5", info, [seen]), "tension", found, findings={"on_axis": []})
+
+
+def pulled(result, **details):
+    series = dic.measure_gauges(result, dic.whole_field_gauges(result))
+    settings = dic.PropertySettings(area_mm2=20.0)
+    return dic.tensile_test(series, "along", "across", settings, details=dic.ReportDetails(**details))
+
+
+@pytest.mark.parametrize(
+    ("declined", "kind", "bias"), [((), "corrected", 1500.0), ((1,), "calibrated", 3000.0)]
+)
+def test_predicted_and_measured_noise_are_of_the_kind_that_the_row_names(declined, kind, bias):
+    result = run(*declined)
+    (images,) = images_of(result)
+    floor = noise_floor_of(images, pulled(result, static=("3",)))
+    rows = {row.quantity: row for row in floor.rows}
+    assert float(rows[f"local εyy, {kind}"].bias) == pytest.approx(bias, abs=0.05)
+    assert "local εyy" not in rows
+
+
+def test_a_strain_at_rest_beyond_four_standard_deviations_is_doubted():
+    still = dic.Reading("mm", 3.9e-5, 1e-5, 1e-5)
+    assert doubt_of_rest("img1", {"axial": still}) == ""
+    said = doubt_of_rest("img2", {"across": still, "axial": replace(still, strain=-6e-4)})
+    assert "img2 may not be at rest: the strain of gauge “axial” is −600.0 µε" in said
+    assert "standard deviation is 10.0 µε" in said
+
+
+def test_a_declined_correction_takes_the_kind_from_the_heading_of_the_maps():
+    (images,) = images_of(run(7))
+    states = [State("Rp0,2", f"load {k}", 100.0, 0.001 * k) for k in (3, 7)]
+    with plot_style():
+        picture = state_picture(images, states, "eyy")
+    assert picture.kind == "εyy"
+    assert f"load 7 was not corrected: {NECKS}; its map shows calibrated strain." in picture.missing
+
+
+def test_lengths_in_mm_use_the_scale_of_their_own_direction():
+    index = np.stack(np.meshgrid(np.arange(11), np.arange(11)), axis=-1).reshape(-1, 2)
+    uv_px = np.array([10.0, 110.0]) + index * (10.0, -8.0)  # 0.1 and 0.125 mm/px
+    points = dic.GridPoints.on_lattice(index, uv_px, (11, 11), 1.0)
+    result = run()
+    calibration = dic.Calibration.fit(points, (SIDE_PX, SIDE_PX))
+    result = replace(result, cameras=[replace(result.cameras[0], calibration=calibration)])
+    facts = dict(hardware_table(result, images_of(result), dic.StatedFacts()).rows)
+    assert facts["Field of view"][0].startswith("12.00 mm × 15.00 mm")
+    assert facts["Image scale"][0].startswith("10.00 px/mm × 8.00 px/mm, 100.000 µm/px × 125.000 µm/px")
+    assert calibration.axes_mm_per_px == pytest.approx((0.1, 0.125), rel=1e-9)
+
+
+def test_the_page_states_only_what_is_known_and_what_contradicts_it():
+    result = run(info=replace(INFO, width_mm=25.0, thickness_mm=0.9, gauge_length_mm=60.0))
+    facts = dic.StatedFacts({"specimen": {"thickness_mm": 1.0}})
+    test = pulled(result, facts=facts, fields_at=("last",))
+    with plot_style():
+        found = conditions_of(test, result, images_of(result))
+    specimen = dict(dict(found.stated)["Specimen"])
+    assert (specimen["Parallel length"], specimen["Gauge length"]) == ("not stated", "60 mm")
+    assert dict(found.analysis.rows)["Software"] == ["not stated"]
+    # the stated thickness of 1 mm replaces 0.9 mm, and S0 is 20 mm²
+    assert found.doubts == [
+        "Width × thickness is 25 mm × 1 mm = 25 mm², but all stresses were computed with S0 = 20 mm²."
+    ]
+    facts = dic.StatedFacts({"specimen": {"width_mm": 20.1, "thickness_mm": 1.0}})  # 0.5 % off
+    test = pulled(result, facts=facts, fields_at=("last",))
+    with plot_style():
+        assert conditions_of(test, result, images_of(result)).doubts == []
