@@ -32,6 +32,11 @@ class SpecimenTest:
         The reason why the test could not be evaluated; None if it was evaluated.
     sha256 : str
         SHA-256 of the file; empty if the properties were given.
+    strain_kind : str
+        Kind of strain of a result file: "raw", "calibrated" or "corrected"; empty for a table and if the
+        properties were given.
+    left_out : int
+        Number of images of a result file without a reading.
     """
 
     name: str
@@ -40,6 +45,8 @@ class SpecimenTest:
     properties: Properties | None
     failure: MeasurementError | None = None
     sha256: str = ""
+    strain_kind: str = ""
+    left_out: int = 0
 
     def as_dict(self) -> dict[str, Any]:
         """Return the test as a dict for JSON."""
@@ -47,6 +54,8 @@ class SpecimenTest:
         if self.properties is None:
             return about | {"failure": str(self.failure)}
         about |= {"sha256": self.sha256 or None, "failure": None}
+        if self.strain_kind:
+            about |= {"strain_kind": self.strain_kind, "left_out": self.left_out}
         return about | self.properties.as_dict()
 
 
@@ -109,6 +118,23 @@ class Campaign:
         """Keys of the properties that at least one specimen has."""
         keys = dict.fromkeys(name for found in self.found.values() for name in found.values)
         return [key for key in keys if any(self._has(found, key) for found in self.found.values())]
+
+    @property
+    def kinds(self) -> dict[str, list[str]]:
+        """Names of the evaluated specimens with result files, keyed by their kind of strain."""
+        found: dict[str, list[str]] = {}
+        for test in self.tests:
+            if test.strain_kind:
+                found.setdefault(test.strain_kind, []).append(test.name)
+        return found
+
+    @property
+    def warnings(self) -> list[str]:
+        """One sentence if the specimens have different kinds of strain, whose errors differ."""
+        if len(self.kinds) < 2:
+            return []
+        told = "; ".join(f"{kind}: {', '.join(names)}" for kind, names in self.kinds.items())
+        return [f"The specimens have different kinds of strain ({told}); choose one with kind."]
 
     @property
     def lacking(self) -> list[str]:
@@ -191,6 +217,7 @@ class Campaign:
             "groups": [group.as_dict() for group in self.groups],
             "anisotropy": {name: value.as_dict() for name, value in self.anisotropy.items()} or None,
             "not_counted": self.not_counted,
+            "warnings": self.warnings,
         }
 
 

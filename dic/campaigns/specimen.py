@@ -19,6 +19,18 @@ from dic.runfile.joined import file_sha256
 
 
 @dataclass(frozen=True)
+class Evaluated:
+    """The properties of a test, with the kind of strain and the number of images without a reading.
+
+    The kind is empty for a table, whose column of strain the user names.
+    """
+
+    properties: Properties
+    strain_kind: str = ""
+    left_out: int = 0
+
+
+@dataclass(frozen=True)
 class CurveColumns:
     """The columns of a testing machine's table, named as in the arguments of `read_curve`.
 
@@ -37,8 +49,8 @@ class CurveColumns:
     time: str | None = None
     gauge_length_mm: float | None = None
 
-    def measure(self, file: Path, settings: PropertySettings) -> Properties:
-        """Return the properties of the test whose table is `file`."""
+    def measure(self, file: Path, settings: PropertySettings) -> Evaluated:
+        """Return the evaluation of the test whose table is `file`."""
         curve = read_curve(
             file,
             load=self.load,
@@ -47,7 +59,7 @@ class CurveColumns:
             time=self.time,
             gauge_length_mm=self.gauge_length_mm,
         )
-        return material_properties(curve, settings)
+        return Evaluated(material_properties(curve, settings))
 
 
 @dataclass(frozen=True)
@@ -87,8 +99,8 @@ class GaugeChoice:
     image_interval_s: float | None = None
     offset_s: float = 0.0
 
-    def measure(self, file: Path, settings: PropertySettings) -> Properties:
-        """Return the properties of the test whose result file is `file`."""
+    def measure(self, file: Path, settings: PropertySettings) -> Evaluated:
+        """Return the evaluation of the test whose result file is `file`."""
         # If no gauges are declared, use the two gauges of the whole field; the second lies across the
         # specimen.
         whole = self.gauges is None
@@ -107,7 +119,8 @@ class GaugeChoice:
             series, _ = join_record(series, record, self.join, clock=clock, gauge=gauge)
         read = gauge_curve(series, gauge, transverse, kind=self.kind, camera=self.camera)
         found = material_properties(read.curve, settings)
-        return with_shared_error(found, read.shared_std, read.shared_transverse)
+        found = with_shared_error(found, read.shared_std, read.shared_transverse)
+        return Evaluated(found, read.kind, read.left_out)
 
 
 @dataclass(frozen=True)
@@ -147,9 +160,17 @@ class CampaignSpecimen:
         file = Path(self.file)
         about = self.name, str(file), self.direction_deg
         try:
-            return SpecimenTest(*about, self.source.measure(file, self.settings), sha256=file_sha256(file))
+            found = self.source.measure(file, self.settings)
+            sha256 = file_sha256(file)
         except MeasurementError as failure:
             return SpecimenTest(*about, None, failure)
+        return SpecimenTest(
+            *about,
+            found.properties,
+            sha256=sha256,
+            strain_kind=found.strain_kind,
+            left_out=found.left_out,
+        )
 
 
 def measure_campaign(specimens: Sequence[CampaignSpecimen]) -> Campaign:

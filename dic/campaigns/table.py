@@ -33,6 +33,7 @@ def write_campaign_table(campaign: Campaign, path: PathLike, *, decimal_comma: b
     require_kind("campaign", campaign, Campaign, "compare specimens first: dic.compare_specimens(properties)")
     rows = [*_specimens(campaign), *(row for group in campaign.groups for row in _statistics(group))]
     columns = list(dict.fromkeys(["line", "specimen", "direction_deg", *_value_columns(campaign)]))
+    columns += ["strain_kind", "left_out"] if campaign.kinds else []
     columns += ["outlier_of", "flags", "problem"]
     write_rows(path, columns, rows, _DIGITS, decimal_comma=decimal_comma)
 
@@ -49,6 +50,8 @@ def _specimens(campaign: Campaign) -> Iterator[dict[str, Any]]:
         if test.properties is None:
             yield row | {"problem": str(test.failure)}
             continue
+        if test.strain_kind:
+            row |= {"strain_kind": test.strain_kind, "left_out": test.left_out}
         flags = []
         for key in campaign.quantities:
             value = test.properties.values.get(key)

@@ -19,6 +19,7 @@ def campaign_lines(campaign: "Campaign") -> Iterator[str]:
     for first in range(0, len(keys), _COLUMNS):
         yield from _block(campaign, keys[first : first + _COLUMNS])
     yield from _outliers(campaign)
+    yield from _strains(campaign)
     for name, value in campaign.anisotropy.items():
         symbol = {"r_mean": "r̄", "delta_r": "Δr"}[name]
         yield f"{symbol}: {value_cell(value, 3) if value.value is not None else value.flags[0]}"
@@ -32,6 +33,17 @@ def campaign_lines(campaign: "Campaign") -> Iterator[str]:
     )  # fmt: skip
     if flagged:
         yield f"* marks {flagged} values with flags, which --report and --json list"
+
+
+def _strains(campaign: "Campaign") -> Iterator[str]:
+    """Yield lines with the kind of strain of each result file, and the images without a reading."""
+    for kind, names in campaign.kinds.items():
+        yield f"strain: {kind}, {', '.join(names)}"
+    left_out = [f"{test.left_out} of {test.name}" for test in campaign.tests if test.left_out]
+    if left_out:
+        yield f"images without a reading: {', '.join(left_out)}"
+    for warning in campaign.warnings:
+        yield f"warning: {warning}"
 
 
 def _block(campaign: "Campaign", keys: Sequence[str]) -> Iterator[str]:

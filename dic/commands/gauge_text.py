@@ -31,20 +31,9 @@ def gauge_lines(series: "GaugeSeries") -> Iterator[str]:
                 yield f"{_cut(label, width):<{width}} {cells}"
 
 
-_IMAGE_TIMES = {
-    "video": " of the video's frames",
-    "exif": " of the images' Exif tags",
-    "file": " of the image files' last change, which is late by the time of writing",
-}
-
-
 def joined_line(joined: "JoinedRecord") -> str:
     """Return a line that says how a machine's record was joined to the images."""
-    if joined.offset_s is None:
-        return f"load: joined by {joined.join}"
-    std = "" if joined.offset_std_s is None else f" ± {joined.offset_std_s:.2g} s, found from load and strain"
-    times = _IMAGE_TIMES.get(joined.image_times, "")
-    return f"load: joined by time{times}, machine's time minus image's time {joined.offset_s:.6g} s{std}"
+    return f"load: {joined.text}"
 
 
 def gauges_dict(series: "GaugeSeries") -> dict[str, Any]:

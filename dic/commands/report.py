@@ -220,13 +220,14 @@ def _tests(
     settings = test.settings(_area_mm2(results[0]))
     across = field.transverse_gauge
     if field.declares:
-        series, gauge, _ = field.read(results[0], record, about.load, about.time)
+        series, gauge, joined = field.read(results[0], record, about.load, about.time)
     else:
         gauges = whole_field_gauges(results[0])
-        series, gauge, _ = field.read(results[0], record, about.load, about.time, gauges=gauges)
+        series, gauge, joined = field.read(results[0], record, about.load, about.time, gauges=gauges)
         across = across or gauges[1].name
     details = about.details([field.gauges_file, *record.files])
-    return [tensile_test(series, gauge, across, settings, known=about.known(), details=details)]
+    known = about.known()
+    return [tensile_test(series, gauge, across, settings, known=known, details=details, joined=joined)]
 
 
 def _area_mm2(results: Path) -> float | None:

@@ -12,6 +12,11 @@ from dic.records.offset import find_offset
 from dic.typing import Float
 
 JOINS = ("name", "row", "time")
+_IMAGE_TIMES = {
+    "video": " of the video's frames",
+    "exif": " of the images' Exif tags",
+    "file": " of the image files' last change, which is late by the time of writing",
+}
 
 
 @dataclass(frozen=True)
@@ -41,6 +46,15 @@ class JoinedRecord:
     offset_s: float | None = None
     offset_std_s: float | None = None
     image_times: str = ""
+
+    @property
+    def text(self) -> str:
+        """How the record was joined to the images, in words."""
+        if self.offset_s is None:
+            return f"joined by {self.join}"
+        std = "" if self.offset_std_s is None else f" ± {self.offset_std_s:.2g} s, found from load and strain"
+        times = _IMAGE_TIMES.get(self.image_times, "")
+        return f"joined by time{times}, machine's time minus image's time {self.offset_s:.6g} s{std}"
 
     def as_dict(self) -> dict[str, object]:
         """Return how the record was joined to the images, as a dict for JSON."""

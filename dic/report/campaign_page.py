@@ -40,10 +40,11 @@ class CampaignCell:
 
 @dataclass(frozen=True)
 class SpecimenRow:
-    """A row of the table of specimens: name, direction, properties, and the reason if its test failed."""
+    """A row of the table of specimens: name, direction, strain, properties, and the reason of a failure."""
 
     name: str
     direction: str
+    strain: str
     cells: list[CampaignCell]
     failure: str
 
@@ -66,6 +67,7 @@ class CampaignView:
     title: str
     headings: list[tuple[str, str]]
     lacking: str
+    warnings: list[str]
     specimens: list[SpecimenRow]
     groups: list[tuple[str, list[ScatterRow]]]
     anisotropy: list[tuple[str, str, str]]
@@ -123,6 +125,7 @@ def _view(campaign: Campaign, title: str) -> CampaignView:
         title=title,
         headings=[(symbol_of(key), _unit(campaign.example(key))) for key in keys],
         lacking=", ".join(map(symbol_of, campaign.lacking)),
+        warnings=campaign.warnings,
         specimens=[_specimen(campaign, test, keys) for test in campaign.tests],
         groups=[(group.label, _scatter_rows(group)) for group in campaign.groups],
         anisotropy=[
@@ -154,7 +157,7 @@ def _reasons(value: PropertyValue) -> str:
 def _specimen(campaign: Campaign, test: SpecimenTest, keys: Sequence[str]) -> SpecimenRow:
     direction = "" if test.direction_deg is None else f"{test.direction_deg:g}°"
     if test.properties is None:
-        return SpecimenRow(test.name, direction, [], str(test.failure))
+        return SpecimenRow(test.name, direction, "", [], str(test.failure))
     outlying = {key for key, _ in campaign.outliers_of(test.name)}
     cells = []
     for key in keys:
@@ -164,7 +167,8 @@ def _specimen(campaign: Campaign, test: SpecimenTest, keys: Sequence[str]) -> Sp
         else:
             number, _, std = value_cell(value, DECIMALS[value.unit]).partition(" ± ")
             cells.append(CampaignCell(number, std, bool(value.flags), key in outlying))
-    return SpecimenRow(test.name, direction, cells, "")
+    left_out = f", without {test.left_out} images" if test.left_out else ""
+    return SpecimenRow(test.name, direction, test.strain_kind + left_out, cells, "")
 
 
 def _flags(campaign: Campaign, name: str, keys: Sequence[str]) -> list[str]:

@@ -146,6 +146,8 @@ def _about(test: TensileTest) -> list[tuple[str, str]]:
     rows = [("Area S0", area + (f" ± {settings.area_std_mm2:g} mm²" if settings.area_std_mm2 else ""))]
     if settings.load_std_percent:
         rows.append(("Load cell, one standard deviation", f"{settings.load_std_percent:g} % of the load"))
+    if test.joined is not None:
+        rows.append(("Load from the machine's record", test.joined.text))
     for gauge in test.series.gauges:
         use = {test.gauge: "along the specimen", test.transverse: "across the specimen"}.get(gauge.name)
         if use is None:

@@ -11,6 +11,7 @@ from dic.pipeline.gauge_record import GaugeCurve, gauge_curve
 from dic.properties.properties import Properties, material_properties, offset_key
 from dic.properties.settings import PropertySettings
 from dic.properties.shared_error import with_shared_error
+from dic.records.joining import JoinedRecord
 from dic.report.details import ReportDetails
 from dic.results.provenance import Provenance
 from dic.typing import Float
@@ -117,6 +118,8 @@ class TensileTest:
     details : ReportDetails
     provenance : Provenance
         The command that computed the properties, its versions, and the digests of the files that it read.
+    joined : JoinedRecord or None
+        How the machine's record was joined to the images; None if the results contain the loads.
     """
 
     title: str
@@ -128,6 +131,7 @@ class TensileTest:
     known: Mapping[str, float]
     details: ReportDetails
     provenance: Provenance
+    joined: JoinedRecord | None = None
 
     @property
     def main(self) -> TestColumn:
@@ -150,6 +154,7 @@ class TensileTest:
             "transverse_gauge": self.transverse,
             "S0_mm2": self.settings.area_mm2,
             "settings": settings,
+            "joined": None if self.joined is None else self.joined.as_dict(),
             "known": dict(self.known),
             "stated_facts": self.details.facts.as_dict(),
             "provenance": self._origin(),
@@ -170,6 +175,7 @@ def tensile_test(
     known: Mapping[str, float] | None = None,
     title: str = "",
     details: ReportDetails | None = None,
+    joined: JoinedRecord | None = None,
 ) -> TensileTest:
     """Compute the material properties of a test from every camera and kind of strain.
 
@@ -186,6 +192,8 @@ def tensile_test(
         Default: the name of the result file.
     details : ReportDetails, optional
         What the report shows beside the values.
+    joined : JoinedRecord, optional
+        How the machine's record was joined to the images, from `join_record`.
 
     Raises
     ------
@@ -212,7 +220,9 @@ def tensile_test(
         columns += [_column(part, camera, gauge, transverse, settings, kind) for kind in kinds]
     name = title or Path(series.source).name
     origin = Provenance.of(_files(series, details))
-    return TensileTest(name, series, gauge, transverse, settings, tuple(columns), known, details, origin)
+    return TensileTest(
+        name, series, gauge, transverse, settings, tuple(columns), known, details, origin, joined
+    )
 
 
 def _files(series: GaugeSeries, details: ReportDetails) -> list[Path]:

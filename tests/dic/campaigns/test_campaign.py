@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import dic
+from dic.campaigns.campaign import SpecimenTest, campaign_of
+from dic.commands.campaign_text import campaign_lines
 
 NAMES = ("a", "b", "c", "d", "e")
 
@@ -74,6 +76,30 @@ def test_an_outlier_is_marked_and_stays_in_the_mean(one, tmp_path):
     assert float(means["mean"]) == pytest.approx(sum(values) / 8, abs=1e-5)
     dic.write_campaign_report(campaign, tmp_path / "r.html")
     assert "245.57<b>†</b><br><small>± 0.50</small>" in (tmp_path / "r.html").read_text()
+
+
+def test_different_kinds_of_strain_are_stated_and_warned_of(one, tmp_path):
+    def tests(*kinds):
+        pairs = zip("ab", kinds, strict=True)
+        return [SpecimenTest(name, "", None, one, strain_kind=kind, left_out=2) for name, kind in pairs]
+
+    assert campaign_of(tests("raw", "raw")).warnings == []
+    assert campaign_of(tests("", "")).warnings == []
+    mixed = campaign_of(tests("corrected", "calibrated"))
+    (warning,) = mixed.as_dict()["warnings"]
+    assert "different kinds of strain (corrected: a; calibrated: b)" in warning
+    lines = list(campaign_lines(mixed))
+    assert {"strain: corrected, a", "strain: calibrated, b", f"warning: {warning}"} <= set(lines)
+    assert "images without a reading: 2 of a, 2 of b" in lines
+    told = [(each["strain_kind"], each["left_out"]) for each in mixed.as_dict()["specimens"]]
+    assert told == [("corrected", 2), ("calibrated", 2)]
+    dic.write_campaign_table(mixed, tmp_path / "t.csv")
+    rows = list(csv.DictReader((tmp_path / "t.csv").read_text("utf-8-sig").splitlines()))
+    assert [row["strain_kind"] for row in rows if row["line"] == "specimen"] == ["corrected", "calibrated"]
+    dic.write_campaign_report(mixed, tmp_path / "r.html")
+    page = (tmp_path / "r.html").read_text()
+    assert warning in page
+    assert "<td>calibrated, without 2 images</td>" in page
 
 
 def test_planar_anisotropy_is_that_of_the_mean_ratio_of_each_direction(one):

@@ -270,6 +270,8 @@ transverse_gauge = "width"
     (tmp_path / "campaign.toml").write_text(text)
     done = run_dic("campaign", tmp_path, "--json", tmp_path / "c.json")
     (found,) = done.report["specimens"]
+    assert (found["strain_kind"], found["left_out"], done.report["warnings"]) == ("raw", 0, [])
+    assert "strain: raw, gauges" in done.out
     assert found["E_gpa"]["value"] is not None
     assert {key: found[key] for key in ("E_gpa", "nu", "Rp02_mpa")} == {
         key: alone.report[key] for key in ("E_gpa", "nu", "Rp02_mpa")

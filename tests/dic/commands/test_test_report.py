@@ -70,6 +70,7 @@ def test_every_number_can_be_followed_to_its_file_image_and_rule(folder, reporte
     inputs = test["provenance"]["inputs"]
     used = (folder / "r.h5", folder / "machine.csv", reported / "gauges.toml", reported / "facts.toml")
     assert inputs == {str(path): digest_of(path) for path in used}
+    assert test["joined"]["join"] == "row"
     (column,) = test["columns"]
     curve, values = column["curve"], column["values"]
     read = run_dic(
@@ -119,6 +120,7 @@ def test_page_states_facts_and_says_what_nobody_stated(reported):
     assert (rows["Material"], rows["Thickness"]) == ("2024-T3", "0.8 mm")
     assert rows["Class of the load cell (ISO 7500-1)"] == "0.5"
     assert {rows[name] for name in ("Condition", "Operator", "Grips")} == {"not stated"}
+    assert rows["Load from the machine's record"] == "joined by row"
     facts = dict(cells for table in Page(html).all_tables("settings facts") for cells in table)
     assert facts["Lens"] == "telecentric 0.3×"
     assert facts["Stand-off distance"] == "300 mm"

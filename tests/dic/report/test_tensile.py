@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dic import GaugeImage, GaugeSeries, PropertySettings, Reading, StrainGauge, tensile_test
+from dic.records.joining import JoinedRecord
 from dic.report.style import plot_style
 from dic.report.tensile_figures import curves_figure, gauges_figure
 from dic.report.tensile_page import remarks_of
@@ -15,7 +16,7 @@ FALSE = 3e-4
 """False strain of the uncorrected off-axis camera at the largest load."""
 
 
-def drawn(noise=0.0):
+def drawn(noise=0.0, joined=None):
     """A test seen by two cameras; only the calibrated strain of the off-axis camera is wrong, and noisy."""
     gauges = (StrainGauge(name="along", unit="mm", centre=(0, 0), size=(5, 5), direction_deg=90.0),)
     images, errors = [], noise * np.random.default_rng(5).normal(size=30)
@@ -28,7 +29,7 @@ def drawn(noise=0.0):
             known = {"camera": camera, "step": f"load {k}", "load_n": load_n, "time_s": float(k)}
             images.append(GaugeImage(f"step {k}", {"along": readings}, known, digest=f"{camera}{k}"))
     series, settings = GaugeSeries("", gauges, tuple(images)), PropertySettings(area_mm2=AREA_MM2)
-    return tensile_test(series, "along", None, settings)
+    return tensile_test(series, "along", None, settings, joined=joined)
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +48,14 @@ def test_modulus_that_cannot_be_had_has_its_reason_on_the_page_and_in_the_json()
     for name, column in columns.items():
         assert (column["values"]["E_gpa"]["value"] is None) == (name == "off_axis calibrated")
         assert [row["sha256"] for row in column["curve"]] == [f"{column['camera']}{k}" for k in range(30)]
+
+
+def test_the_offset_between_the_clocks_is_stated_with_its_standard_deviation():
+    joined = JoinedRecord(np.zeros(30), None, None, "time", 12.345, 0.031, "interval")
+    known = drawn(joined=joined).as_dict()["joined"]
+    assert (known["offset_s"], known["offset_std_s"]) == (12.345, 0.031)
+    assert joined.text.endswith("minus image's time 12.345 s ± 0.031 s, found from load and strain")
+    assert drawn().as_dict()["joined"] is None
 
 
 def test_curves_differ_by_width_and_markers_and_their_differences_are_shown(pulled):
