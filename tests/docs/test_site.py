@@ -1,4 +1,7 @@
-"""The documentation site is built without warnings, such as for a dead link or an unlinked page."""
+"""The documentation site is built without warnings, such as for a dead link or an unlinked page.
+
+Continuous integration builds the site by `make docs`, beside the quick tests.
+"""
 
 import subprocess
 import sys
@@ -10,6 +13,7 @@ import pytest
 from tests.places import DOCS
 
 pytest.importorskip("sphinx", reason="needs the group docs: pip install offaxis[docs]")
+pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")
