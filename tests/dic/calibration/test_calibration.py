@@ -32,6 +32,8 @@ def test_scale_is_that_of_the_lens_and_the_slant() -> None:
 
     # 40 mm / 2800 px across, and 1/cos 30° more along the slant; geometric mean
     assert calibration.mm_per_px == pytest.approx(40 / 2800 / np.sqrt(np.cos(np.pi / 6)), rel=0.01)
+    along_slant = 40 / 2800 / np.cos(np.pi / 6)
+    assert sorted(calibration.axes_mm_per_px) == pytest.approx([40 / 2800, along_slant], rel=0.01)
 
 
 def test_points_beyond_the_outermost_lines_are_outside() -> None:
