@@ -47,7 +47,7 @@ class ClusterWorkers(Workers):
                 self._client = Client(address, timeout=_WAIT_S, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             remedy = "start one with `dask scheduler`, and give its address, such as tcp://localhost:8786"
-            got = " ".join(str(error).split()) or type(error).__name__
+            got = _one_line(error) or type(error).__name__
             raise WorkerError(address, "connect", "the scheduler of a Dask cluster", got, remedy) from error
         try:
             self._client.wait_for_workers(1, timeout=_WAIT_S)
@@ -64,7 +64,12 @@ class ClusterWorkers(Workers):
         """Run a function on one of the workers; it and its arguments must be picklable."""
         # Give Dask bytes, because it would search other arguments for its own objects.
         task = pickle.dumps((fn, args, kwargs), protocol=5)
-        return _Answer(self._pool.submit(_run, task), self._address)
+        try:
+            begun = self._pool.submit(_run, task)
+        except Exception as error:
+            # Dask has no error class for a lost scheduler.
+            raise _no_answer(self._address, f"{type(error).__name__}: {_one_line(error)}") from error
+        return _Answer(begun, self._address)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Disconnect from the cluster, whose workers continue to work for other programs."""
@@ -82,14 +87,17 @@ class _Answer(Future[Any]):
 
     def cancel(self) -> bool:
         """Withdraw the task, even if a worker has already begun it."""
+        # Withdraw this answer first, because `_take` may run in another thread at the same time.
+        withdrawn = super().cancel()
         self._begun.cancel()
-        return super().cancel()
+        return withdrawn
 
     def _take(self, begun: Future[Any]) -> None:
-        if self.done():
+        if not self.set_running_or_notify_cancel():
             return
         if begun.cancelled():
-            super().cancel()
+            # Nobody in this program has withdrawn the task.
+            self.set_exception(_no_answer(self._address, "none, because the scheduler has ended"))
             return
         error = begun.exception()
         if error is None:
@@ -97,9 +105,21 @@ class _Answer(Future[Any]):
         elif isinstance(error, MeasurementError):
             self.set_exception(error)
         else:
-            got = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            got = f"{type(error).__name__}: {_one_line(error)}"
             remedy = "see the logs of the workers, and give the same command again to go on"
-            self.set_exception(WorkerError(self._address, "correlate", "an answer of a worker", got, remedy))
+            self.set_exception(WorkerError(self._address, "correlate", _ANSWER, got, remedy))
+
+
+_ANSWER = "an answer of a worker"
+
+
+def _no_answer(address: str, got: str) -> WorkerError:
+    remedy = "start the scheduler and its workers again, and give the same command to go on"
+    return WorkerError(address, "correlate", _ANSWER, got, remedy)
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())
 
 
 _alone = Lock()

@@ -7,10 +7,11 @@ import subprocess
 import sys
 from collections.abc import Callable
 from concurrent.futures import Future
-from contextlib import suppress
-from queue import SimpleQueue
+from contextlib import ExitStack, suppress
+from queue import Empty, SimpleQueue
+from tempfile import TemporaryFile
 from threading import Lock, Thread
-from typing import Any
+from typing import Any, BinaryIO
 
 from dic.errors import WorkerError
 from dic.image.threads import processors
@@ -23,6 +24,9 @@ _ATTEMPTS = 3
 
 _GONE_S = 5.0
 """Longest wait, in seconds, for the end of a process that has closed its pipe."""
+
+_SHOWN_BYTES, _SHOWN_CHARACTERS = 4096, 300
+"""Length of the end of a process's standard error that is read, and of its last line that is shown."""
 
 
 class LocalWorkers(Workers):
@@ -61,10 +65,13 @@ class LocalWorkers(Workers):
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End all processes; if `wait` is True, first run the functions that were submitted before."""
-        while cancel_futures and not self._tasks.empty():
-            task = self._tasks.get()
-            if task is not None:
-                task[0].cancel()
+        if cancel_futures:
+            # Do not wait for a task, because the serving threads take tasks at the same time.
+            with suppress(Empty):
+                while True:
+                    task = self._tasks.get_nowait()
+                    if task is not None:
+                        task[0].cancel()
         for _ in self._threads:
             self._tasks.put(None)
         if not wait:
@@ -117,7 +124,7 @@ class LocalWorkers(Workers):
             "correlate",
             "a process that runs until its image is done",
             f"{_ATTEMPTS} processes, the last of which {ending}",
-            "give fewer --workers, because each of them needs memory, and the same command goes on",
+            _MEMORY if ending.startswith(_KILLED) else _MEND,
         )
 
     def _process(self, number: int) -> "_Process":
@@ -136,16 +143,30 @@ class _Process:
         # Let the process import this package from the same folders as this program.
         found = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         limits = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), str(threads))
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "dic.workers.process", str(threads)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env=os.environ | found | limits,
-            # Protect the worker from Ctrl-C: this program ends after the current image, and then ends its
-            # workers.
-            start_new_session=True,
-        )
+        command = [sys.executable, "-P", "-m", "dic.workers.process", str(threads)]
+        try:
+            with ExitStack() as started:
+                # A file takes any amount of text; a process that writes to a pipe would wait for a reader.
+                self._errors = started.enter_context(TemporaryFile())
+                self._process = subprocess.Popen(
+                    command,
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=self._errors,
+                    env=os.environ | found | limits,
+                    # Protect the worker from Ctrl-C: this program ends after the current image, and then ends
+                    # its workers.
+                    start_new_session=True,
+                )
+                started.pop_all()
+        except OSError as error:
+            raise WorkerError(
+                "--workers",
+                "start a process",
+                "a further Python process",
+                error.strerror or str(error),
+                _MEND,
+            ) from error
 
     def ask(self, task: bytes) -> bytes:
         """Let the process run a task, and return its answer.
@@ -176,7 +197,21 @@ class _Process:
             if pipe is not None:
                 with suppress(OSError):
                     pipe.close()
+        with self._errors:
+            last = _last_line(self._errors)
         if status >= 0:
-            return f"ended with status {status}"
+            return f"ended with status {status}" + (f" ({last})" if last else "")
         name = signal.Signals(-status).name
-        return f"was killed ({name}; memory may be short)" if name == "SIGKILL" else f"crashed ({name})"
+        return f"{_KILLED}; memory may be short)" if name == "SIGKILL" else f"crashed ({name})"
+
+
+_KILLED = "was killed (SIGKILL"
+_MEMORY = "give fewer --workers, because each of them needs memory, and the same command goes on"
+_MEND = "mend this, or leave out --workers, and the same command goes on"
+
+
+def _last_line(file: BinaryIO) -> str:
+    """Return the last line of a file, which says why a Python program ended; "" for an empty file."""
+    file.seek(max(0, file.seek(0, os.SEEK_END) - _SHOWN_BYTES))
+    lines = file.read().decode(errors="replace").split("\n")
+    return next((" ".join(line.split())[:_SHOWN_CHARACTERS] for line in reversed(lines) if line.strip()), "")

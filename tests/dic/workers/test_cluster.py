@@ -3,15 +3,18 @@
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import ExitStack
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen
 
 import pytest
 
+from dic.errors import WorkerError
 from dic.pipeline.series_image import FileDigests
 from dic.results.unfinished import FinishedImages
+from dic.workers.cluster import _Answer
 from tests.command_line import refusal, run_dic
 from tests.dic.result_values import results
 from tests.image_files import write_image
@@ -32,7 +35,7 @@ class Cluster:
     def __init__(self, stack: ExitStack, folder: Path) -> None:
         self._stack, self._folder = stack, folder
         words = ("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
-        scheduler = self._start(*words)
+        self.scheduler = scheduler = self._start(*words)
         assert scheduler.stderr is not None
         self.address = next(
             line.split()[-1] for line in scheduler.stderr if "Scheduler at:" in line and "tcp://" in line
@@ -101,3 +104,60 @@ def test_worker_with_another_file_or_other_versions_ends_the_command(cluster, im
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("dic.pipeline.image_task.own_versions", lambda: "offaxis 0.0")
         assert "compare versions: expected offaxis 0.0, got offaxis" in refusal(*words)
+
+
+@pytest.fixture
+def answer() -> Callable[[], tuple[Future[int], Future[int]]]:
+    """A function that returns a task of a cluster's client and the answer to it."""
+
+    def give() -> tuple[Future[int], Future[int]]:
+        begun: Future[int] = Future()
+        return begun, _Answer(begun, "tcp://there")
+
+    return give
+
+
+def test_task_that_the_scheduler_withdraws_is_one_sentence_and_no_cancellation(answer):
+    begun, given = answer()
+    begun.cancel()
+    with pytest.raises(WorkerError, match="the scheduler has ended; start the scheduler"):
+        given.result(0)
+
+
+def test_answer_that_comes_while_it_is_withdrawn_raises_nothing(answer, caplog):
+    begun, given = answer()
+    # The task cannot be withdrawn any more, and ends just after the answer was withdrawn.
+    begun.set_running_or_notify_cancel()
+    assert given.cancel()
+    begun.set_result(1)
+    assert given.cancelled()
+    begun, given = answer()
+    assert given.cancel()
+    assert begun.cancelled()
+    begun, given = answer()
+    begun.set_result(3)
+    assert (given.cancel(), given.result(0)) == (False, 3)
+    assert not caplog.records
+
+
+@pytest.mark.long
+def test_end_of_the_scheduler_ends_the_command_and_keeps_the_finished_images(
+    cluster, images, tmp_path, monkeypatch
+):
+    write = FinishedImages.write
+
+    def killing(self: FinishedImages, number: int, *given: object) -> None:
+        write(self, number, *given)
+        if number == 4:
+            cluster.scheduler.send_signal(signal.SIGKILL)
+
+    monkeypatch.setattr(FinishedImages, "write", killing)
+    result = tmp_path / "r.h5"
+    words = ("correlate", images, "--subset", 21, "--step", 3, "-o", result)
+    ended = run_dic(*words, "--scheduler", cluster.address)
+    assert ended.status == 2
+    assert ended.err.splitlines()[-1].endswith("and give the same command to go on")
+    monkeypatch.setattr(FinishedImages, "write", write)
+    assert len(list(tmp_path.glob("r.h5.unfinished/*/series_0/*.npz"))) >= 4
+    assert run_dic(*words, "--workers", 1).status == 2
+    assert result.exists()

@@ -2,8 +2,11 @@
 
 import os
 import signal
+import subprocess
 from concurrent.futures import CancelledError
 from pathlib import Path
+from queue import SimpleQueue
+from threading import current_thread, main_thread
 
 import pytest
 
@@ -56,3 +59,41 @@ def test_nothing_waits_for_workers_that_are_closed(tmp_path):
         waiting.result()
     with pytest.raises(WorkerError, match="at least 1, got 0"):
         LocalWorkers(0)
+
+
+def test_reason_why_no_process_starts_is_told(monkeypatch):
+    monkeypatch.setattr("sys.executable", "/bin/sh")
+    with LocalWorkers(1) as workers, pytest.raises(WorkerError) as refusal:
+        workers.submit(os.getpid).result()
+    # The shell does not know the options of Python.
+    assert "the last of which ended with status" in str(refusal.value)
+    assert "-P" in str(refusal.value)
+    assert "memory" not in str(refusal.value)
+
+
+def test_process_that_the_system_refuses_is_one_sentence(monkeypatch):
+    def refuse_process(*_: object, **__: object) -> None:
+        raise OSError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(subprocess, "Popen", refuse_process)
+    with LocalWorkers(1) as workers, pytest.raises(WorkerError) as refusal:
+        workers.submit(os.getpid).result()
+    assert "start a process: expected a further Python process, got Resource temp" in str(refusal.value)
+
+
+class Emptied(SimpleQueue):
+    """A queue that another thread empties after the main thread has found it not empty."""
+
+    def empty(self) -> bool:
+        return False
+
+    def get(self, block: bool = True, timeout: float | None = None) -> object:
+        assert current_thread() is not main_thread(), "waits for a task for ever"
+        return super().get(block, timeout)
+
+
+def test_end_does_not_wait_for_a_task_that_a_thread_has_taken(monkeypatch):
+    monkeypatch.setattr("dic.workers.local.SimpleQueue", Emptied)
+    workers = LocalWorkers(1)
+    workers.shutdown(wait=False, cancel_futures=True)
+    assert not any(thread.is_alive() for thread in workers._threads)
