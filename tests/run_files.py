@@ -1,8 +1,11 @@
 """Run files for tests: a small good file, and damaged or malicious versions of this file."""
 
+import json
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from datetime import UTC, datetime
+from hashlib import sha256
 from pathlib import Path
 
 import h5py
@@ -36,18 +39,28 @@ def take(camera: CameraInfo, number: int) -> Frame:
     return Frame(image, float(number), number + 0.1, START, number, 0, 900.0, 1.0)
 
 
-def write_run(path: Path, loads: int = 4) -> Path:
-    """Write the file of a completed run with a grid step, a reference step and some load steps."""
-    recorder = Recorder(path, HEADER, CAMERAS, load_frame=DeviceInfo("v", "m", "s"))
+def write_run(path: Path, loads: int = 4, first: int = 0, header: RunHeader = HEADER) -> Path:
+    """Write the file of a completed run with a grid step, a reference step and some load steps.
+
+    The steps before the step `first` are left out.
+    """
+    recorder = Recorder(path, header, CAMERAS, load_frame=DeviceInfo("v", "m", "s"))
     kinds = ["grid", "reference", *["load"] * loads]
     with closing(_Closing(recorder)):
-        for index, kind in enumerate(kinds):
+        for index, kind in list(enumerate(kinds))[first:]:
             recorder.load_frame_state(LoadFrameState(index, 0.1, False, True, True, index, (), float(index)))
             frames = {name: (recorder.frame(name, take(info, index)), 1) for name, info in CAMERAS.items()}
             step = ProtocolStep(index, kind, 1000.0 * index if kind == "load" else np.nan)
             recorder.step(StepRecord(step, Reading(float(index), 1000.0 * index), frames)).result(20)
             recorder.event(float(index), "info", "engine", "step")
     return path
+
+
+def write_continued_run(folder: Path) -> Path:
+    """Write a run that ended after step 3, and the run with the steps 4 and 5 that continues it."""
+    earlier = write_run(folder / "run.h5", loads=2)
+    known = {"file": earlier.name, "sha256": sha256(earlier.read_bytes()).hexdigest(), "steps": [0, 1, 2, 3]}
+    return write_run(folder / "run-2.h5", first=4, header=replace(HEADER, continues=json.dumps(known)))
 
 
 class _Closing:

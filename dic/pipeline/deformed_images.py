@@ -9,7 +9,8 @@ from dic.image.read import read_image
 from dic.pipeline.run_result import RunResult
 from dic.pipeline.series_result_file import SeriesResult
 from dic.results.provenance import file_digest
-from dic.runfile.reader import RunFile, RunStep
+from dic.runfile.joined import open_run
+from dic.runfile.reader import RunStep
 from dic.typing import Grey
 
 
@@ -68,7 +69,7 @@ def deformed_of_run(result: RunResult, camera: str, steps: Sequence[RunStep], pl
     """
     step = steps[place]
     name = f"{camera}, step {step.index}"
-    with RunFile(beside(result.source, result.file)) as run:
+    with open_run(beside(result.source, result.file)) as run:
         recorded = next((one for one in run.steps if one.index == step.index), None)
         if camera not in run.cameras or recorded is None:
             raise _other(name)

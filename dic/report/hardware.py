@@ -14,7 +14,7 @@ from dic.quality.speckle import autocovariance, even_light, speckle_size
 from dic.report.camera_images import CameraImages, Results
 from dic.report.numbers import fixed, with_std
 from dic.report.stated_facts import FACTS, NOT_STATED, StatedFacts
-from dic.runfile.reader import RunFile
+from dic.runfile.joined import exposures_us, open_run
 from dic.typing import Grey, Mask
 
 _MM_TO_UM = 1000.0
@@ -60,11 +60,10 @@ def _recorded(result: Results, camera: str) -> dict[str, Any]:
     if not isinstance(result, RunResult):
         return {}
     try:
-        with RunFile(beside(result.source, result.file)) as run:
+        with open_run(beside(result.source, result.file)) as run:
             if run.info.run_id != result.info.run_id or camera not in run.cameras:
                 return {}
-            exposure_us = run.columns(f"instrument/{camera}")["exposure_us"]
-            return run.identity(camera) | {"exposure_us": float(np.median(exposure_us))}
+            return run.identity(camera) | {"exposure_us": float(np.median(exposures_us(run, camera)))}
     except MeasurementError:
         # The report also works without the run file; its facts are then "not stated".
         return {}

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.errors import RunFileError
+from dic.files.reading import opened
 from dic.runfile.reader import RunFile, RunStep
 
 _PIECE_BYTES = 1 << 20
@@ -20,6 +21,18 @@ def file_sha256(path: Path) -> str:
         while piece := file.read(_PIECE_BYTES):
             digest.update(piece)
     return digest.hexdigest()
+
+
+_digests: dict[tuple[int, ...], str] = {}
+"""Digests of earlier runs, by the identity of the file; a figure opens the same run for every step."""
+
+
+def _digest(path: Path) -> str:
+    with opened(path) as content:
+        identity = content.identity
+    if identity not in _digests:
+        _digests[identity] = file_sha256(path)
+    return _digests[identity]
 
 
 def open_run(path: str | Path) -> RunFile:
@@ -35,6 +48,12 @@ def open_run(path: str | Path) -> RunFile:
         return run
     run.close()
     return JoinedRun(path)
+
+
+def exposures_us(run: RunFile, camera: str) -> NDArray[Any]:
+    """Return the exposure times of a camera's frames in µs, together with those of the earlier run."""
+    own: NDArray[Any] = run.columns(f"instrument/{camera}")["exposure_us"]
+    return np.concatenate([exposures_us(run.earlier, camera), own]) if isinstance(run, JoinedRun) else own
 
 
 class JoinedRun(RunFile):
@@ -93,7 +112,7 @@ class JoinedRun(RunFile):
         place = self.path.parent / name
         if not place.is_file():
             raise self._not_the_earlier(place, "no such file")
-        if file_sha256(place) != known.get("sha256"):
+        if _digest(place) != known.get("sha256"):
             raise self._not_the_earlier(place, "another file of that name, or a changed one")
         return open_run(place)
 
