@@ -1,10 +1,11 @@
 """An image of a run file; another process gets only its place and reads it from the same file."""
 
+import platform
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 
-from dic.errors import RunFileError
+from dic.errors import RunFileError, WorkerError
+from dic.files.reading import opened
 from dic.pipeline.series_image import UNREADABLE
 from dic.runfile.joined import open_run
 from dic.runfile.reader import RunFile, RunStep
@@ -45,9 +46,32 @@ class RunImage:
 
 def _received(path: str, camera: str, index: int) -> RunImage:
     run = _opened(path)
+    if index >= len(run.steps):
+        raise WorkerError(
+            f"{path}, read on {platform.node()}",
+            "read run",
+            "the run that the command reads",
+            f"another one, with {len(run.steps)} steps",
+            "give all workers the same files under the same paths",
+        )
     return RunImage(run, camera, run.steps[index])
 
 
-@lru_cache(1)
+_last: tuple[tuple[int, ...], RunFile] | None = None
+"""The identity of the run file that was opened last, and the open file."""
+
+
 def _opened(path: str) -> RunFile:
-    return open_run(path)
+    """Return a run that is open already; open it if it is another file than the last one."""
+    global _last
+    try:
+        with opened(path) as content:
+            identity = content.identity
+    except OSError:
+        # The reader of the run raises an error with the reason.
+        return open_run(path)
+    if _last is None or _last[0] != identity:
+        # Do not close the last run here, because a received reference may still read its image. HDF5 closes
+        # the file when no image of the run is left.
+        _last = identity, open_run(path)
+    return _last[1]
