@@ -3,7 +3,7 @@
 import pickle
 import zlib
 from collections.abc import Callable
-from functools import cached_property, lru_cache
+from functools import cached_property
 from threading import Lock
 
 from dic.correlation.correlator import Correlator
@@ -14,11 +14,14 @@ from dic.typing import Float, ImageLike, Mask, PathLike
 
 Region = Mask | PathLike | None
 
-_PREPARED_MAX = 2
-"""Number of references that a process keeps prepared for images that other processes send.
+_received_last: dict[bytes, "Reference"] = {}
+"""The references that other processes have sent, by their content; the reference used last is at the end."""
 
-Two cameras of a run, whose images take turns, have two references.
-"""
+
+def forget_references(kept: int) -> None:
+    """Forget the references that other processes have sent, except the `kept` ones that were used last."""
+    for content in list(_received_last)[: max(0, len(_received_last) - kept)]:
+        del _received_last[content]
 
 
 class Reference:
@@ -84,8 +87,11 @@ class Reference:
         return _received, (self._content,)
 
 
-@lru_cache(_PREPARED_MAX)
 def _received(content: bytes) -> Reference:
     """Return the reference that another process has sent; the same reference is prepared only once."""
-    read, region, settings, clip, within = pickle.loads(zlib.decompress(content))
-    return Reference(read, lambda: region, settings, clip=clip, within=within)
+    reference = _received_last.pop(content, None)
+    if reference is None:
+        read, region, settings, clip, within = pickle.loads(zlib.decompress(content))
+        reference = Reference(read, lambda: region, settings, clip=clip, within=within)
+    _received_last[content] = reference
+    return reference

@@ -24,7 +24,10 @@ from dic.workers.workers import Workers
 
 
 def outcomes(
-    series: Series, images: Iterable[tuple[int, SeriesImage]], workers: Workers | None = None
+    series: Series,
+    images: Iterable[tuple[int, SeriesImage]],
+    workers: Workers | None = None,
+    together: int = 1,
 ) -> Iterator[tuple[int, SeriesImage, FinishedImage]]:
     """Correlate the images of a series; yield each with its number and its outcome, in their order.
 
@@ -36,6 +39,8 @@ def outcomes(
     workers : Workers, optional
         The workers that correlate images ahead of their turn. By default, each image is correlated in this
         thread when the caller asks for it.
+    together : int
+        Number of series that are correlated at the same time by the same workers.
 
     Raises
     ------
@@ -46,7 +51,7 @@ def outcomes(
         for number, image in images:
             yield number, image, _outcome(series, image)
         return
-    line, remaining = _Line(series, workers), iter(images)
+    line, remaining = _Line(series, workers, together), iter(images)
     # One image is being evaluated. One more image waits, so that no worker is idle if the evaluation is
     # quick.
     at_once = min(series.at_once, workers.count + 2)
@@ -83,8 +88,8 @@ class _Line:
         The attempts in the order of the images; it is the turn of the first image.
     """
 
-    def __init__(self, series: Series, workers: Workers) -> None:
-        self._series, self._workers = series, workers
+    def __init__(self, series: Series, workers: Workers, together: int = 1) -> None:
+        self._series, self._workers, self._together = series, workers, together
         self.waiting: deque[_Begun] = deque()
 
     def add(self, number: int, image: SeriesImage) -> None:
@@ -103,18 +108,33 @@ class _Line:
         except WorkerError:
             raise
         except MeasurementError as error:
-            # The worker could not begin, because it has no run file or no reference.
+            # The worker could not begin, because it has no run file.
             raise _elsewhere(error) from error
         for path, note in answer.warnings:
             warn_of_image(path, note)
         if answer.unread:
-            # If this program cannot read the image either, this line raises an error with the reason.
-            first.image.grey()
-            raise _elsewhere(answer.error)
+            return self._read_here(attempt, first.image, answer.error)
         if answer.error is not None:
             raise answer.error
         assert answer.field is not None
         return self._series.completed(attempt, answer.field)
+
+    def _read_here(self, attempt: Attempt, image: SeriesImage, error: MeasurementError | None) -> Field:
+        """Return the field of an image that a worker could not read, although its files are not others.
+
+        Raises
+        ------
+        WorkerError
+            If the worker has other files than this program.
+        MeasurementError
+            If this program cannot read the files either, or the image cannot be correlated. Only this image
+            then fails.
+        """
+        grey = image.grey()
+        _ = attempt.reference.prepared
+        if isinstance(error, WorkerError):
+            raise error
+        return attempt.correlate(grey)
 
     def go_on(self) -> None:
         """Remove the first image; begin new attempts for images whose attempt is withdrawn or useless."""
@@ -134,12 +154,12 @@ class _Line:
         return self._series.expected_attempt(ahead, image.hint)
 
     def _begun(self, number: int, image: SeriesImage, attempt: Attempt) -> _Begun:
-        return _Begun(number, image, attempt, self._workers.submit(ImageTask.of(attempt, image)))
+        task = ImageTask.of(attempt, image, self._together)
+        return _Begun(number, image, attempt, self._workers.submit(task))
 
 
-def _elsewhere(error: MeasurementError | None) -> WorkerError:
+def _elsewhere(error: MeasurementError) -> WorkerError:
     """Return the error for a worker that cannot read a file although this program could read it."""
-    assert error is not None
     remedy = "give all workers the same files under the same paths"
     return WorkerError(f"a worker: {error.source}", error.step, error.expected, error.got, remedy)
 

@@ -7,6 +7,7 @@ from itertools import chain
 from typing import Any
 
 from dic.correlation.series import Series
+from dic.correlation.series_state import GUESS_DISTANCE
 from dic.image.given import name_of
 from dic.pipeline.ahead import outcomes
 from dic.pipeline.series_image import SeriesImage
@@ -15,6 +16,12 @@ from dic.results.unfinished import FinishedImage, FinishedImages
 from dic.typing import ImageLike
 from dic.workers.workers import Workers
 
+FIRST_GUESSES = {"first guesses": f"rule 2, {GUESS_DISTANCE} images before"}
+"""The rule by which first guesses are chosen, as a part of every job. A new rule gets a new number.
+
+Fields by different rules differ in their last bits, so an interrupted measurement must not mix them.
+"""
+
 
 def correlate_series(
     series: Series,
@@ -22,6 +29,7 @@ def correlate_series(
     finished: FinishedImages | None = None,
     before: Sequence[FinishedImage] = (),
     workers: Workers | None = None,
+    together: int = 1,
 ) -> Generator[FinishedImage, None, None]:
     """Yield the correlated images of a series; each is correlated when the caller asks for it.
 
@@ -40,6 +48,8 @@ def correlate_series(
     workers : Workers, optional
         Threads or processes that correlate images before the caller asks for them. The results have the same
         bits.
+    together : int
+        Number of series that are correlated at the same time by the same workers.
     """
     remaining: Iterator[tuple[int, SeriesImage]] = enumerate(_named(images), 1)
     for number, image in remaining:
@@ -50,7 +60,7 @@ def correlate_series(
         series.accept(image.read, known.fields)
         time = known.time if number <= len(before) else image.time
         yield replace(known, content=image.content, time=time)
-    for number, image, outcome in outcomes(series, remaining, workers):
+    for number, image, outcome in outcomes(series, remaining, workers, together):
         if finished is not None:
             finished.write(number, _key(image), outcome)
         yield replace(outcome, content=image.content, time=image.time)
@@ -94,4 +104,4 @@ def series_job(series: Series, reference: str, incremental: str) -> dict[str, An
     """
     region = hashlib.sha256(series.region.tobytes()).hexdigest()
     fixed = {"reference": reference, "region": region, "incremental": incremental, "versions": versions()}
-    return fixed | vars(series.settings)
+    return fixed | FIRST_GUESSES | vars(series.settings)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 from dic.correlation.field import Field
+from dic.correlation.reference import forget_references
 from dic.correlation.series_state import Attempt
 from dic.errors import CorrelationError, MeasurementError, WorkerError, collected_warnings
 from dic.pipeline.series_image import SeriesImage
@@ -25,7 +26,7 @@ class ImageAnswer:
     warnings : list of (str, str)
         Arguments of `warn_of_image`.
     unread : bool
-        True if the image could not be read.
+        True if the image or the reference could not be read.
     """
 
     field: Field | None
@@ -45,16 +46,19 @@ class ImageTask:
     versions : str
         The versions of the program that needs the answer; with other versions, the bits of the result could
         differ.
+    together : int
+        Number of series whose images are correlated at the same time; each series has a reference.
     """
 
     attempt: Attempt
     image: SeriesImage
     versions: str
+    together: int = 1
 
     @classmethod
-    def of(cls, attempt: Attempt, image: SeriesImage) -> "ImageTask":
+    def of(cls, attempt: Attempt, image: SeriesImage, together: int = 1) -> "ImageTask":
         """Return the task with the versions of this program."""
-        return cls(attempt, image, own_versions())
+        return cls(attempt, image, own_versions(), together)
 
     def __call__(self) -> ImageAnswer:
         """Read the image and correlate it.
@@ -72,17 +76,20 @@ class ImageTask:
                 own_versions(),
                 "install the same versions on all computers",
             )
+        # Keep one more, because images are correlated with the earlier reference until a new one is accepted.
+        forget_references(self.together + 1)
         with collected_warnings() as warnings:
             try:
                 grey = self.image.grey()
-            except WorkerError:
-                raise
             except MeasurementError as error:
                 return ImageAnswer(None, error, warnings, unread=True)
             try:
                 field = self.attempt.correlate(grey)
             except CorrelationError as error:
                 return ImageAnswer(None, error, warnings)
+            except MeasurementError as error:
+                # The reference, which is prepared at its first use, cannot be read.
+                return ImageAnswer(None, error, warnings, unread=True)
         return ImageAnswer(replace(field, region=None, grid=None), None, warnings)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import require_kind
+from dic.pipeline.correlated import FIRST_GUESSES
 from dic.pipeline.reuse import FIELDS, SAME, fields_on_file, require_replaceable
 from dic.pipeline.run_corrections import CorrectionSettings
 from dic.pipeline.run_correlation import RunCorrelation, step_content
@@ -136,4 +137,5 @@ def _fields_job(run: RunFile, settings: CorrelationSettings, incremental: str) -
         **vars(settings),
         "incremental": incremental,
         "versions": versions(),
+        **FIRST_GUESSES,
     }

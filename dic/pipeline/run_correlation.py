@@ -99,7 +99,9 @@ class RunCorrelation:
             for taken in (RunImage(run, camera, step) for step in others)
         )
         steps, numbers, failures, outcomes = [], [], [], []
-        correlated = correlate_series(series, images, finished, workers=self.workers)
+        correlated = correlate_series(
+            series, images, finished, workers=self.workers, together=len(run.cameras)
+        )
         for number, (step, found) in enumerate(zip(others, correlated, strict=False), 1):
             outcomes.append(replace(found.outcome, content=step_content(run, camera, step)))
             if found.fields is None:

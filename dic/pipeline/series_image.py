@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from dic.errors import WorkerError
+from dic.errors import ImageError, WorkerError
 from dic.files.reading import opened
 from dic.image.given import grey_levels
 from dic.image.pages import split_page
@@ -64,8 +64,13 @@ class SeriesImage:
         ------
         WorkerError
             If another process made this object, and this process finds another image in the same place.
+        ImageError
+            If the process that made this object could not read the image's file.
         """
         here = platform.node(), os.getpid()
+        if here != self.made_in and self.digest == UNREADABLE:
+            expected, remedy = "a file that the command can read", "give the command a file that it can read"
+            raise ImageError(self.label, "read image", expected, "none", remedy)
         if here != self.made_in and self.digest and self._digest_here() != self.digest:
             raise WorkerError(
                 f"{self.label}, read on {here[0]}",

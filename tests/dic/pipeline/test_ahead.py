@@ -1,16 +1,22 @@
 """Images that are correlated ahead of their turn give the same bits as images one after the other."""
 
+import pickle
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any
+from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
+from dic.correlation.reference import Reference
 from dic.correlation.series import Series
-from dic.correlation.series_state import GUESS_DISTANCE
+from dic.correlation.series_state import GUESS_DISTANCE, Attempt
 from dic.correlation.settings import CorrelationSettings
-from dic.pipeline.correlated import correlate_series
+from dic.errors import ImageError, WorkerError
+from dic.pipeline.correlated import correlate_series, series_job
+from dic.pipeline.image_task import ImageTask
+from dic.pipeline.series_image import UNREADABLE, SeriesImage
 from dic.workers.workers import Workers
 
 SETTINGS = CorrelationSettings(subset_px=21, step_px=10)
@@ -99,3 +105,103 @@ def test_guess_comes_from_the_same_image_before_and_after_an_interruption(images
     again = second.correlate(plain[9])
     np.testing.assert_array_equal(again.warps, fields[8].from_first.warps)
     assert again.start == "previous"
+
+
+class Elsewhere(Eager):
+    """As `Eager`, but the task believes that it runs in another process than the command."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        assert isinstance(fn, ImageTask)
+        return super().submit(replace(fn, image=replace(fn.image, made_in=("elsewhere", 0))))
+
+
+class Unsteady:
+    """An image that cannot be read the first time, or never; `found` is the digest that a worker finds."""
+
+    def __init__(self, image: np.ndarray | None, found: str = "") -> None:
+        self._image, self._found, self._readings = image, found, 0
+
+    def __call__(self) -> np.ndarray:
+        self._readings += 1
+        if self._readings == 1 or self._image is None:
+            raise ImageError("img.png", "read image", "an image", "no such file", "put it back")
+        return self._image
+
+    def digest(self) -> str:
+        return self._found
+
+
+def failures(images, image, workers):
+    """Return the reasons for failures in a series of three images, of which the second one is `image`."""
+    given = [images[0], SeriesImage(images[1], "1"), image, SeriesImage(images[2], "3")]
+    return [found.failure for found in outcomes(given, workers, "never")]
+
+
+def test_image_that_the_worker_could_not_read_is_correlated_by_the_program(images):
+    assert failures(images, Unsteady(images[2]), Eager()) == [None] * 3
+
+
+@pytest.mark.parametrize(("known", "found"), [("0" * 64, UNREADABLE), (UNREADABLE, "0" * 64)])
+def test_image_that_the_program_cannot_read_fails_alone_whatever_the_worker_finds(images, known, found):
+    image = SeriesImage(Unsteady(None, found), "2", digest=known)
+    first, failure, last = failures(images, image, Elsewhere())
+    assert (first, last) == (None, None)
+    assert "no such file; put it back" in failure
+
+
+@pytest.mark.parametrize("found", [UNREADABLE, "1" * 64])
+def test_worker_with_other_files_ends_the_series(images, found):
+    steady = Unsteady(images[2], found)
+    with pytest.raises(ImageError):
+        steady()
+    with pytest.raises(WorkerError, match="give all workers the same files"):
+        failures(images, SeriesImage(steady, "2", digest="0" * 64), Elsewhere())
+
+
+def test_reference_that_cannot_be_read_is_told_as_a_file_that_is_unread(images):
+    reference = Reference(Unsteady(None), lambda: None, SETTINGS, clip=False)
+    answer = ImageTask.of(Attempt(reference, None, None), SeriesImage(images[1], "1"))()
+    assert answer.unread
+    assert isinstance(answer.error, ImageError)
+
+
+def test_job_names_the_rule_of_first_guesses(images):
+    job = series_job(Series(images[0], None, SETTINGS, threads=1), "0" * 64, "auto")
+    assert str(GUESS_DISTANCE) in job["first guesses"]
+
+
+class Counted:
+    """An image that can be pickled, and counts how often it is read in this process."""
+
+    readings: ClassVar[list[int]] = []
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+
+    def __call__(self) -> np.ndarray:
+        self.readings.append(self._seed)
+        return np.random.default_rng(self._seed).uniform(0.0, 255.0, (60, 60))
+
+
+def whole() -> np.ndarray:
+    """Return the region of a whole image of `Counted`."""
+    return np.ones((60, 60), bool)
+
+
+@pytest.mark.parametrize("together", [1, 3])
+def test_worker_prepares_the_reference_of_each_series_once_and_forgets_others(together):
+    # The seeds of the two cases differ, because references of the first case may still be kept.
+    Counted.readings.clear()
+    seeds = [100 * together + k for k in range(2 * together + 1)]
+    sent = [Reference(Counted(seed), whole, SETTINGS, clip=False) for seed in seeds[:together]]
+    deformed = SeriesImage(Counted(7), "1")
+    messages = [pickle.dumps(ImageTask.of(Attempt(one, None, None), deformed, together)) for one in sent]
+    for message in messages * 3:
+        pickle.loads(message)()
+    assert [seed for seed in Counted.readings if seed != 7] == seeds[:together]
+    # New references take the places of the old ones.
+    later = [Reference(Counted(seed), whole, SETTINGS, clip=False) for seed in seeds[together:]]
+    for one in later:
+        pickle.loads(pickle.dumps(ImageTask.of(Attempt(one, None, None), deformed, together)))()
+    pickle.loads(messages[0])()
+    assert Counted.readings.count(seeds[0]) == 2
