@@ -134,7 +134,7 @@ class Campaign:
         if len(self.kinds) < 2:
             return []
         told = "; ".join(f"{kind}: {', '.join(names)}" for kind, names in self.kinds.items())
-        return [f"The specimens have different kinds of strain ({told}); choose one with kind."]
+        return [f"The specimens have different kinds of strain ({told}); give all the same kind."]
 
     @property
     def lacking(self) -> list[str]:
