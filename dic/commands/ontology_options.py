@@ -16,6 +16,13 @@ TTL_IRI_OPTION = click.option(
 )
 
 
+def require_iri(iri: str | None) -> None:
+    """Raise an error if the beginning of the names is no IRI, before any work is done."""
+    from dic import AboutTest
+
+    AboutTest("", iri=iri or "")
+
+
 def ontology_line(path: Path, left_out: Sequence[str]) -> str:
     """Return a line that names the written file, and the properties that have no class in the ontology."""
     without = f"; the ontology has no class for {', '.join(left_out)}" if left_out else ""

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,7 @@ import click
 
 from dic.commands.column_options import COLUMN_OPTIONS
 from dic.commands.field_options import FieldOptions, field_options
-from dic.commands.ontology_options import TTL_IRI_OPTION, TTL_OPTION, ontology_line
+from dic.commands.ontology_options import TTL_IRI_OPTION, TTL_OPTION, ontology_line, require_iri
 from dic.commands.option_groups import option_group
 from dic.commands.record_options import RecordOptions, record_options
 from dic.commands.test_options import TestOptions, test_options
@@ -88,12 +88,11 @@ class PropertyOutputs:
     facts_file: Path | None
     force: bool
 
-    def about(self, name: str) -> "AboutTest":
-        """Return the data of the test, other than its properties, for the ontology's file."""
-        from dic import AboutTest, read_stated_facts
+    def facts(self) -> Mapping[str, Mapping[str, Any]]:
+        """Return the facts that the user states for the ontology's file."""
+        from dic import read_stated_facts
 
-        facts = {} if self.facts_file is None else read_stated_facts(self.facts_file).tables
-        return AboutTest(name, facts, iri=self.ttl_iri or "")
+        return {} if self.facts_file is None else read_stated_facts(self.facts_file).tables
 
     def write(self, found: "Properties", content: dict[str, Any], about: "AboutTest") -> None:
         """Write all files, and print which values the ontology cannot contain."""
@@ -164,12 +163,13 @@ def properties(
     """
     from dic import gauge_curve, material_properties, with_shared_error
     from dic.pipeline.gauge_series import is_results
-    from dic.pipeline.test_ontology import with_gauge
+    from dic.pipeline.test_ontology import about_curve, about_series
 
     settings = test.settings()
     inputs = [curve, field.gauges_file, outputs.facts_file, *record.files]
     require_places(inputs, [outputs.plot_file, outputs.json_file, outputs.ttl_file], force=outputs.force)
-    about = outputs.about(curve.stem)
+    require_iri(outputs.ttl_iri)
+    facts, iri = outputs.facts(), outputs.ttl_iri or ""
     content: dict[str, Any] = {"curve": str(curve)}
     if is_results(curve):
         columns.require_results(curve)
@@ -182,11 +182,12 @@ def properties(
         content |= {"strain_kind": read.kind, "images": images, "left_out": read.left_out}
         content |= {} if joined is None else {"record": joined.as_dict()}
         say(f"{read.kind} strain of {images} images, {read.left_out} without a reading")
-        about = with_gauge(about, series, gauge, read.kind)
+        about = about_series(series, gauge, read.kind, facts, iri=iri)
     else:
         _require_no_gauges(curve, field.given, choice, record)
-        found = material_properties(columns.read(curve), settings)
-        about = replace(about, gauge_length_mm=columns.gauge_length_mm)
+        table = columns.read(curve)
+        found = material_properties(table, settings)
+        about = about_curve(table, facts, gauge_length_mm=columns.gauge_length_mm, iri=iri)
     _say_all(found)
     outputs.write(found, content, about)
     click.get_current_context().exit(0 if found.elastic is not None else 1)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dic.commands.field_options import FieldOptions, field_options
-from dic.commands.ontology_options import TTL_IRI_OPTION, TTL_OPTION, ontology_line
+from dic.commands.ontology_options import TTL_IRI_OPTION, TTL_OPTION, ontology_line, require_iri
 from dic.commands.option_groups import option_group
 from dic.commands.record_options import RecordOptions, record_options
 from dic.commands.test_options import TestOptions, test_options
@@ -161,6 +161,7 @@ def report(
         [outputs.output, outputs.pdf, outputs.json_file, outputs.ttl_file],
         force=outputs.force,
     )
+    require_iri(outputs.ttl_iri)
     tests = _tests(results, field, about, record, test)
     outputs.require_test(tests)
     try:

@@ -173,9 +173,9 @@ class _Test:
         add(self.process, "obo:OBI_0000293", self.piece)
         add(self.piece, "obo:BFO_0000051", self._material)
         add(self._material, "a", "obo:BFO_0000040")
-        name, material = about.fact("specimen", "name") or about.name, about.fact("specimen", "material")
-        self._identify(f"{self.piece}_identifier", self.piece, name, "Test piece identifier")
-        if material:
+        if name := about.fact("specimen", "name"):
+            self._identify(f"{self.piece}_identifier", self.piece, name, "Test piece identifier")
+        if material := about.fact("specimen", "material"):
             identifier = f"{self._material}_identifier"
             self._identify(identifier, self._material, material, "material identifier")
 

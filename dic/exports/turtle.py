@@ -2,10 +2,11 @@
 
 import re
 from collections.abc import Mapping
+from urllib.parse import quote
 
 _ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\t": "\\t"}
 _SEVERAL = " ,\n        "
-_OTHER = re.compile(r"[^A-Za-z0-9_]+")
+_NOT_LOCAL = re.compile(r"^[-.]|\.$|~")
 
 
 def quoted(text: str) -> str:
@@ -20,8 +21,11 @@ def number(value: float) -> str:
 
 
 def local_name(text: str) -> str:
-    """Return a text as a name for IRIs, with only letters, digits and "_"."""
-    return _OTHER.sub("_", text).strip("_") or "test"
+    """Return a text as the local part of a prefixed name; different texts have different names.
+
+    Signs that an IRI or a prefixed name cannot contain are percent-encoded (RFC 3986).
+    """
+    return _NOT_LOCAL.sub(lambda found: f"%{ord(found[0]):02X}", quote(text, safe=""))
 
 
 class Statements:

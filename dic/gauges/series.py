@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from dic.gauges.declared import Gauge
 from dic.gauges.placed import Readings
 from dic.gauges.reading import Reading
 from dic.typing import Float
+
+if TYPE_CHECKING:
+    from dic.runfile.reader import RunInfo
 
 KINDS = ("corrected", "calibrated", "raw")
 """Kinds of strain, from the most accurate to the least accurate."""
@@ -62,12 +65,15 @@ class GaugeSeries:
     in_order : bool
         False if images that could not be measured may be at a wrong place in the list: result files of
         earlier versions list them at the end.
+    run : RunInfo or None
+        The run that the images belong to; None for a series of images.
     """
 
     source: str
     gauges: tuple[Gauge, ...]
     images: tuple[GaugeImage, ...]
     in_order: bool = True
+    run: "RunInfo | None" = None
 
     def __repr__(self) -> str:
         return f"GaugeSeries({', '.join(gauge.name for gauge in self.gauges)}; {len(self.images)} images)"

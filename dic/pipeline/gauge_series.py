@@ -97,7 +97,8 @@ def measure_gauges(results: Results, gauges: Sequence[Gauge], *, camera: str | N
     images = tuple(_images(results, gauges, camera))
     source = "" if isinstance(results, MeasuredSeries) else results.source
     in_order = not isinstance(results, SeriesResult) or bool(results.outcomes)
-    return GaugeSeries(source, gauges, images, in_order)
+    run = results.info if isinstance(results, RunResult) else None
+    return GaugeSeries(source, gauges, images, in_order, run)
 
 
 def write_gauge_picture(

@@ -1,9 +1,7 @@
 """Writes the properties of a test in the report in terms of the Tensile Test Ontology."""
 
-from pathlib import Path
-
-from dic.exports.tensile_ontology import AboutTest, write_tensile_ontology
-from dic.pipeline.test_ontology import with_gauge
+from dic.exports.tensile_ontology import write_tensile_ontology
+from dic.pipeline.test_ontology import about_series
 from dic.report.tensile_test import TensileTest
 from dic.typing import PathLike
 
@@ -12,7 +10,8 @@ def write_test_ontology(test: TensileTest, path: PathLike, *, iri: str = "") -> 
     """Write the best values of a test as a Turtle file, in terms of the Tensile Test Ontology.
 
     The best values are those of `TensileTest.main`: the best kind of strain of the last camera. The file also
-    contains the stated facts about laboratory, specimen and machine.
+    contains the stated facts about laboratory, specimen and machine, and the run's name of the specimen and
+    its date.
 
     Parameters
     ----------
@@ -34,6 +33,6 @@ def write_test_ontology(test: TensileTest, path: PathLike, *, iri: str = "") -> 
         If the file cannot be written.
     """
     column = test.main
-    about = AboutTest(Path(test.title).stem, test.details.facts.tables, iri=iri)
-    about = with_gauge(about, test.series_of(column.camera), test.gauge, column.read.kind)
+    series, facts = test.series_of(column.camera), test.details.facts.tables
+    about = about_series(series, test.gauge, column.read.kind, facts, title=test.title, iri=iri)
     return write_tensile_ontology(column.properties, path, about)

@@ -1,7 +1,7 @@
 """A tensile test in the report: properties from each camera and kind of strain, and known values."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -233,7 +233,7 @@ def _files(series: GaugeSeries, details: ReportDetails) -> list[Path]:
 
 def _of_camera(series: GaugeSeries, camera: str) -> GaugeSeries:
     own = tuple(image for image in series.images if str(image.known.get("camera", "")) == camera)
-    return GaugeSeries(series.source, series.gauges, own, series.in_order)
+    return replace(series, images=own)
 
 
 def _column(

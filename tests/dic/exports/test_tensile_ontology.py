@@ -5,16 +5,24 @@ CC BY 4.0) publishes beside its example data of an S355 steel: `show_Rp02_Rm_E_p
 versions of 2025 and of April 2026, and the checks of its mapping notebook.
 """
 
+import re
+from dataclasses import fields, replace
+from urllib.parse import unquote
+
 import numpy as np
 import pytest
 import rdflib
 
 import dic
 from dic.exports import tensile_ontology
-from dic.exports.turtle import local_name, quoted
+from dic.exports.turtle import quoted
+from dic.gauges.series import GaugeImage, GaugeSeries
+from dic.pipeline.test_ontology import about_curve, about_series
 from dic.properties.curve import Curve
+from dic.runfile.reader import RunInfo
 from tests.command_line import refusal, run_dic
 
+PROCESS = rdflib.URIRef("https://w3id.org/pmd/co/PMD_0000974")
 E_GPA, YIELD_MPA, AREA_MM2 = 70.0, 280.0, 20.0
 PREFIXES = """
 PREFIX pmdco: <https://w3id.org/pmd/co/>
@@ -248,7 +256,6 @@ def test_facts_and_devices_are_named(written):
     )
     assert {str(row["label"]): str(row["text"]) for row in rows} == {
         "Process identifier": "Zx 7",
-        "Test piece identifier": "Zx 7",
         "material identifier": "S355",
         "tensile_testing_machine name": "M 5",
         "extensometer name": "offaxis, gauge axial",
@@ -272,14 +279,39 @@ def test_any_text_survives(written, text):
     )
     assert [str(row["text"]) for row in rows] == [text]
     assert quoted(text).isprintable() or any(ord(sign) > 127 for sign in text)
-    assert local_name(text).isidentifier() or local_name(text)[0].isdigit()
+    (process,) = graph.subjects(rdflib.RDF.type, PROCESS)
+    assert unquote(str(process)).endswith(f"#{text}_process")
+
+
+def test_different_names_have_different_iris_of_plain_ascii(written):
+    names = [
+        "Zug-1",
+        "Zug 1",
+        "Zug_1",
+        "Müller",
+        "Möller",
+        "试样1",
+        "1",
+        "",
+        "_",
+        "-1",
+        ".1",
+        "1.",
+        "a~",
+        "100%",
+    ]
+    found = set()
+    for name in names:
+        (process,) = written(name=name, iri="https://lab.example/t/").subjects(rdflib.RDF.type, PROCESS)
+        assert re.fullmatch(r"https://lab\.example/t/([\w.-]|%[0-9A-F]{2})*_process", str(process), re.ASCII)
+        assert unquote(str(process)) == f"https://lab.example/t/{name}_process"
+        found.add(process)
+    assert len(found) == len(names)
 
 
 def test_the_individuals_begin_with_the_iri_that_is_given(written):
-    (process,) = written(iri="https://lab.example/tests/").subjects(
-        rdflib.RDF.type, rdflib.URIRef("https://w3id.org/pmd/co/PMD_0000974")
-    )
-    assert str(process) == "https://lab.example/tests/Zx_7_process"
+    (process,) = written(iri="https://lab.example/tests/").subjects(rdflib.RDF.type, PROCESS)
+    assert str(process) == "https://lab.example/tests/Zx%207_process"
     with pytest.raises(dic.OutputError, match="IRI of the test: expected an IRI without spaces, got lab 5"):
         dic.AboutTest(name="a", iri="lab 5")
 
@@ -297,9 +329,56 @@ def test_the_command_writes_the_values_of_its_json(tmp_path):
     assert done.out.splitlines()[-1] == f"ontology: {tmp_path / 't.ttl'}; the ontology has no class for n"
     graph = rdflib.Graph().parse(tmp_path / "t.ttl")
     (row,) = graph.query(by_datum(FORMS["OBI and IAO"]))
-    assert str(row["id"]) == "Zx7"
+    assert re.fullmatch(r"Zx7\.csv [0-9a-f]{12}", str(row["id"]))
+    assert "Test piece identifier" not in {str(text) for text in graph.objects(None, rdflib.RDFS.label)}
     for name, key in (("Rp02", "Rp02_mpa"), ("Rm", "Rm_mpa"), ("E", "E_gpa")):
         assert float(row[name]) == done.report[key]["value"]
     assert "--ttl beside it" in refusal(*words, "--ttl-iri", "https://lab.example/")
     assert "IRI of the test" in refusal(*words, "--ttl", tmp_path / "u.ttl", "--ttl-iri", "lab")
     assert not (tmp_path / "u.ttl").exists()
+    # the IRI is refused before the results are read
+    said = refusal("report", tmp_path / "none.h5", "--ttl", tmp_path / "u.ttl", "--ttl-iri", "lab")
+    assert "IRI of the test: expected an IRI without spaces, got lab" in said
+
+
+def of_images(*digests, source="results.h5", run=None):
+    images = tuple(GaugeImage(f"image {k}", digest=digest) for k, digest in enumerate(digests))
+    return GaugeSeries(source, (), images, run=run)
+
+
+def about(series, **facts):
+    return about_series(series, "axial", "raw", {"specimen": facts} if facts else {})
+
+
+def test_the_name_of_a_test_is_that_of_its_data_and_not_only_of_its_file():
+    one, other = of_images("a" * 64, "b" * 64), of_images("a" * 64, "c" * 64)
+    assert about(one).name.startswith("results.h5 ")
+    assert about(one).name != about(other).name
+    assert about(one, name="Zx7").name.startswith("Zx7 ")
+    assert about(one, name="Zx7").name != about(other, name="Zx7").name
+    # measured again in another folder, without the image that could not be measured
+    again = of_images("a" * 64, "", "b" * 64, source="again/results.h5")
+    assert about(again).name == about(one).name
+    first, second = curve(), replace(curve(), load_n=1.001 * curve().load_n)
+    names = [
+        about_curve(each, {}, gauge_length_mm=None, iri="").name for each in (first, second, replace(first))
+    ]
+    assert names[0] == names[2] != names[1]
+
+
+def test_a_run_names_its_specimen_and_its_date():
+    empty = {each.name: "" for each in fields(RunInfo)}
+    run = RunInfo(
+        **empty | {"run_id": "20261123T080000Z-1", "sample": "Zx8", "start_time": "2026-11-23T08:00:00+00:00"}
+    )
+    found = about(of_images("a" * 64, run=run), material="S355")
+    assert found.name == about(of_images("b" * 64, run=run)).name
+    assert "Zx8" in found.name
+    assert "20261123T080000Z-1" in found.name
+    stated = [
+        found.fact(*key) for key in (("specimen", "name"), ("specimen", "material"), ("laboratory", "date"))
+    ]
+    assert stated == ["Zx8", "S355", "2026-11-23"]
+    assert about(of_images("a" * 64, run=run), name="Zx9").fact("specimen", "name") == "Zx9"
+    other = replace(run, run_id="20261123T090000Z-1")
+    assert about(of_images("a" * 64, run=other)).name != found.name
