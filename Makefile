@@ -41,14 +41,16 @@ laws: $(STAMP)
 
 compiled: $(STAMP)
 	$(BIN)/python -m tests.compile_kernel
+# Finding the tests once keeps their bytecode, which each worker would otherwise compile.
+	@$(BIN)/pytest --collect-only -q -m "not long" >/dev/null
 
 # The tests start hundreds of programs. Each compiles every module anew where the environment forbids bytecode files.
 test test-long: export PYTHONDONTWRITEBYTECODE =
 
 test: $(STAMP)
 	$(MAKE) --no-print-directory -j 2 types compiled lint laws
-# Three workers keep two processors busy while some tests wait; threads within a worker would only compete.
-	OMP_NUM_THREADS=1 $(BIN)/pytest -n 3 --dist worksteal -m "not long and not realtime"
+# Four workers keep two processors busy while some tests wait; threads within a worker would only compete.
+	OMP_NUM_THREADS=1 $(BIN)/pytest -n 4 --dist worksteal -m "not long and not realtime"
 	$(BIN)/pytest -n 2 --dist worksteal -m "realtime and not long"
 
 test-kernel: $(STAMP)

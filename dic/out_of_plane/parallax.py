@@ -128,7 +128,7 @@ class Bulge:
 
     @classmethod
     def of(cls, position_mm: Float) -> "Bulge":
-        """Return the terms for points at `position_mm`, shape (n, 2)."""
+        """Return the three quadratic terms at n points; `position_mm` has the shape (n, 2)."""
         flat, quadratic = _terms(position_mm)
         planes = np.linalg.lstsq(flat, quadratic, rcond=None)[0]
         return cls(np.asarray(quadratic - flat @ planes), np.asarray(planes, np.float64))

@@ -20,7 +20,7 @@ NECKING = "necking"
 def with_shared_error(
     found: Properties, shared_std: Float, shared_transverse: Float | None = None
 ) -> Properties:
-    """Return properties whose standard deviations contain an error of strain common to all points.
+    """Return properties whose deviations contain a strain error that does not average out over the curve.
 
     Each property is computed two more times: with the error added to the strain, and with the error
     subtracted. Half of the difference of the two values is the error of the property.

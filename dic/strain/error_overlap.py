@@ -105,7 +105,7 @@ class ClippedSubsets:
         return np.asarray(padded[rows[:, None, None] + offset[:, None], columns[:, None, None] + offset])
 
     def numbers(self, rows: Indices, columns: Indices) -> Indices:
-        """Return the numbers of points, in the shape of `rows`; -1 for a whole or an absent subset."""
+        """Return the indices of clipped points in `correlations`, in the shape of `rows`; -1 for others."""
         return np.asarray(self._number[rows, columns])
 
     def correlations(self, reach: int) -> Float:

@@ -1,9 +1,15 @@
-"""Reports that several test modules read."""
+"""Reports that several test modules read. Drawing one takes seconds, so all workers share them."""
+
+import fcntl
+import os
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dic.correlation.status import Status
+from dic.pipeline.run_result import RunResult
 from dic.strain.measurement import measure
 from tests.dic.report.page import written
 from tests.dic.report.runs import (
@@ -16,19 +22,39 @@ from tests.dic.report.runs import (
 )
 
 
+def drawn_once(
+    tmp_path_factory: pytest.TempPathFactory, name: str, runs: Callable[[], list[RunResult]]
+) -> str:
+    """Return the HTML of a report that the first worker to need it has written."""
+    own = tmp_path_factory.getbasetemp()
+    # Each of several workers has a folder of its own in the folder of all.
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "reports"
+    folder.mkdir(exist_ok=True)
+    kept = Path(folder, f"{name}.html")
+    with (folder / f"{name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not kept.exists():
+            kept.write_text(written(tmp_path_factory.mktemp(name), *runs()), encoding="utf-8")
+    return kept.read_text(encoding="utf-8")
+
+
 @pytest.fixture(scope="session")
 def tension_html(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return written(tmp_path_factory.mktemp("tension"), tension_run())
+    return drawn_once(tmp_path_factory, "tension", lambda: [tension_run()])
 
 
 @pytest.fixture(scope="session")
 def corrected_html(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return written(tmp_path_factory.mktemp("corrected"), corrected_tension_run())
+    return drawn_once(tmp_path_factory, "corrected", lambda: [corrected_tension_run()])
 
 
 @pytest.fixture(scope="session")
 def troubled_html(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The report of an aborted run with malicious texts, in which each camera has lost one step."""
+    return drawn_once(tmp_path_factory, "troubled", lambda: [troubled_run()])
+
+
+def troubled_run() -> RunResult:
     reason = f"the grips opened {EVIL}"
     run = tension_run(title=EVIL, sample=EVIL, definition=EVIL, status="aborted", status_reason=reason)
     off_axis, on_axis = run.cameras
@@ -38,10 +64,13 @@ def troubled_html(tmp_path_factory: pytest.TempPathFactory) -> str:
     lost.status[:] = Status.NOT_CONVERGED
     lost.warps[:] = np.nan
     on_axis.measurements[0] = measure(lost, on_axis.calibration, label="step 2")
-    return written(tmp_path_factory.mktemp("troubled"), given(run, "free", {}))
+    return given(run, "free", {})
 
 
 @pytest.fixture(scope="session")
 def rotation_html(tmp_path_factory: pytest.TempPathFactory) -> str:
-    runs = [rotation_run(10.0, 0.0012), corrected_rotation_run(30.0, 0.004, simulated=True)]
-    return written(tmp_path_factory.mktemp("rotation"), *runs)
+    return drawn_once(
+        tmp_path_factory,
+        "rotation",
+        lambda: [rotation_run(10.0, 0.0012), corrected_rotation_run(30.0, 0.004, simulated=True)],
+    )

@@ -27,8 +27,9 @@ class Blocks(Settings):
         Block with the status word, the fault, and the number and the result of the executed command. It is
         left out if the block `state` has these registers.
     setpoints : Block, optional
-        Block with targets and rates. It is left out if the block `command` has these registers. The driver
-        writes the block `setpoints` and reads it back before it sends a command.
+        Block with targets and rates. It is left out if the block `command` has these registers. Before a
+        command with a target, the driver reads the block `setpoints`. If the values differ, it writes the
+        block and reads it back.
     """
 
     state: Block
