@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from dic.files.digest import file_sha256
 from dic.runfile import superblock
-from dic.runfile.joined import JoinedRun, file_sha256, open_run
+from dic.runfile.joined import JoinedRun, open_run
 from dic.runfile.lock import is_recorded
 from dic.runfile.reader import RunFile
 from rig.devices import Rig

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from dic.campaigns.campaign import Campaign, SpecimenTest, campaign_of, require_direction
 from dic.errors import CurveError, MeasurementError, joined
+from dic.files.digest import file_sha256
 from dic.gauges.file import read_gauges
 from dic.pipeline.gauge_record import ImageClock, gauge_curve, join_record
 from dic.pipeline.gauge_series import measure_gauges
@@ -15,7 +16,6 @@ from dic.properties.properties import Properties, material_properties
 from dic.properties.settings import PropertySettings
 from dic.properties.shared_error import with_shared_error
 from dic.records.machine import read_machine_record
-from dic.runfile.joined import file_sha256
 
 
 @dataclass(frozen=True)

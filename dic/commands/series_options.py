@@ -194,12 +194,12 @@ class MotionOptions:
 def read_set_up(calibration_file: Path | None, strain: "StrainSettings", motion: "Motion") -> "SeriesSetUp":
     """Read the calibration file, and return the inputs from which a series' strains are computed."""
     from dic import load_calibration
+    from dic.files.digest import file_sha256
     from dic.pipeline.series_set_up import SeriesSetUp
-    from dic.results.provenance import file_digest
 
     if calibration_file is None:
         return SeriesSetUp(strain, motion)
-    return SeriesSetUp(strain, motion, load_calibration(calibration_file), file_digest(calibration_file))
+    return SeriesSetUp(strain, motion, load_calibration(calibration_file), file_sha256(calibration_file))
 
 
 motion_options = option_group(

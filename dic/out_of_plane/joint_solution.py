@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dic.out_of_plane.causes import by_plane
 from dic.out_of_plane.correction import by_centre
 from dic.out_of_plane.parallax import Bulge, Heights, Pairs
-from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.uncertainty import block_diagonal
 from dic.strain.fit import gradient_weights, slopes_of
 from dic.typing import Float
@@ -15,7 +15,6 @@ _SYSTEMATIC = 2e-6
 """Standard deviation of unmodelled errors in the difference of the strains from both cameras."""
 
 _STEPS = 3
-_SMALL = 1e-6
 
 
 @dataclass(frozen=True)
@@ -81,11 +80,11 @@ class JointSystem:
         heights = Heights.of(self.pairs, self.centres_mm)
         (plane, of_plane), bulge = heights.plane(), Bulge.of(heights.position_mm)
         weights = gradient_weights(self.pairs.first.before_mm[self.pairs.chosen])
-        by_plane = [
-            np.einsum("nip,nis->ps", weights, _by_plane(after_mm, centre_mm, plane))
+        of_places = [
+            np.einsum("nip,nis->ps", weights, by_plane(after_mm, centre_mm, plane))
             for after_mm, centre_mm in zip(self.pairs.positions_mm(), self.centres_mm, strict=True)
         ]
-        through_plane = of_plane @ np.vstack([*by_plane, np.eye(3)]).T
+        through_plane = of_plane @ np.vstack([*of_places, np.eye(3)]).T
         along = heights.parallax / (heights.parallax**2).sum(axis=1, keepdims=True)
         through_bulge = (self._by_curvatures(bulge, self.centres_mm) @ bulge.weights).T
         through_plane[:, :, :8] -= along[:, :, None] * through_bulge[:, None, :]
@@ -173,17 +172,3 @@ class JointSolution:
     estimates: Float
     covariance: Float
     shift_needed: float
-
-
-def _by_plane(after_mm: Float, centre_mm: Float, plane: Plane) -> Float:
-    """Return derivatives of positions on a plane, shape (n, 2, 3).
-
-    The columns are derivatives with respect to slope x, slope y and shift (mm).
-    """
-    at = np.array([plane.slope_x, plane.slope_y, plane.shift_mm])
-    sides = [
-        (Plane(*(at + step)).within(after_mm, centre_mm) - Plane(*(at - step)).within(after_mm, centre_mm))
-        / (2 * _SMALL)
-        for step in _SMALL * np.eye(3)
-    ]
-    return np.stack(sides, axis=-1)

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dic.errors import MeasurementError, RunFileError
+from dic.files.digest import file_sha256
 from dic.image.pages import page_name, split_page
 from dic.image.read import read_image
 from dic.pipeline.run_result import RunResult
 from dic.pipeline.series_result_file import SeriesResult
-from dic.results.provenance import file_digest
 from dic.runfile.joined import open_run
 from dic.runfile.reader import RunStep
 from dic.typing import Grey
@@ -41,7 +41,7 @@ def deformed_of_series(result: SeriesResult, place: int) -> Grey:
     file, page = split_page(image.label)
     path = beside(str(file), result.source)
     try:
-        digest = file_digest(path)
+        digest = file_sha256(path)
     except OSError as error:
         got, remedy = error.strerror or str(error), "put the image back to where it was measured"
         raise RunFileError(image.label, "draw the deformed image", "the image file", got, remedy) from error

@@ -10,12 +10,12 @@ from typing import Any
 from numpy.typing import NDArray
 
 from dic.errors import ImageError, WorkerError
+from dic.files.digest import file_sha256
 from dic.files.reading import opened
 from dic.image.given import grey_levels
 from dic.image.pages import split_page
 from dic.image.times import ImageTime
 from dic.results.job import content_of
-from dic.results.provenance import file_digest
 from dic.typing import Float, ImageLike
 
 UNREADABLE = "unreadable"
@@ -132,7 +132,7 @@ class FileDigests:
         with opened(file) as content:
             identity = content.identity
         if identity not in self._known:
-            self._known[identity] = file_digest(file, _MOST_BYTES)
+            self._known[identity] = file_sha256(file, _MOST_BYTES)
         return self._known[identity]
 
 

@@ -121,6 +121,7 @@ def _composite(label: str, roi: "ImagejRoi") -> list[Float]:
     """Return the outlines of an area of several parts, some of which may be holes in others."""
     try:
         parts = roi.coordinates(multi=True)
+    # roifile reads only straight edges of such areas, and raises this error for curved ones.
     except NotImplementedError as error:
         remedy = "make a polygon of it by Edit > Selection > Interpolate in ImageJ"
         raise _refusal(label, "an area of several parts with curved edges", remedy) from error

@@ -4,17 +4,13 @@ import shlex
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from errno import EFBIG
-from hashlib import sha256
 from importlib.metadata import version
-from math import inf
 from pathlib import Path
 
-from dic.files.reading import opened
+from dic.files.digest import file_sha256
 from dic.results.job import Job
 
 _PACKAGES = ("offaxis", "numpy", "scipy", "numba", "opencv-python-headless")
-_PIECE_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -56,7 +52,7 @@ class Provenance:
             Function that returns the SHA-256 of a file, for a caller that already knows some digests.
         """
         program, *arguments = sys.argv
-        of_file = digest or file_digest
+        of_file = digest or file_sha256
         digests = {str(path): of_file(path) for path in inputs if path is not None}
         return cls(shlex.join([Path(program).name, *arguments]), versions(), digests, job)
 
@@ -64,20 +60,3 @@ class Provenance:
 def versions() -> str:
     """Return the versions of this program and of the libraries that it computes with, as one line of text."""
     return ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
-
-
-def file_digest(path: Path, most_bytes: float = inf) -> str:
-    """Return the SHA-256 of a file, as the program `sha256sum` prints it.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read, or is larger than `most_bytes`.
-    """
-    digest = sha256()
-    with opened(path) as content:
-        if len(content) > most_bytes:
-            raise OSError(EFBIG, "a file that is too large", str(path))
-        for start in range(0, len(content), _PIECE_BYTES):
-            digest.update(content[start : start + _PIECE_BYTES])
-    return digest.hexdigest()

@@ -1,6 +1,5 @@
 """Read a run, together with the earlier run that it continues, as a single run."""
 
-import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -8,20 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.errors import RunFileError
+from dic.files.digest import file_sha256
 from dic.files.reading import opened
 from dic.runfile.reader import RunFile, RunStep
-
-_PIECE_BYTES = 1 << 20
-
-
-def file_sha256(path: Path) -> str:
-    """Return the SHA-256 of a whole file, as the program `sha256sum` prints it."""
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while piece := file.read(_PIECE_BYTES):
-            digest.update(piece)
-    return digest.hexdigest()
-
 
 _digests: dict[tuple[int, ...], str] = {}
 """Digests of earlier runs, by the identity of the file; a figure opens the same run for every step."""

@@ -10,7 +10,8 @@ import pytest
 
 import dic
 from dic.errors import RunFileError
-from dic.runfile.joined import file_sha256, open_run
+from dic.files.digest import file_sha256
+from dic.runfile.joined import open_run
 from dic.runfile.reader import RunFile
 from drivers.interfaces import OperatorAction
 from rig.commands.continuing import next_segment

@@ -112,8 +112,8 @@ def test_pages_of_one_file_are_not_taken_for_each_other(images, tmp_path, correl
 
 
 def test_each_file_is_digested_once(images, tmp_path, monkeypatch):
-    digested, digest = [], module.file_digest
-    monkeypatch.setattr(module, "file_digest", lambda file, most: digested.append(file) or digest(file, most))
+    digested, digest = [], module.file_sha256
+    monkeypatch.setattr(module, "file_sha256", lambda file, most: digested.append(file) or digest(file, most))
     assert run_dic(*command(images, "-o", tmp_path / "r.h5")).status == 2
     assert sorted(digested) == [images / f"img{k}.png" for k in range(3)]
     digested.clear()
