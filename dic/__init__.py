@@ -89,8 +89,10 @@ if TYPE_CHECKING:
     from dic.pipeline.measured import measure
     from dic.pipeline.run import process_run
     from dic.pipeline.run_corrections import CorrectionSettings, JointCorrections, RunCorrections
+    from dic.pipeline.run_reference import RunReference, run_reference
     from dic.pipeline.run_result import RunResult
     from dic.pipeline.run_result_file import load_run_result, save_run_result
+    from dic.pipeline.run_source import RunSource
     from dic.pipeline.series_corrections import corrected_rotation
     from dic.pipeline.series_image import SeriesImage
     from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
@@ -159,8 +161,9 @@ __all__ = [
     "MeasurementError", "Motion", "Noise", "OutputError", "PeerField", "Pinhole", "Plane", "PlotSettings",
     "PointGauge", "Profile", "Properties", "PropertySettings", "PropertyValue", "Quality", "Reading",
     "RegionFiles", "ReportDetails", "Residuals", "ResultPlace", "RunCorrections", "RunFileError", "RunInfo",
-    "RunResult", "RunStep", "Sensitivity", "Series", "SeriesImage", "SeriesResult", "Specimen",
-    "SpecimenTest", "StatedFacts", "Status", "StrainField", "StrainGauge", "StrainSettings",
+    "RunReference", "RunResult", "RunSource", "RunStep", "Sensitivity", "Series", "SeriesImage",
+    "SeriesResult", "Specimen", "SpecimenTest", "StatedFacts", "Status", "StrainField", "StrainGauge",
+    "StrainSettings",
     "StudiedSettings", "Study", "Sweep", "Target", "TensileTest", "TransverseExtensometer", "TwoCameraStep",
     "Wave", "WorkerError", "__version__", "assess_method", "assess_quality", "calibrate_images",
     "compare_results", "compare_specimens", "corrected_rotation", "draw_target", "export_results",
@@ -171,7 +174,8 @@ __all__ = [
     "plot_calibration", "plot_campaign", "plot_cuts", "plot_gauges", "plot_properties", "plot_quality",
     "plot_study", "process_run", "quality_findings", "read_campaign", "read_curve", "read_gauges",
     "read_image", "read_image_times", "read_machine_record", "read_peer", "read_region", "read_stated_facts",
-    "region_files", "rigid_motion", "save_alignment", "save_calibration", "save_run_result", "strain_of_run",
+    "region_files", "rigid_motion", "run_reference", "save_alignment", "save_calibration",
+    "save_run_result", "strain_of_run",
     "strain_of_series", "strain_resolution_px", "study_settings", "tensile_test", "to_pandas", "to_xarray",
     "whole_field_gauges", "with_shared_error", "write_animation", "write_campaign_report",
     "write_campaign_table", "write_contact_sheet", "write_csv", "write_drawing_page", "write_example",
@@ -244,8 +248,10 @@ _NAMES_OF = {
     "dic.pipeline.measured": ("measure",),
     "dic.pipeline.run": ("process_run",),
     "dic.pipeline.run_corrections": ("CorrectionSettings", "JointCorrections", "RunCorrections"),
+    "dic.pipeline.run_reference": ("RunReference", "run_reference"),
     "dic.pipeline.run_result": ("RunResult",),
     "dic.pipeline.run_result_file": ("load_run_result", "save_run_result"),
+    "dic.pipeline.run_source": ("RunSource",),
     "dic.pipeline.series_corrections": ("corrected_rotation",),
     "dic.pipeline.series_image": ("SeriesImage",),
     "dic.pipeline.series_result": ("MeasuredImage", "MeasuredSeries"),

@@ -1,5 +1,6 @@
 """The command `dic draw`, which writes a page on which regions and gauges are drawn over an image."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,13 +11,16 @@ from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
 
 if TYPE_CHECKING:
-    from dic.typing import Mask
+    from dic import Calibration
+    from dic.typing import ImageLike, Mask
 
+_RUN_FILES = (".h5", ".hdf5")
 _FILE = click.Path(path_type=Path)
 
 
 @click.command()
 @click.argument("image", type=_FILE)
+@click.option("--camera", help="Camera of a run file, if the run has several.")
 @click.option("-o", "--output", type=_FILE, help="HTML file.  [default: IMAGE-drawing.html]")
 @click.option("--roi", type=_FILE, help="Region to begin with: mask image or region file.")
 @click.option("--specimen", is_flag=True, help="Begin with the specimen, found by its speckles.")
@@ -35,6 +39,7 @@ _FILE = click.Path(path_type=Path)
 @FORCE
 def draw(
     image: Path,
+    camera: str | None,
     output: Path | None,
     roi: Path | None,
     specimen: bool,
@@ -44,27 +49,53 @@ def draw(
 ) -> None:
     """Write a page on which you draw regions, cracks and gauges over IMAGE in a browser.
 
+    IMAGE is an image file, or a run file, of which the page shows the reference image of a camera.
     The page is one HTML file that works offline. The page saves region.toml for --roi of `dic correlate`,
-    `dic quality` and `dic study`, and gauges.toml for --gauges of `dic correlate` and `dic process` and for
-    `dic gauges`.
+    `dic process`, `dic quality` and `dic study`, and gauges.toml for --gauges of `dic correlate`,
+    `dic process` and `dic gauges`.
     """
     from dic import load_calibration, read_gauges, write_drawing_page
 
     if roi is not None and specimen:
         remedy = "leave one of them out"
         raise CorrelationError("settings", "--specimen", "no --roi beside it", str(roi), remedy)
-    page = output or Path(f"{image.stem}-drawing.html")
+    given = _given(image, camera)
+    page = output or Path(f"{given.stem}-drawing.html")
     require_places([image, roi, gauges_file, calibration_file], [page], force=force)
     gauges = () if gauges_file is None else read_gauges(gauges_file)
-    calibration = None if calibration_file is None else load_calibration(calibration_file)
-    region = _specimen(image) if specimen else roi
-    write_drawing_page(image, page, region=region, gauges=gauges, calibration=calibration)
+    calibration = given.calibration if calibration_file is None else load_calibration(calibration_file)
+    region = _specimen(given.image) if specimen else roi
+    write_drawing_page(
+        given.image, page, region=region, gauges=gauges, calibration=calibration, name=given.name
+    )
     say(f"page: {page}")
     say("open it in a browser, draw, and save region.toml and gauges.toml")
-    say(f"then: dic correlate {image} … --roi region.toml --gauges gauges.toml")
+    say(f"then: {given.then}")
 
 
-def _specimen(image: Path) -> "Mask":
+@dataclass(frozen=True)
+class _Given:
+    """The image to draw on, the beginning of the page's name, and the command that reads the drawn files."""
+
+    image: "ImageLike"
+    stem: str
+    then: str
+    name: str | None = None
+    calibration: "Calibration | None" = None
+
+
+def _given(image: Path, camera: str | None) -> _Given:
+    """Return an image file, or the reference image of a camera of a run file, as the image to draw on."""
+    from dic import run_reference
+
+    if camera is None and image.suffix.lower() not in _RUN_FILES:
+        return _Given(image, image.stem, f"dic correlate {image} … --roi region.toml --gauges gauges.toml")
+    of_run = run_reference(image, camera)
+    then = f"dic process {image} --roi {of_run.camera}=region.toml"
+    return _Given(of_run.image, f"{image.stem}-{of_run.camera}", then, of_run.name, of_run.calibration)
+
+
+def _specimen(image: "ImageLike") -> "Mask":
     from dic import find_specimen
 
     found = find_specimen(image)

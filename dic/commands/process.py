@@ -25,6 +25,7 @@ from dic.commands.correlation_options import (
 )
 from dic.commands.option_groups import all_of, option_group
 from dic.commands.run_output import OutputOptions, end_run, read_alignment, save_alignments
+from dic.commands.run_regions import RegionOptions, region_options
 from dic.commands.settings_file import settings_option, used_settings_file
 from dic.commands.worker_options import chosen_workers, worker_options
 from dic.shell.output_paths import FORCE
@@ -75,6 +76,7 @@ class MotionOptions:
 @correlation_options
 @incremental_option
 @strain_options
+@region_options
 @option_group(
     "motion",
     MotionOptions,
@@ -113,6 +115,7 @@ def process(
     correlation: CorrelationOptions,
     incremental: str,
     strain: StrainOptions,
+    region: RegionOptions,
     motion: MotionOptions,
     outputs: OutputOptions,
 ) -> None:
@@ -129,15 +132,16 @@ def process(
     from dic.shell.console import say
     from dic.shell.progress import progress
 
-    settings, _, how, correcting, gauges = all_of(
+    settings, _, how, source, correcting, gauges = all_of(
         correlation.settings,
         partial(Series.require_incremental, incremental),
         strain.settings,
+        partial(region.source, run),
         motion.settings,
         outputs.gauges,
     )
     output = outputs.output or run.with_suffix(".results.h5")
-    settings_files = [used_settings_file(), *motion.files, outputs.gauges_file]
+    settings_files = [used_settings_file(), *motion.files, *region.files, outputs.gauges_file]
     read = [run, *settings_files, outputs.fields_from if outputs.fields_from != output else None]
     outputs.require_places(read, output, motion.save_alignment, result_may_stand=True)
     with progress("correlating") as bar, chosen_workers() as workers:
@@ -147,7 +151,7 @@ def process(
             bar.advance()
 
         result = process_run(
-            run,
+            source,
             settings,
             how,
             correcting=correcting,
@@ -161,6 +165,8 @@ def process(
         say(result.note)
     say(table(result))
     for camera in [] if result.note else result.cameras:
+        if camera.camera in source.regions:
+            continue
         if camera.specimen is None:
             say(f"{camera.camera}: no specimen was found by its speckles; points cover the calibrated area")
         elif not camera.specimen.is_whole:

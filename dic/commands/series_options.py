@@ -43,7 +43,7 @@ class RegionOptions:
 
     def files(self) -> list[Path | None]:
         """Return the paths of the file of `--roi` (or None) and of the region files that `read` reads."""
-        return [self.roi, *(Path(text) for text in self.polygons if _is_file(text))]
+        return [self.roi, *(Path(text) for text in self.polygons if is_file(text))]
 
     def outputs(self) -> "tuple[Path, ...]":
         """Return the paths of the files that `--write-mask` asks for."""
@@ -58,7 +58,7 @@ class RegionOptions:
         return read_region(self.roi, self.polygons, shape)
 
 
-def _is_file(text: str) -> bool:
+def is_file(text: str) -> bool:
     """Return True if a text names an existing file; a typed polygon may be too long for a file name."""
     try:
         return Path(text).is_file()

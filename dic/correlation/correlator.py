@@ -47,15 +47,15 @@ class Correlator:
         if the surface ends at the region's edge. Without a region, subsets never use pixels outside the
         specimen.
     within : ndarray of bool, shape (height, width), optional
-        Limits the points of interest, but not the pixels of their subsets, to a part of the specimen.
-        `within` is used only if no region is given.
+        Limits the points of interest, but not the pixels of their subsets, to a part of the region or of the
+        specimen.
     threads : int
         Number of threads. 0 means one thread for each processor.
 
     Attributes
     ----------
     region : ndarray of bool, shape (height, width)
-        The region of interest: the given region, or the specimen within `within`.
+        The region of interest: the given region or the specimen, within `within`.
     specimen : Specimen or None
         The specimen that was found; None if a region was given.
     smoothing : Smoothing
@@ -85,9 +85,9 @@ class Correlator:
         if region is None:
             self.specimen = find_specimen(grey, settings.subset_px, within)
             surface = self.specimen.mask
-            self.region = surface if within is None else surface & within
         else:
-            surface = self.region = checked_region(region, grey.shape)
+            surface = checked_region(region, grey.shape)
+        self.region = surface if within is None else surface & within
         self.smoothing = chosen_smoothing(grey, self.region, settings)
         image = self.smoothing.applied(grey)
         usable = np.ones(grey.shape, np.bool_)

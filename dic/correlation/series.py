@@ -57,7 +57,7 @@ class Series:
         True if subsets use only pixels of the region. The default is True, except if the found specimen fills
         the image.
     within : ndarray of bool, shape (height, width), optional
-        Limits the points of interest to a part of the specimen. `within` is used only if no region is given.
+        Limits the points of interest to a part of the region or of the specimen.
     threads : int
         Number of threads. 0 means one thread for each processor.
 

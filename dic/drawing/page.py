@@ -33,6 +33,7 @@ def write_drawing_page(
     region: Mask | PathLike | None = None,
     gauges: Sequence[Gauge] = (),
     calibration: Calibration | None = None,
+    name: str | None = None,
 ) -> None:
     """Write one HTML file on which regions, cracks and gauges are drawn over an image, in any browser.
 
@@ -51,6 +52,9 @@ def write_drawing_page(
         Gauges to begin with. Gauges in mm are shown and written again, but cannot be changed.
     calibration : Calibration, optional
         The page then also shows the pointer's place in mm.
+    name : str, optional
+        Name of the image in the title of the page and in the saved files. Default: the name of the image
+        file.
 
     Raises
     ------
@@ -61,12 +65,13 @@ def write_drawing_page(
     """
     grey = grey_image(image, "image")
     # The name stands in a comment of the files that the page saves, which ends at a line break.
-    name = "".join(sign if sign.isprintable() else "?" for sign in Path(name_of(image, "image")).name)
+    shown = Path(name_of(image, "image")).name if name is None else name
+    title = "".join(sign if sign.isprintable() else "?" for sign in shown)
     shapes = [] if region is None else region_shapes(region, grey.shape)
     shapes += gauge_shapes(gauges, grey.shape)
     picture = shown_picture(grey)
     data = {
-        "name": name,
+        "name": title,
         "width": grey.shape[1],
         "height": grey.shape[0],
         "picture": picture.uri,
@@ -76,7 +81,7 @@ def write_drawing_page(
         "calibration": None if calibration is None else calibration_nodes(calibration),
         "files": {"region": REGION_FILE, "gauges": GAUGES_FILE},
     }
-    write_text(path, _page(name, data))
+    write_text(path, _page(title, data))
 
 
 def _page(name: str, data: dict[str, object]) -> str:

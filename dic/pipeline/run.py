@@ -16,6 +16,7 @@ from dic.pipeline.run_correlation import RunCorrelation, step_content
 from dic.pipeline.run_result import RunResult
 from dic.pipeline.run_result_file import load_run_result
 from dic.pipeline.run_set_up import RunSetUp
+from dic.pipeline.run_source import RunSource, region_digests
 from dic.pipeline.strain_anew import job_of_fields, strain_with
 from dic.results.job import Job, Outcome
 from dic.results.place import ResultPlace
@@ -30,7 +31,7 @@ from dic.workers.workers import Workers
 
 
 def process_run(
-    path: PathLike,
+    path: PathLike | RunSource,
     settings: CorrelationSettings | None = None,
     strain: StrainSettings | None = None,
     *,
@@ -49,8 +50,9 @@ def process_run(
 
     Parameters
     ----------
-    path : path
-        The run file. The run may have been killed before its end.
+    path : path or RunSource
+        The run file. The run may have been killed before its end. A `RunSource` also has the regions to
+        measure.
     settings : CorrelationSettings, optional
         Settings of the correlation.
     strain : StrainSettings, optional
@@ -77,10 +79,11 @@ def process_run(
     Raises
     ------
     MeasurementError
-        If the file cannot be read, a calibration grid is not found, or the reference image of a camera cannot
-        be used. A step that cannot be correlated raises no error: `CameraResult.failures` lists the step.
+        If the file cannot be read, a calibration grid is not found, or the reference image or the region of a
+        camera cannot be used. A step that cannot be correlated raises no error: `CameraResult.failures` lists
+        the step.
     """
-    require_kind("path", path, str | Path, "name a run file")
+    source = path if isinstance(path, RunSource) else RunSource(path)
     Series.require_incremental(incremental)
     require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
     require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=3)")
@@ -88,17 +91,18 @@ def process_run(
     settings = settings or CorrelationSettings()
     strain = strain or StrainSettings()
     chosen = output if isinstance(output, ResultPlace) or output is None else ResultPlace(Path(output))
-    with open_run(path) as run, result_place(None if chosen is None else chosen.path) as file:
+    with open_run(source.path) as run, result_place(None if chosen is None else chosen.path) as file:
         place = chosen or ResultPlace(file)
         run.step_of_kind("grid")
         run.step_of_kind("reference")
         correcting = correcting or CorrectionSettings()
         plate_mm = run.mounting.plate_mm if plate_mm is None else plate_mm
         kinds = {step.kind for step in run.series()[1:]}
-        correcting.require_use(str(path), list(run.cameras), kinds)
+        correcting.require_use(str(source.path), list(run.cameras), kinds)
         correcting = correcting.completed(run.mounting)
         done = partial(on_image, len(run.cameras) * (len(run.series()) - 1))
-        fields = _fields_job(run, settings, incremental)
+        regions = source.masks(run)
+        fields = _fields_job(run, settings, incremental) | region_digests(regions)
         set_up = RunSetUp(str(run.path), run.info, settings, strain, correcting, plate_mm)
         job = Job.of(fields, set_up.as_dict())
         known = fields_on_file(place, load_run_result, fields, partial(_images, run))
@@ -109,7 +113,7 @@ def process_run(
             if known is not None:
                 found = strain_with(known, set_up, file, done, place.inputs)
                 return replace(found, note=f"{known.file}: {FIELDS}")
-            work = RunCorrelation(run, kept, settings, strain, incremental, plate_mm, done, workers)
+            work = RunCorrelation(run, regions, kept, settings, strain, incremental, plate_mm, done, workers)
             cameras = work.correlate_all()
             set_up.write(file, cameras, Provenance.of([run.path, *place.inputs], job))
         result = load_run_result(file)

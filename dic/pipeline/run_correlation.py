@@ -1,6 +1,6 @@
 """The correlation of a run's images: the calibration of every camera, and the fields of every step."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from threading import Event
@@ -12,7 +12,7 @@ from dic.calibration.calibration import Calibration
 from dic.calibration.plate import behind
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import CalibrationError
+from dic.errors import CalibrationError, CorrelationError, warn_of_image
 from dic.files.lazy import Computed
 from dic.image.threads import processors
 from dic.pipeline.camera_result import CameraResult
@@ -46,6 +46,8 @@ class RunCorrelation:
     Attributes
     ----------
     run : RunFile
+    regions : mapping of str to ndarray of bool
+        The region to measure of each camera that has one, by the camera's name.
     kept : Unfinished
         The folder of finished images.
     settings : CorrelationSettings
@@ -60,6 +62,7 @@ class RunCorrelation:
     """
 
     run: RunFile
+    regions: Mapping[str, Mask]
     kept: Unfinished
     settings: CorrelationSettings
     strain: StrainSettings
@@ -85,13 +88,13 @@ class RunCorrelation:
     def correlate(self, camera: str) -> CameraResult:
         """Correlate the images of a camera. Its measurements are computed when they are used."""
         # The fields do not depend on the thickness of the plate, so a new thickness needs no new correlation.
-        run, lines = self.run, _calibrate(self.run, camera)
+        run, lines = self.run, calibrate_camera(self.run, camera)
         calibration = behind(lines, self.plate_mm) if self.plate_mm else lines
         first, *others = run.series()
         taken = RunImage(run, camera, first)
         reference = taken()
         source = SeriesImage(taken, f"step {first.index}", digest=taken.digest()).read
-        series = self._series(source, _calibrated_region(lines, reference.shape))
+        series = self._series(camera, source, _calibrated_region(lines, reference.shape))
         finished = self.kept.series(run.cameras.index(camera))
         turn = _Turn(lines, first.angle_deg)
         images = (
@@ -123,12 +126,20 @@ class RunCorrelation:
             camera, calibration, reference, steps, measurements, failures, series.specimen, outcomes
         )
 
-    def _series(self, reference: Callable[[], ImageLike], area: Mask) -> Series:
-        """Return a camera's series on the specimen, or on the calibrated area if no specimen is found."""
+    def _series(self, camera: str, reference: Callable[[], ImageLike], area: Mask) -> Series:
+        """Return a camera's series in its region, on the specimen, or on the calibrated area.
+
+        Without a region, the specimen is found by its speckles. The calibrated area is used if no specimen is
+        found.
+        """
         how: dict[str, Any] = {
             "incremental": self.incremental,
             "threads": max(1, processors() // len(self.run.cameras)),
         }
+        region = self.regions.get(camera)
+        if region is not None:
+            _compare_with_calibration(f"{self.run.path}: {camera}", region, area)
+            return Series(reference, region, self.settings, within=area, **how)
         try:
             return Series(reference, None, self.settings, within=area, **how)
         except SpecimenNotFound:
@@ -144,7 +155,14 @@ def step_content(run: RunFile, camera: str, step: RunStep) -> str:
     return "" if digest == UNREADABLE else content_of(digest, [turned_deg])
 
 
-def _calibrate(run: RunFile, camera: str) -> Calibration:
+def calibrate_camera(run: RunFile, camera: str) -> Calibration:
+    """Return the calibration of a run's camera, from the first image of the grid.
+
+    Raises
+    ------
+    MeasurementError
+        If the run has no image of the grid, or the grid is not found.
+    """
     image = run.image(camera, run.step_of_kind("grid"))
     source = f"{run.path}: {camera}"
     try:
@@ -182,6 +200,22 @@ def _calibrated_region(calibration: Calibration, shape: tuple[int, ...]) -> Mask
     x, y = np.meshgrid(np.arange(width), np.arange(height))
     pixels = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
     return calibration.inside(pixels).reshape(height, width)
+
+
+def _compare_with_calibration(source: str, region: Mask, area: Mask) -> None:
+    """Warn if a part of a region is not calibrated; raise an error if no part is calibrated."""
+    pixels, outside = int(region.sum()), int((region & ~area).sum())
+    if pixels and outside == pixels:
+        raise CorrelationError(
+            source,
+            "choose the region",
+            "a region in the calibrated area, which the grid covers",
+            "one outside of it",
+            "draw the region where the grid image shows the grid",
+        )
+    if outside:
+        share = f"{100 * outside / pixels:.2g} %"
+        warn_of_image(source, f"{share} of the region lies outside the calibrated area and is not measured")
 
 
 class _Turn:

@@ -1,0 +1,96 @@
+"""The options of `dic process` that name the regions to measure in the images of a run's cameras."""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dic.commands.option_groups import all_of, option_group
+from dic.commands.series_options import is_file
+
+if TYPE_CHECKING:
+    from dic import RunSource
+
+
+@dataclass(frozen=True)
+class RegionOptions:
+    """Options for the region to measure, each with the name of the camera that it belongs to."""
+
+    rois: tuple[str, ...]
+    polygons: tuple[str, ...]
+
+    @property
+    def files(self) -> list[Path]:
+        """The region files and mask images that the options name."""
+        rois = [Path(text.partition("=")[2]) for text in self.rois]
+        places = [text.partition("=")[2] for text in self.polygons]
+        return rois + [Path(place) for place in places if is_file(place)]
+
+    def source(self, run: Path) -> "RunSource":
+        """Return a run file with the regions of the options.
+
+        Raises
+        ------
+        CorrelationError
+            If an option lacks the camera or the region, or if a camera has two files. All such mistakes are
+            named together.
+        """
+        from dic import RunSource, read_region
+
+        rois, polygons = all_of(
+            partial(self._by_camera, "--roi", self.rois, most=1),
+            partial(self._by_camera, "--polygon", self.polygons),
+        )
+        return RunSource(
+            run,
+            {
+                camera: partial(read_region, next(iter(rois.get(camera, [])), None), polygons.get(camera, []))
+                for camera in {**rois, **polygons}
+            },
+        )
+
+    @staticmethod
+    def _by_camera(option: str, texts: tuple[str, ...], most: int | None = None) -> dict[str, list[str]]:
+        """Return the values of an option by camera; raise an error if a camera has more than `most`."""
+        from dic import CorrelationError
+
+        found: dict[str, list[str]] = {}
+        value = "FILE" if most else "REGION"
+        for text in texts:
+            camera, _, given = text.partition("=")
+            if not (camera and given):
+                remedy = f"name the camera that the region belongs to: {option} on_axis={value}"
+                raise CorrelationError("settings", option, f"CAMERA={value}", text, remedy)
+            found.setdefault(camera, []).append(given)
+        for camera, several in found.items():
+            if most is not None and len(several) > most:
+                remedy = "give further regions by --polygon, or draw all in one file"
+                raise CorrelationError(
+                    "settings", option, f"one file for {camera}", " and ".join(several), remedy
+                )
+        return found
+
+
+region_options = option_group(
+    "region",
+    RegionOptions,
+    click.option(
+        "--roi",
+        "rois",
+        multiple=True,
+        metavar="CAMERA=FILE",
+        help="Region to measure in a camera's images: mask image, white in the region, or region file: TOML,"
+        " JSON, CSV, or .roi or .zip of ImageJ. Once for each camera. Default: the specimen, found by its"
+        " speckles.",
+    ),
+    click.option(
+        "--polygon",
+        "polygons",
+        multiple=True,
+        metavar="CAMERA=REGION",
+        help='Polygon of a camera\'s region: "x,y x,y x,y ..." in px, or a region file. May be repeated.'
+        " A polygon inside another is a hole. With --roi, the region is the intersection.",
+    ),
+)
