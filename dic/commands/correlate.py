@@ -73,7 +73,7 @@ def correlate(
     from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
     from dic.pipeline.reuse import FIELDS, SAME
     from dic.pipeline.series_correlation import SeriesCorrelation
-    from dic.pipeline.series_image import FileDigests
+    from dic.pipeline.series_image import FileDigests, KnownImage
     from dic.pipeline.series_sources import SeriesSources
     from dic.results.job import Job
     from dic.results.provenance import Provenance
@@ -103,7 +103,8 @@ def correlate(
         digest = digests.of(sources.reference)
         source = SeriesImage(sources.reference, str(sources.reference), digest=digest)
         workers = stack.enter_context(chosen_workers())
-        series = Series(source.read, region.read(image.shape), settings, incremental=start.incremental)
+        known_image = KnownImage(source, image)
+        series = Series(known_image, region.read(image.shape), settings, incremental=start.incremental)
         set_up.require_use(series.shape)
         if series.specimen is not None and not series.specimen.is_whole:
             say(str(series.specimen))

@@ -18,7 +18,7 @@ EDGE_PX = 4
 """Smallest distance of a subset from the image's edge, so that a small motion keeps the subset in view."""
 
 
-_BAND_PX, _HALO_PX = 2048, 16
+_BAND_PX, _HALO_PX = 512, 16
 """Height of the bands of rows in which the edges of a region are examined, and spare rows around a band."""
 
 _ROWS = 128

@@ -6,6 +6,8 @@ from dataclasses import replace
 from itertools import chain
 from typing import Any
 
+import numpy as np
+
 from dic.correlation.series import Series
 from dic.correlation.series_state import GUESS_DISTANCE
 from dic.image.given import name_of
@@ -102,6 +104,6 @@ def series_job(series: Series, reference: str, incremental: str) -> dict[str, An
     incremental : str
         The rule for new references.
     """
-    region = hashlib.sha256(series.region.tobytes()).hexdigest()
+    region = hashlib.sha256(np.ascontiguousarray(series.region).data).hexdigest()
     fixed = {"reference": reference, "region": region, "incremental": incremental, "versions": versions()}
     return fixed | FIRST_GUESSES | vars(series.settings)

@@ -97,6 +97,31 @@ class SeriesImage:
         return self.digest if found is None else str(found())
 
 
+class KnownImage:
+    """A function that returns an image that this process has read; another process reads the image itself.
+
+    Parameters
+    ----------
+    image : SeriesImage
+    grey : ndarray, shape (height, width)
+        The grey levels of the image, as `grey_levels` or `read_image` return them.
+    """
+
+    def __init__(self, image: SeriesImage, grey: NDArray[Any]) -> None:
+        self._image, self._grey = image, grey
+
+    def __call__(self) -> ImageLike:
+        """Return the grey levels."""
+        return self._grey
+
+    def __reduce__(self) -> tuple[Callable[[SeriesImage], Callable[[], ImageLike]], tuple[SeriesImage]]:
+        return _reader, (self._image,)
+
+
+def _reader(image: SeriesImage) -> Callable[[], ImageLike]:
+    return image.read
+
+
 def of_page(digest: str, image: Path) -> str:
     """Return a text that identifies an image by the digest of its file, and by its page if it has one."""
     page = split_page(image)[1]

@@ -34,6 +34,9 @@ from dic.typing import PathLike
 
 _SERIES = "series"
 
+_ROWS = 512
+"""Number of rows of the reference that are converted and written at a time, if chunks are not higher."""
+
 
 @dataclass(frozen=True)
 class SeriesResult:
@@ -100,7 +103,8 @@ def write_set_up(
         "reference", reference.shape, np.float32, shuffle=True, compression="gzip", compression_opts=1
     )
     # Convert some rows at a time. Each write fills whole chunks, because a chunk is compressed as a whole.
-    for rows in bands_of(len(reference), 64 * stored.chunks[0]):
+    chunk = stored.chunks[0]
+    for rows in bands_of(len(reference), chunk * max(1, _ROWS // chunk)):
         stored[rows] = reference[rows].astype(np.float32)
     stored.attrs["units"] = "grey level"
     failures = [(each.label, each.failure) for each in outcomes if each.failure is not None]

@@ -6,8 +6,9 @@ import numpy as np
 
 from dic.errors import CorrelationError, is_whole
 from dic.image.given import checked_region, grey_levels, name_of
+from dic.image.memory import give_back_memory
 from dic.image.stored import is_large
-from dic.specimen.outline import outline
+from dic.specimen.outline import at_full_resolution, outline
 from dic.specimen.pooled_texture import pooled_texture_maps
 from dic.specimen.surfaces import FirstLook, find_surfaces, first_look
 from dic.specimen.texture import TextureMaps, texture_maps
@@ -91,14 +92,25 @@ def find_specimen(image: ImageLike, subset_px: int = 41, within: Mask | PathLike
     _require_subset(subset_px)
     name = name_of(image, "reference image")
     grey = grey_levels(image, name)
-    part = np.ones(grey.shape, np.bool_) if within is None else checked_region(within, grey.shape)
-    maps = (pooled_texture_maps if is_large(grey.shape) else texture_maps)(grey, subset_px)
-    inner = _reduced(part, maps)
+    part = None if within is None else checked_region(within, grey.shape)
+    large = is_large(grey.shape)
+    maps = (pooled_texture_maps if large else texture_maps)(grey, subset_px)
+    inner = np.ones(maps.grey.shape, np.bool_) if part is None else _reduced(part, maps.grey.shape)
     look = first_look(maps, inner)
+    if large:
+        give_back_memory()
     surfaces = find_surfaces(maps, look)
-    mask = np.zeros(grey.shape, np.bool_) if surfaces is None else outline(maps, surfaces, grey.shape)
-    left_out = _left_out(maps, look, _reduced(mask, maps), inner)
-    inside = mask & part
+    found = None if surfaces is None else outline(maps, surfaces)
+    reduction, reasons = maps.reduction, _possible_reasons(maps, look)
+    # The maps are no longer needed, and the mask takes as much memory as the image.
+    del maps, look, surfaces
+    if large:
+        give_back_memory()
+    mask = (
+        np.zeros(grey.shape, np.bool_) if found is None else at_full_resolution(found, reduction, grey.shape)
+    )
+    left_out = _left_out(reasons, _reduced(mask, inner.shape), inner)
+    inside = mask if part is None else mask & part
     if not inside.any():
         raise SpecimenNotFound(
             name,
@@ -107,8 +119,9 @@ def find_specimen(image: ImageLike, subset_px: int = 41, within: Mask | PathLike
             _reasons(left_out) or "no texture",
             f"name the region, or give another subset, such as {subset_px + 20} px",
         )
-    counted = _reduced(inside, maps) if is_large(grey.shape) else inside
-    return Specimen(mask, _count(counted), float(inside.sum() / part.sum()), left_out)
+    counted = _reduced(inside, inner.shape) if large else inside
+    searched = mask.size if part is None else np.count_nonzero(part)
+    return Specimen(mask, _count(counted), float(np.count_nonzero(inside) / searched), left_out)
 
 
 def _require_subset(subset_px: int) -> None:
@@ -117,10 +130,10 @@ def _require_subset(subset_px: int) -> None:
         raise CorrelationError("settings", "subset", expected, f"{subset_px} px", "give 41")
 
 
-def _reduced(mask: Mask, maps: TextureMaps) -> Mask:
+def _reduced(mask: Mask, shape: tuple[int, ...]) -> Mask:
     import cv2
 
-    size = maps.grey.shape[::-1]
+    size = shape[::-1]
     return np.asarray(cv2.resize(mask.view(np.uint8), size, interpolation=cv2.INTER_NEAREST)).view(np.bool_)
 
 
@@ -130,15 +143,20 @@ def _count(mask: Mask) -> int:
     return int(cv2.connectedComponents(mask.view(np.uint8))[0]) - 1
 
 
-def _left_out(maps: TextureMaps, look: FirstLook, found: Mask, inner: Mask) -> dict[str, float]:
+def _possible_reasons(maps: TextureMaps, look: FirstLook) -> dict[str, Mask]:
+    """Return the pixels that may be left out for each reason; the first reason of a pixel counts."""
+    return {
+        NOTHING: maps.only_noise,
+        LINES: ~(look.dense & maps.above_noise),
+        WEAK: look.weak,
+        OTHERS: np.ones_like(look.weak),
+    }
+
+
+def _left_out(reasons: dict[str, Mask], found: Mask, inner: Mask) -> dict[str, float]:
     """Return the share of the inner part for each reason why pixels do not belong to the specimen."""
     rest, shares = inner & ~found, {}
-    for reason, pixels in (
-        (NOTHING, maps.only_noise),
-        (LINES, ~(look.dense & maps.above_noise)),
-        (WEAK, look.weak),
-        (OTHERS, np.ones_like(rest)),
-    ):
+    for reason, pixels in reasons.items():
         shares[reason] = float((rest & pixels).sum() / max(1, inner.sum()))
         rest = rest & ~pixels
     return shares

@@ -22,23 +22,15 @@ _NEAR = 0.28
 _ROUND = 0.3
 """Parts narrower than this fraction of the specimen, such as a cable beside it, do not belong to it."""
 
-_BAND_PX = 1024
+_BAND_PX = 128
 """Height of the bands in which the mask is enlarged, in reduced pixels."""
 
 _NO_SUBSET_PX = 4
 """No subset uses the outermost pixels of the image, so the image's dark border does not matter there."""
 
 
-def outline(maps: TextureMaps, surfaces: Surfaces, shape: tuple[int, ...]) -> Mask:
-    """Return the mask of the specimen at full resolution.
-
-    Parameters
-    ----------
-    maps : TextureMaps
-    surfaces : Surfaces
-    shape : (int, int)
-        Height and width of the image.
-    """
+def outline(maps: TextureMaps, surfaces: Surfaces) -> Bits:
+    """Return the mask of the specimen, in reduced pixels."""
     import cv2
 
     near = cv2.dilate(surfaces.windows, _disc(max(2, round(_NEAR * maps.window))))
@@ -58,8 +50,7 @@ def outline(maps: TextureMaps, surfaces: Surfaces, shape: tuple[int, ...]) -> Ma
     holes = cv2.morphologyEx(whole & (1 - full), cv2.MORPH_OPEN, _disc(gap))
     radius = _ROUND * float(cv2.distanceTransform(surfaces.windows, cv2.DIST_L2, 3).max())
     smooth = _smoothed(whole, inside, int(np.clip(radius, 3, maps.window)))
-    found = np.asarray(smooth & (1 - holes), np.uint8)[margin:-margin, margin:-margin]
-    return _at_full_resolution(found, maps.reduction, shape)
+    return np.asarray(smooth & (1 - holes), np.uint8)[margin:-margin, margin:-margin]
 
 
 def _widest_gap(edge: Bits, inside: Bits, window: int) -> int:
@@ -93,30 +84,47 @@ def _smoothed(whole: Bits, inside: Bits, radius: int) -> Bits:
     return np.asarray(cv2.morphologyEx(corners, cv2.MORPH_CLOSE, _disc(max(2, radius // 3))), np.uint8)
 
 
-def _at_full_resolution(found: Bits, reduction: int, shape: tuple[int, ...]) -> Mask:
+def at_full_resolution(found: Bits, reduction: int, shape: tuple[int, ...]) -> Mask:
+    """Return the mask of the specimen at full resolution.
+
+    Besides the result, only a band of rows is in memory at a time.
+
+    Parameters
+    ----------
+    found : ndarray of uint8
+        The result of `outline`.
+    reduction : int
+        Number of image pixels along the side of a reduced pixel.
+    shape : (int, int)
+        Height and width of the image.
+    """
     import cv2
 
-    mask = np.empty((len(found) * reduction, shape[1]), np.uint8)
+    height, width = shape
+    mask = np.empty((height, width), np.uint8)
+    reach = reduction // 2
     for band in bands_of(len(found), _BAND_PX):
-        # A row more on either side gives the interpolated values at the ends of the band.
-        above = max(0, band.start - 1)
+        # Two rows more on either side: one for the interpolated values at the ends of the band, and one for
+        # the erosion.
+        above, below = max(0, band.start - 2), min(len(found), band.stop + 2)
         enlarged = cv2.resize(
-            found[above : band.stop + 1].astype(np.float32),
+            found[above:below].astype(np.float32),
             None,
             fx=reduction,
             fy=reduction,
             interpolation=cv2.INTER_LINEAR,
         )
-        first, height = (band.start - above) * reduction, (band.stop - band.start) * reduction
-        rows = slice(band.start * reduction, band.stop * reduction)
-        mask[rows] = enlarged[first : first + height, : shape[1]] > 0.5
-    mask = mask[: shape[0]]
-    # The slope filter responds about half a reduced pixel beyond an edge, so erode the mask by this distance.
-    mask = np.asarray(cv2.erode(mask, square(reduction + 1)), np.uint8)
+        first, last = max(0, (band.start - 1) * reduction), min(height, (band.stop + 1) * reduction)
+        rows = (enlarged[first - above * reduction : last - above * reduction, :width] > 0.5).view(np.uint8)
+        # The slope filter responds about half a reduced pixel beyond an edge, so erode the mask by this
+        # distance.
+        eroded = np.asarray(cv2.erode(rows, square(2 * reach + 1)), np.uint8)
+        own = slice(band.start * reduction, min(height, band.stop * reduction))
+        mask[own] = eroded[own.start - first : own.stop - first]
     border = _NO_SUBSET_PX
-    inner = mask[border:-border, border:-border]
-    mask = np.asarray(cv2.copyMakeBorder(inner, *(border,) * 4, cv2.BORDER_REPLICATE), np.uint8)
-    return np.ascontiguousarray(mask).view(np.bool_)
+    mask[:border], mask[-border:] = mask[border], mask[-border - 1]
+    mask[:, :border], mask[:, -border:] = mask[:, [border]], mask[:, [-border - 1]]
+    return mask.view(np.bool_)
 
 
 def _disc(radius: int) -> Bits:

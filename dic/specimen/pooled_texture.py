@@ -4,6 +4,9 @@ The maps of `dic.specimen.texture` take more memory than the image itself. The m
 quarter of the pixels. Slopes are computed at the resolution of the small images, because a pattern that can
 be measured may be too fine for a lower resolution. Then the products of the slopes are averaged over squares
 of 2 × 2 pixels. Averages over a window hardly change, so all limits stay the same.
+
+Nothing is kept at the resolution of the small images: each band of rows is reduced, differentiated and pooled
+before the next one.
 """
 
 from collections.abc import Iterator
@@ -14,18 +17,26 @@ from numpy.typing import NDArray
 
 from dic.image.threads import bands_of
 from dic.specimen.texture import (
+    NARROWEST,
     TextureMaps,
-    at_best_scale,
     diagonal_difference,
     eigenvalues,
+    maps_at,
     slope_gain,
+    strength,
+    usable_strength,
     window_at,
 )
 from dic.typing import Grey
 
 _BAND_PX = 512
-_HALO_PX = 4
-"""Additional rows on either side of a band, which the filters of its outermost rows need; an even number."""
+"""Height of the bands of rows, px; a multiple of 4."""
+
+_HALO_PX = 8
+"""Additional rows on either side of a band, which the filters of its outermost rows need; a multiple of 4.
+
+The filters reach 2 rows of the image, then 2 rows of the reduced image.
+"""
 
 _POOLED = 2
 """Number of pixels of the reduced image along the side of a square that is averaged."""
@@ -38,9 +49,31 @@ class PooledProducts(NamedTuple):
     yy: Grey
     xy: Grey
 
-    def weighted(self, weight: Grey) -> tuple[Grey, Grey, Grey]:
-        """Return the means times a weight for each pixel."""
-        return self.xx * weight, self.yy * weight, self.xy * weight
+    def weighted(self, weight: Grey) -> Iterator[Grey]:
+        """Yield the means times a weight for each pixel."""
+        return (each * weight for each in self)
+
+
+class _Pooled(NamedTuple):
+    """Maps of an image at a quarter of its resolution.
+
+    Attributes
+    ----------
+    grey : ndarray
+        The image, reduced by 4.
+    products : PooledProducts
+    energy, curvature, magnitude : ndarray
+        Means of the squared slope, of the squared Laplacian and of the magnitude of the slope.
+    ripples : ndarray
+        Means of the estimates of the variance of the image's noise.
+    """
+
+    grey: Grey
+    products: PooledProducts
+    energy: Grey
+    curvature: Grey
+    magnitude: Grey
+    ripples: Grey
 
 
 def pooled_texture_maps(grey: NDArray[Any], subset_px: int) -> TextureMaps:
@@ -53,74 +86,102 @@ def pooled_texture_maps(grey: NDArray[Any], subset_px: int) -> TextureMaps:
     subset_px : int
         Width of the subsets. Windows are not wider than a subset.
     """
-    small, ripples = _reduced(grey)
-    return at_best_scale(_pooled_maps(small, ripples, subset_px), small, ripples, subset_px)
+    import cv2
+
+    pooled = _pooled(grey)
+    maps = _maps_of(pooled, subset_px)
+    small, ripples, reduction = pooled.grey, pooled.ripples, 2 * _POOLED
+    del pooled
+    best = strength(maps)
+    while subset_px // reduction >= NARROWEST:
+        found = _strength_at(small, ripples, subset_px, reduction)
+        if found <= best:
+            break
+        best, maps = found, maps_at(small, ripples, subset_px, reduction)
+        small, reduction = np.asarray(cv2.pyrDown(small), np.float32), 2 * reduction
+    return maps
 
 
-def _reduced(grey: NDArray[Any]) -> tuple[Grey, Grey]:
-    """Return the image reduced by 2, and the estimates of its noise."""
+def _pooled(grey: NDArray[Any]) -> _Pooled:
+    """Return the maps from which the texture is computed; one band of rows is in work at a time."""
     import cv2
 
     height, width = grey.shape
-    small = np.empty((-(-height // 2), -(-width // 2)), np.float32)
-    ripples = np.empty((height // 2, width // 2), np.float32)
-    for band, around in _bands(height):
-        rows = np.ascontiguousarray(grey[around], np.float32)
-        first = (band.start - around.start) // 2
-        own = slice(band.start // 2, -(-band.stop // 2))
-        small[own] = cv2.pyrDown(rows)[first : first + own.stop - own.start]
-        noise = diagonal_difference(rows[band.start - around.start : band.stop - around.start])
-        ripples[own.start : own.start + len(noise)] = np.square(noise)
-    return small, ripples
-
-
-def _pooled_maps(small: Grey, ripples: Grey, subset_px: int) -> TextureMaps:
-    """Return the texture of an image that is reduced by 2, pooled."""
-    import cv2
-
-    height, width = small.shape
-    shape = -(-height // _POOLED), -(-width // _POOLED)
-    grey, xx, yy, xy, energy, curvature, magnitude = np.empty((7, *shape), np.float32)
-    for band, around in _bands(height):
-        rows = small[around]
+    shape = tuple(-(-size // (2 * _POOLED)) for size in (height, width))
+    small, xx, yy, xy, energy, curvature, magnitude, ripples = (np.empty(shape, np.float32) for _ in range(8))
+    for band, around in _bands(height, _BAND_PX, _HALO_PX):
+        stored = np.ascontiguousarray(grey[around], np.float32)
+        above = band.start - around.start
+        noise = np.square(diagonal_difference(stored[above : above + band.stop - band.start]))
+        rows = np.asarray(cv2.pyrDown(stored), np.float32)
         fx = np.asarray(cv2.Sobel(rows, cv2.CV_32F, 1, 0, ksize=3, scale=0.125), np.float32)
         fy = np.asarray(cv2.Sobel(rows, cv2.CV_32F, 0, 1, ksize=3, scale=0.125), np.float32)
         squares = fx * fx, fy * fy
         total = squares[0] + squares[1]
         bend = np.square(np.asarray(cv2.Laplacian(rows, cv2.CV_32F), np.float32))
-        own = slice(band.start - around.start, band.stop - around.start)
-        pooled = slice(band.start // _POOLED, -(-band.stop // _POOLED))
-        for out, of in (
-            (grey, rows), (xx, squares[0]), (yy, squares[1]), (xy, fx * fy), (energy, total),
-            (curvature, bend), (magnitude, np.sqrt(total)),
+        own = slice(above // 2, above // 2 - (-(band.stop - band.start) // 2))
+        out = slice(band.start // (2 * _POOLED), -(-band.stop // (2 * _POOLED)))
+        for whole, of in (
+            (xx, squares[0]), (yy, squares[1]), (xy, fx * fy), (energy, total), (curvature, bend),
+            (magnitude, np.sqrt(total)),
         ):  # fmt: skip
-            out[pooled] = _pool(of[own])
+            whole[out] = _pool(of[own])
+        small[out] = cv2.pyrDown(rows)[above // 4 : above // 4 + out.stop - out.start]
+        _put(_pool(noise), ripples[out])
+    return _Pooled(small, PooledProducts(xx, yy, xy), energy, curvature, magnitude, ripples)
+
+
+def _maps_of(pooled: _Pooled, subset_px: int) -> TextureMaps:
+    """Return the texture of an image that is reduced by 2, pooled."""
+    import cv2
+
     window = window_at(subset_px, 2) // _POOLED | 1
+    shape = pooled.grey.shape
+    grey, weakest, strongest, noise, spread = (np.empty(shape, np.float32) for _ in range(5))
+    for band, around in _bands(shape[0], _BAND_PX // 2, window):
+        own = slice(band.start - around.start, band.stop - around.start)
 
-    def mean(of: Grey) -> Grey:
-        return np.asarray(cv2.blur(of, (window, window)), np.float32)
+        def mean(of: Grey, around: slice = around, own: slice = own) -> Grey:
+            return np.asarray(cv2.blur(of[around], (window, window)), np.float32)[own]
 
-    weakest, strongest = eigenvalues(mean(xx), mean(yy), mean(xy))
-    level = mean(magnitude)
-    noise = np.asarray(cv2.resize(ripples, shape[::-1], interpolation=cv2.INTER_AREA), np.float32)
+        grey[band] = mean(pooled.grey)
+        weakest[band], strongest[band] = eigenvalues(*map(mean, pooled.products))
+        noise[band] = np.float32(slope_gain(2)) * mean(pooled.ripples)
+        level, total = mean(pooled.magnitude), weakest[band] + strongest[band]
+        spread[band] = level * level / np.maximum(total, np.float32(1e-30))
     return TextureMaps(
         reduction=2 * _POOLED,
         window=window,
-        grey=mean(grey),
-        slopes=PooledProducts(xx, yy, xy),
-        energy=energy,
-        curvature=curvature,
+        grey=grey,
+        slopes=pooled.products,
+        energy=pooled.energy,
+        curvature=pooled.curvature,
         weakest=weakest,
         strongest=strongest,
-        noise=np.float32(slope_gain(2)) * mean(noise),
-        spread=level * level / np.maximum(weakest + strongest, np.float32(1e-30)),
+        noise=noise,
+        spread=spread,
     )
 
 
-def _bands(height: int) -> Iterator[tuple[slice, slice]]:
+def _strength_at(small: Grey, ripples: Grey, subset_px: int, reduction: int) -> float:
+    """Return `strength` of the maps that `maps_at` gives, without keeping these maps."""
+    import cv2
+
+    if ripples.shape != small.shape:
+        ripples = np.asarray(cv2.resize(ripples, small.shape[::-1], interpolation=cv2.INTER_AREA), np.float32)
+    found = []
+    # Windows have an odd width, so each band begins at an even row of the rows around it.
+    for band, around in _bands(len(small), _BAND_PX // 2, window_at(subset_px, reduction) + 1):
+        maps = maps_at(small[around], ripples[around], subset_px, reduction)
+        first = (band.start - around.start) // 2
+        found.append(usable_strength(maps)[first : first - (-(band.stop - band.start) // 2)])
+    return float(np.percentile(np.concatenate(found), 90))
+
+
+def _bands(height: int, band_px: int, halo_px: int) -> Iterator[tuple[slice, slice]]:
     """Yield bands of rows, and the same bands with additional rows on either side."""
-    for band in bands_of(height, _BAND_PX):
-        yield band, slice(max(0, band.start - _HALO_PX), min(height, band.stop + _HALO_PX))
+    for band in bands_of(height, band_px):
+        yield band, slice(max(0, band.start - halo_px), min(height, band.stop + halo_px))
 
 
 def _pool(of: Grey) -> Grey:
@@ -131,3 +192,11 @@ def _pool(of: Grey) -> Grey:
     whole = cv2.copyMakeBorder(of, 0, down, 0, right, cv2.BORDER_REPLICATE) if down or right else of
     size = whole.shape[1] // _POOLED, whole.shape[0] // _POOLED
     return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), np.float32)
+
+
+def _put(values: Grey, into: Grey) -> None:
+    """Write values to an array that may have one more row and one more column, which repeat the last ones."""
+    rows, columns = values.shape
+    into[:rows, :columns] = values
+    into[rows:, :columns] = values[-1:]
+    into[:, columns:] = into[:, columns - 1 : columns]

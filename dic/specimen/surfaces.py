@@ -62,9 +62,6 @@ class FirstLook:
 
     Attributes
     ----------
-    strength : ndarray
-        Smaller eigenvalue of the structure tensor divided by the brightness. Photon noise has a variance
-        proportional to the brightness, so the strength measures the signal against the noise.
     light : ndarray
         Brightness above the darkest parts of the image.
     dense : ndarray of bool
@@ -75,7 +72,6 @@ class FirstLook:
         True where a window may show the specimen.
     """
 
-    strength: Grey
     light: Grey
     dense: Mask
     weak: Mask
@@ -87,6 +83,8 @@ def first_look(maps: TextureMaps, within: Mask | None = None) -> FirstLook:
     dark, bright = np.percentile(maps.grey[::_SPARSE, ::_SPARSE], (0.5, 99.0))
     floor = np.float32(0.05 * (bright - dark) or 1.0)
     light = np.maximum(maps.grey - np.float32(dark), np.float32(0.0)) + floor
+    # Photon noise has a variance proportional to the brightness. So the smaller eigenvalue of the structure
+    # tensor divided by the brightness measures the signal against the noise.
     strength = maps.weakest / light
     dense = maps.in_every_direction & (maps.spread > _LEAST_SPREAD)
     good = maps.above_noise & dense
@@ -94,7 +92,7 @@ def first_look(maps: TextureMaps, within: Mask | None = None) -> FirstLook:
         good &= within
     strong = float(np.percentile(strength[good], 90)) if good.any() else 0.0
     weak = maps.above_noise & (strength <= np.float32(_WEAK * strong))
-    return FirstLook(strength, light, dense, weak, good & ~weak)
+    return FirstLook(light, dense, weak, good & ~weak)
 
 
 def find_surfaces(maps: TextureMaps, look: FirstLook) -> Surfaces | None:
@@ -106,14 +104,17 @@ def find_surfaces(maps: TextureMaps, look: FirstLook) -> Surfaces | None:
         return None
     inside = cv2.erode(core, square(maps.window))
     inside = np.asarray(inside if inside.any() else core, np.uint8)
-    usual = _around(maps.window, inside, [maps.weakest, look.light, _mean(maps, maps.curvature)])
-    energy = np.float32(_AS_FULL_ENERGY) * usual[0]
+    weakest, light, bend = _around(
+        maps.window, inside, [maps.weakest, look.light, _mean(maps, maps.curvature)]
+    )
     # Compare windows with the sharpness of the specimen nearby, because one side of the specimen may be
     # blurred.
-    windows = _resembling(maps, inside, energy, usual[2] / usual[0])
+    energy, sharpness = np.float32(_AS_FULL_ENERGY) * weakest, bend / weakest
+    del weakest, bend
+    windows = _resembling(maps, inside, energy, sharpness)
     # The brightness of a window at the edge is a mean of the specimen and the background. So it is enough if
     # a neighbouring window has the right brightness.
-    tone = np.abs(np.log(look.light / usual[1]))
+    tone = np.abs(np.log(look.light / light))
     same = tone < max(_TONE, _TONE_SPREADS * _median(tone, inside > 0))
     windows &= cv2.dilate(windows & same.view(np.uint8), square(maps.window + 2))
     half = square(maps.window // 2 | 1)
@@ -151,8 +152,9 @@ def _medians(maps: TextureMaps, look: FirstLook, labels: Float, boxes: Float, la
     x, y, width, height = (int(value) for value in boxes[label][:4])
     box = slice(y, y + height), slice(x, x + width)
     own = labels[box] == label
+    strength = maps.weakest[box] / look.light[box]
     ratio = maps.weakest[box] / np.maximum(maps.strongest[box], np.float32(1e-30))
-    return [_median(values, own) for values in (look.strength[box], ratio, maps.spread[box])]
+    return [_median(values, own) for values in (strength, ratio, maps.spread[box])]
 
 
 def _median(values: Grey | Float, own: Mask) -> float:

@@ -12,19 +12,21 @@ the best scale is the one at which the slopes per pixel are largest (T. Lindeber
 automatic scale selection", International Journal of Computer Vision 30 (1998) 79-116).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from dic.image.threads import bands_of
 from dic.typing import Float, Grey, Mask
 
 # Taps of `cv2.pyrDown` along each axis, and of the Sobel filter along and across the slope.
 _REDUCTION = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 _SLOPE, _ACROSS = np.array([-0.5, 0.0, 0.5]), np.array([0.25, 0.5, 0.25])
 
-_NARROWEST, _WIDEST = 7, 13
+NARROWEST, _WIDEST = 7, 13
 """Limits of the window's width, in reduced pixels; wider windows would blur the outline of the specimen."""
 
 _ABOVE_NOISE = 3.0
@@ -34,6 +36,9 @@ White noise alone gives multiples around 1, with a largest value of 2.1 in windo
 (standard deviation), the finest blobs that may be measurable, give 8.
 """
 
+_BAND_PX = 256
+"""Height of the bands of rows in which eigenvalues are computed, reduced pixels."""
+
 EVERY_DIRECTION = 0.12
 """Least ratio of the eigenvalues. Speckles seen at 70° have 0.12; streaks and straight edges have less."""
 
@@ -41,8 +46,8 @@ EVERY_DIRECTION = 0.12
 class SlopeProducts(Protocol):
     """The products of the slopes of the grey levels, at each pixel of the reduced image."""
 
-    def weighted(self, weight: Grey) -> tuple[Grey, Grey, Grey]:
-        """Return fx², fy² and fx fy, times a weight for each pixel."""
+    def weighted(self, weight: Grey) -> Iterator[Grey]:
+        """Yield fx², fy² and fx fy, times a weight for each pixel."""
 
 
 class Slopes(NamedTuple):
@@ -51,10 +56,12 @@ class Slopes(NamedTuple):
     fx: Grey
     fy: Grey
 
-    def weighted(self, weight: Grey) -> tuple[Grey, Grey, Grey]:
-        """Return fx², fy² and fx fy, times a weight for each pixel."""
+    def weighted(self, weight: Grey) -> Iterator[Grey]:
+        """Yield fx², fy² and fx fy, times a weight for each pixel."""
         weighted_x = self.fx * weight
-        return weighted_x * self.fx, self.fy * self.fy * weight, weighted_x * self.fy
+        yield weighted_x * self.fx
+        yield self.fy * self.fy * weight
+        yield weighted_x * self.fy
 
 
 @dataclass(frozen=True)
@@ -124,29 +131,11 @@ def texture_maps(grey: Grey, subset_px: int) -> TextureMaps:
     import cv2
 
     ripples, small = np.square(diagonal_difference(grey)), np.asarray(cv2.pyrDown(grey), np.float32)
-    return at_best_scale(maps_at(small, ripples, subset_px, 2), small, ripples, subset_px)
-
-
-def at_best_scale(maps: TextureMaps, small: Grey, ripples: Grey, subset_px: int) -> TextureMaps:
-    """Return the texture at the resolution at which it is strongest.
-
-    Parameters
-    ----------
-    maps : TextureMaps
-        The texture of an image that is reduced by 2.
-    small : ndarray of float32
-        The image, reduced by 2.
-    ripples : ndarray of float32
-        Estimates of the variance of the full image's noise.
-    subset_px : int
-    """
-    import cv2
-
-    reduction = 2
-    while subset_px // (2 * reduction) >= _NARROWEST:
+    maps, reduction = maps_at(small, ripples, subset_px, 2), 2
+    while subset_px // (2 * reduction) >= NARROWEST:
         small, reduction = np.asarray(cv2.pyrDown(small), np.float32), 2 * reduction
         coarser = maps_at(small, ripples, subset_px, reduction)
-        if _strength(coarser) <= _strength(maps):
+        if strength(coarser) <= strength(maps):
             break
         maps = coarser
     return maps
@@ -154,15 +143,26 @@ def at_best_scale(maps: TextureMaps, small: Grey, ripples: Grey, subset_px: int)
 
 def eigenvalues(xx: Grey, yy: Grey, xy: Grey) -> tuple[Grey, Grey]:
     """Return the smaller and the larger eigenvalue of the matrices [[xx, xy], [xy, yy]]."""
-    total, difference = xx + yy, np.sqrt(np.square(xx - yy) + np.float32(4.0) * np.square(xy))
-    return np.float32(0.5) * (total - difference), np.float32(0.5) * (total + difference)
+    smaller, larger = np.empty_like(xx), np.empty_like(xx)
+    # The intermediate results of a whole map would take twice the memory of the three maps.
+    for band in bands_of(len(xx), _BAND_PX):
+        a, b, c = xx[band], yy[band], xy[band]
+        total, difference = a + b, np.sqrt(np.square(a - b) + np.float32(4.0) * np.square(c))
+        np.multiply(np.float32(0.5), total - difference, out=smaller[band])
+        np.multiply(np.float32(0.5), total + difference, out=larger[band])
+    return smaller, larger
 
 
-def _strength(maps: TextureMaps) -> float:
-    """Return the smaller eigenvalue that 10 % of all windows exceed; a window without texture counts as 0."""
+def strength(maps: TextureMaps) -> float:
+    """Return the `usable_strength` that 10 % of all windows exceed."""
+    return float(np.percentile(usable_strength(maps), 90))
+
+
+def usable_strength(maps: TextureMaps) -> Grey:
+    """Return the smaller eigenvalue of every other window along x and y; 0 without usable texture."""
     every_other = (slice(None, None, 2), slice(None, None, 2))
     good = (maps.above_noise & maps.in_every_direction)[every_other]
-    return float(np.percentile(np.where(good, maps.weakest[every_other], 0.0), 90))
+    return np.where(good, maps.weakest[every_other], np.float32(0.0))
 
 
 def maps_at(small: Grey, ripples: Grey, subset_px: int, reduction: int) -> TextureMaps:
@@ -201,7 +201,7 @@ def maps_at(small: Grey, ripples: Grey, subset_px: int, reduction: int) -> Textu
 
 def window_at(subset_px: int, reduction: int) -> int:
     """Return the width of the window of all means in an image that is reduced by `reduction`, px."""
-    return min(max(subset_px // reduction | 1, _NARROWEST), _WIDEST)
+    return min(max(subset_px // reduction | 1, NARROWEST), _WIDEST)
 
 
 @cache
