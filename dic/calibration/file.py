@@ -1,5 +1,6 @@
 """Write calibrations to HDF5 files, and read them."""
 
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
@@ -13,6 +14,7 @@ from dic.calibration.pinhole.camera import Pinhole
 from dic.errors import CalibrationError, require_kind
 from dic.files.writing import reason, replacing
 from dic.hdf5.open import NotReadable, open_hdf5
+from dic.hdf5.writing import NewFile
 from dic.targets.points import GridPoints
 
 _FORMAT = "offaxis-calibration"
@@ -46,9 +48,9 @@ def save_calibration(calibration: Calibration, path: str | Path) -> None:
     require_kind("calibration", calibration, Calibration, "fit it first: dic.calibrate_images(image, target)")
     path = Path(path)
     try:
-        with replacing(path) as partial, h5py.File(partial, "w") as file:
-            file.attrs.update(file_format=_FORMAT, file_format_version=_VERSION)
-            write_calibration(file, calibration)
+        with replacing(path) as partial, closing(NewFile(partial)) as new:
+            new.hdf5.attrs.update(file_format=_FORMAT, file_format_version=_VERSION)
+            write_calibration(new.hdf5, calibration)
     except OSError as error:
         raise CalibrationError(
             str(path),

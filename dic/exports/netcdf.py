@@ -4,7 +4,7 @@ A netCDF-4 file is an HDF5 file whose dimensions are stored as HDF5 dimension sc
 appendix on the netCDF-4 file format). So h5py can write the file image by image, without a netCDF library.
 """
 
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from dic.exports.image import FIXED, Exporter, ExportImage, ExportSeries, long_name, unit_of
 from dic.files.writing import replacing
+from dic.hdf5.writing import NewFile
 
 _GRID = ("y_px", "x_px")
 
@@ -26,12 +27,12 @@ class NetcdfExporter(Exporter):
     def __init__(self, folder: Path, series: ExportSeries) -> None:
         super().__init__(folder, series)
         self._place, self._count = ExitStack(), 0
-        self._file: Any = None
+        self._new: NewFile | None = None
 
     def add(self, image: ExportImage) -> None:
         """Append an image."""
-        if self._file is None:
-            self._file = self._created(image)
+        if self._new is None:
+            self._create(image)
         file, n, points = self._file, self._count, image.points
         self._count = n + 1
         file["image"].resize(n + 1, axis=0)
@@ -45,26 +46,37 @@ class NetcdfExporter(Exporter):
         for name in FIXED:
             if name in points.values and name not in file:
                 self._described(name, points.values[name], _GRID)
+        if self._new is not None:
+            self._new.require_written()
 
     def finish(self) -> None:
         """Extend all variables to the number of images, and give the file its final name."""
-        if self._file is not None:
+        if self._new is not None:
             for dataset in self._file.values():
                 if dataset.maxshape[0] is None:
                     dataset.resize(self._count, axis=0)
-            self._file.close()
+            self._new.close()
         self._place.close()
 
     def abandon(self) -> None:
         """Close and delete the unfinished file."""
-        if self._file is not None:
-            self._file.close()
+        if self._new is not None:
+            # The first error of writing has been raised already.
+            with suppress(OSError):
+                self._new.close()
         error = OSError("the export has ended early")
         self._place.__exit__(type(error), error, None)
 
-    def _created(self, image: ExportImage) -> Any:
-        partial = self._place.enter_context(replacing(self.folder / f"{self.series.name}.nc"))
-        file = self._file = h5py.File(partial, "w", track_order=True)
+    @property
+    def _file(self) -> Any:
+        """The open file; None before the first image."""
+        return None if self._new is None else self._new.hdf5
+
+    def _create(self, image: ExportImage) -> None:
+        path = self.folder / f"{self.series.name}.nc"
+        partial = self._place.enter_context(replacing(path))
+        self._new = NewFile(partial, path, track_order=True)
+        file = self._file
         file.attrs.update({"Conventions": "CF-1.11", **self.series.about})
         numbers = file.create_dataset("image", (0,), np.int32, maxshape=(None,), chunks=(256,))
         numbers.make_scale("image")
@@ -74,7 +86,6 @@ class NetcdfExporter(Exporter):
             scale.make_scale(name)
             scale.attrs.update({"units": "px", "long_name": f"place in the reference, {name[0]}"})
         self._described("active", image.points.active.astype(np.uint8), _GRID)
-        return file
 
     def _new_rows(self, name: str, value: Any) -> Any:
         """Create a variable with one row per image; a row that is never written contains NaN, 0 or ""."""

@@ -40,8 +40,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
             os.fsync(file.fileno())
         partial.replace(place)
     except OSError as error:
-        if error.filename is None:
-            # If a write to an open file fails, the error lacks the name of the file. So add the name.
+        if error.filename in (None, str(partial)):
+            # The user does not know the temporary file. An error of a write to an open file has no name.
             error.filename = str(path)
         raise
     finally:

@@ -9,6 +9,8 @@ from io import SEEK_CUR, SEEK_END, SEEK_SET, RawIOBase
 from pathlib import Path
 from typing import Any
 
+from dic.typing import PathLike
+
 
 class NewFile:
     """A new HDF5 file, and the first error of writing it.
@@ -17,6 +19,10 @@ class NewFile:
     ----------
     path : Path
         The file is created, or emptied if it exists.
+    shown : path, optional
+        Name of the file in errors, for a temporary file. Default: `path`.
+    track_order : bool
+        True to keep the order in which the objects of the file are created.
 
     Attributes
     ----------
@@ -29,14 +35,14 @@ class NewFile:
         If the file cannot be created.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, shown: PathLike | None = None, *, track_order: bool = False) -> None:
         import h5py
 
-        self._bytes = _Bytes(path)
+        self._bytes = _Bytes(path, str(shown or path))
         try:
             # Turn off the cache, because each row is written once as a whole. The cache would keep a megabyte
             # of rows for each dataset.
-            self.hdf5: Any = h5py.File(self._bytes, "w", rdcc_nbytes=0)
+            self.hdf5: Any = h5py.File(self._bytes, "w", rdcc_nbytes=0, track_order=track_order)
         except BaseException:
             self._bytes.close()
             raise
@@ -69,9 +75,14 @@ class NewFile:
 class _Bytes(RawIOBase):
     """The file object to which h5py writes. After an error, it keeps new bytes in memory."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, shown: str) -> None:
         self.error: OSError | None = None
-        self._path, self._file = path, path.open("w+b", buffering=0)
+        self._shown = shown
+        try:
+            self._file = path.open("w+b", buffering=0)
+        except OSError as error:
+            error.filename = shown
+            raise
         self._at = self._size = 0
         self._kept: list[tuple[int, bytes]] = []
 
@@ -104,7 +115,7 @@ class _Bytes(RawIOBase):
                 self._write(given)
             except OSError as error:
                 self.error = error
-                error.filename = str(self._path)
+                error.filename = self._shown
         if self.error is not None:
             self._kept.append((self._at, bytes(given)))
         self._at += len(given)
@@ -118,7 +129,7 @@ class _Bytes(RawIOBase):
                 self._file.truncate(self._size)
             except OSError as error:
                 self.error = error
-                error.filename = str(self._path)
+                error.filename = self._shown
         return self._size
 
     def close(self) -> None:

@@ -160,6 +160,8 @@ def _mp4(video: Path, per_s: float, path: Path) -> Iterator[Callable[[Frame], No
             code = cv2.VideoWriter.fourcc(*"mp4v")
             writers.append(cv2.VideoWriter(str(video), code, per_s, even.shape[1::-1]))
             if not writers[0].isOpened():
+                # OpenCV does not say why. If no file can be written, this raises the reason.
+                video.write_bytes(bytes(1 << 16))
                 got, remedy = f"OpenCV {cv2.__version__} without it", "give a name that ends with .gif"
                 raise OutputError(str(path), "write MP4", "an OpenCV that encodes MPEG-4", got, remedy)
         writers[0].write(np.ascontiguousarray(even[..., ::-1]))

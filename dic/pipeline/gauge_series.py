@@ -146,21 +146,8 @@ def use_results(
     RunFileError
         If the file is not a result file of these commands, or is damaged.
     """
-    if not Path(path).exists():
-        raise _neither(path, "no such file")
-    if is_series_result(path):
-        return use_series_result(path, use, local_strain=local_strain)
-    try:
-        return use_run_result(path, use, local_strain=local_strain)
-    except RunFileError as error:
-        if error.source == str(path) and "from `dic process`" in error.expected:
-            raise _neither(path, error.got) from error
-        raise
-
-
-def _neither(path: PathLike, got: str) -> RunFileError:
-    expected, remedy = "a result file of `dic correlate -o` or `dic process`", "name another file"
-    return RunFileError(str(path), "read results", expected, got, remedy)
+    use_result = use_series_result if is_series_result(path) else use_run_result
+    return use_result(path, use, local_strain=local_strain)
 
 
 def is_results(path: PathLike) -> bool:

@@ -30,9 +30,10 @@ from dic.results.reader import read_corrections, read_measurements, read_provena
 from dic.results.schema import FORMAT, VERSION
 from dic.results.unfinished import FinishedImage
 from dic.results.writer import ResultWriter
+from dic.runfile.schema import FORMAT as RUN_FORMAT
 from dic.typing import PathLike
 
-_SERIES = "series"
+_SERIES, _CAMERAS = "series", "cameras"
 
 _ROWS = 512
 """Number of rows of the reference that are converted and written at a time, if chunks are not higher."""
@@ -118,12 +119,29 @@ def write_set_up(
 
 
 def is_series_result(path: PathLike) -> bool:
-    """Return True if the file is a result file that `dic correlate` wrote."""
+    """Return True if a result file is one of `dic correlate`, and False if it is one of `dic process`.
+
+    Raises
+    ------
+    RunFileError
+        If the file is not a result file of these commands, or cannot be read.
+    """
+    remedy = "name another file"
     try:
         with open_hdf5(Path(path)) as file:
-            return file.attrs.get("file_format") == FORMAT and _SERIES in file
-    except (NotReadable, OSError):
-        return False
+            found = file.attrs.get("file_format")
+            if found == FORMAT and (_SERIES in file or _CAMERAS in file):
+                return _SERIES in file
+    except (NotReadable, OSError) as error:
+        got = str(error)
+    else:
+        got = "an HDF5 file of another kind"
+        if found == FORMAT:
+            got = "a result file that lacks some of its data"
+        elif found == RUN_FORMAT:
+            got, remedy = "a run file", f"measure it with `dic process {path}`"
+    expected = "a result file of `dic correlate -o` or `dic process`"
+    raise RunFileError(str(path), "read results", expected, got, remedy)
 
 
 def load_series_result(path: PathLike) -> SeriesResult:

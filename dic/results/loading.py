@@ -30,8 +30,9 @@ def load_result(
 ) -> Result:
     """Call `read` with the open file, and return the result of `read`; the file stays open.
 
-    For a damaged file, the error that `refusal` returns is raised. The function `read` must access every
-    value once. Then a file that lacks a value is refused now, and not in the middle of a report.
+    For a damaged file, the error that `refusal` returns is raised. An `OSError` that names a file, which
+    `read` cannot write, passes unchanged. The function `read` must access every value once. Then a file that
+    lacks a value is refused now, and not in the middle of a report.
     """
     try:
         file = open_hdf5(path)
@@ -45,6 +46,9 @@ def load_result(
     except MeasurementError:
         raise
     except Exception as error:
+        if isinstance(error, OSError) and error.filename is not None:
+            # An error of another file, which `read` writes. Errors of HDF5 have no file name.
+            raise
         # A damaged file can cause any exception here. The `try` block only reads the file.
         raise refusal(path, f"a result file that lacks some of its data ({type(error).__name__})") from error
 

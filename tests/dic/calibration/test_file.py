@@ -10,6 +10,7 @@ from dic.calibration.calibration import Calibration, Model
 from dic.calibration.file import load_calibration, save_calibration
 from dic.errors import CalibrationError
 from tests.dic.calibration.exact_grids import bent_grid, exact_grid
+from tests.full_disk import full_disk
 
 
 def test_a_saved_calibration_is_read_back_bit_by_bit(tmp_path: Path) -> None:
@@ -69,6 +70,18 @@ def test_a_place_that_cannot_be_written_is_named_and_nothing_is_left(tmp_path: P
     with pytest.raises(CalibrationError, match="write calibration"):
         save_calibration(Calibration.fit(exact_grid(), (900, 900)), tmp_path / "absent" / "cal.h5")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_named_and_nothing_is_left(tmp_path: Path) -> None:
+    calibration = Calibration.fit(exact_grid(), (900, 900))
+    for most_bytes in (0, 5000):
+        with full_disk(most_bytes), pytest.raises(CalibrationError) as refused:
+            save_calibration(calibration, tmp_path / "cal.h5")
+        assert str(refused.value) == (
+            f"{tmp_path}/cal.h5: write calibration: expected a file that can be written, got File too large;"
+            " choose another folder with -o, or free disk space"
+        )
+        assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("model", ["bicubic", "pinhole"])

@@ -1,10 +1,10 @@
 """If some images of a series cannot be measured, one sentence gives the reason, and no result is lost."""
 
 import os
-import resource
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -13,7 +13,9 @@ import pytest
 
 from tests.command_line import refusal, run_dic
 from tests.dic.result_values import bits
+from tests.full_disk import full_disk
 from tests.image_files import write_image
+from tests.run_files import HEADER, write_run
 
 SETTINGS = ("--subset", 21, "--step", 20)
 SHIFT_PX = 0.37
@@ -130,12 +132,8 @@ def without_caches():
 
 def test_table_on_a_full_disk_is_named(pattern, tmp_path):
     images = write_series(pattern, tmp_path / "images", range(2))
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
-    try:
+    with full_disk(1000):
         said = refusal("correlate", images, *SETTINGS, "--csv", tmp_path / "csv")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert said == f"error: {tmp_path}/csv/img01.csv: File too large; name a place that can be used"
 
 
@@ -159,6 +157,36 @@ def test_result_of_another_version_says_who_wrote_it_and_stays(pattern, tmp_path
         assert "got format 2, written by offaxis 0.7.3; read it with offaxis 0.7.3 or a newer one" in said
     assert "one that exists" in refusal(*words)
     assert result.read_bytes() == before
+
+
+def test_run_file_of_another_version_says_who_wrote_it(tmp_path):
+    path = write_run(tmp_path / "run.h5", header=replace(HEADER, versions="python 3.19.0\noffaxis 0.7.3"))
+    path.chmod(0o644)
+    with h5py.File(path, "r+") as file:
+        file.attrs["file_format_version"] = 2
+    for command in (("process", path, "-o", tmp_path / "r.h5"), ("draw", path, "-o", tmp_path / "d.html")):
+        said = refusal(*command)
+        assert f"{path}: read run: expected format 1 of run files, which offaxis " in said
+        assert "got format 2, written by offaxis 0.7.3; read it with offaxis 0.7.3 or a newer one" in said
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("command", ["strain", "report", "export", "settings", "gauges"])
+def test_what_is_no_result_file_is_said_in_the_same_words_by_every_command(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_run(tmp_path / "run.h5")
+    (tmp_path / "cut.h5").write_bytes((tmp_path / "run.h5").read_bytes()[:3000])
+    (tmp_path / "g.toml").write_text('[[gauge]]\nname = "p"\nkind = "point"\nat = [9, 9]\nwidth = 3\n')
+    more = {"settings": (), "export": ("csv", "-o", "out"), "gauges": ("g.toml", "-o", "out")}
+    for name, got in (
+        ("run.h5", "a run file; measure it with `dic process run.h5`"),
+        ("cut.h5", "a file that was cut off or is no HDF5; name another file"),
+        ("absent.h5", "no such file; name another file"),
+    ):
+        assert refusal(command, name, *more.get(command, ("-o", "out"))) == (
+            f"error: {name}: read results: expected a result file of `dic correlate -o` or `dic process`,"
+            f" got {got}"
+        )
 
 
 WAITING = """

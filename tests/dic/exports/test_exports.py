@@ -21,6 +21,7 @@ from tests.dic.exports.exported import READERS, of_dataset, truth
 from tests.dic.out_of_plane.exact_views import State
 from tests.dic.pipeline.exact_runs import run_of
 from tests.exif_files import save_taken
+from tests.full_disk import full_disk
 from tests.image_files import write_image
 from tests.peers import interpreter
 
@@ -300,14 +301,27 @@ def test_force_replaces_files_and_one_camera_is_exported_alone(folder, tmp_path)
     assert not list((tmp_path / "out" / "csv").glob("straight*"))
 
 
-def test_full_disk_ends_with_one_sentence_and_no_half_file(folder, tmp_path, monkeypatch):
-    def full(*arguments, **named):
-        raise OSError(28, "No space left on device")
+@pytest.mark.parametrize("name", FORMATS)
+def test_full_disk_ends_with_one_sentence_and_no_half_file(folder, name, tmp_path):
+    whole = [path for path in (folder / "series" / name).rglob("*") if path.is_file()]
+    sizes = {path.relative_to(folder / "series"): path.stat().st_size for path in whole}
+    for most_bytes in (0, sorted(sizes.values())[len(sizes) // 2] // 2):
+        made = tmp_path / f"{most_bytes}"
+        with full_disk(most_bytes):
+            said = refusal("export", folder / "series.h5", name, "-o", made)
+        assert "write export: expected a folder with room for the export, got File too large; name" in said
+        assert ".partial" not in said
+        left = [path for path in made.rglob("*") if path.is_file()]
+        assert all(path.stat().st_size == sizes[path.relative_to(made)] for path in left)
 
-    monkeypatch.setattr("numpy.savez_compressed", full)
-    said = refusal("export", folder / "series.h5", "netcdf", "npz", "-o", tmp_path / "out")
-    assert "write export: expected a folder with room for the export, got No space left on device" in said
-    assert [path for path in (tmp_path / "out").rglob("*") if path.is_file()] == []
+
+def test_animation_on_a_full_disk_does_not_blame_the_results(folder, tmp_path):
+    for ending in ("gif", "mp4"):
+        with full_disk(100):
+            said = refusal("plot", "animation", folder / "series.h5", "-o", tmp_path / f"a.{ending}")
+        assert f"a.{ending}: " in said
+        assert "read results" not in said
+        assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.long

@@ -1,12 +1,14 @@
 """If the disk becomes full while HDF5 writes, there is one error, no crash and no file that seems good."""
 
 import resource
+from contextlib import closing
 
 import h5py
 import numpy as np
 import pytest
 
 from dic.hdf5.writing import NewFile
+from tests.full_disk import full_disk
 
 ROWS, DATASETS = 20, 4
 
@@ -23,16 +25,11 @@ def fill(file):
 
 def write(path, most_bytes):
     """Write a file on a disk that has room for `most_bytes`; return the error or None."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, before[1]))
     try:
-        file = NewFile(path)
-        fill(file.hdf5)
-        file.close()
+        with full_disk(most_bytes), closing(NewFile(path)) as file:
+            fill(file.hdf5)
     except OSError as error:
         return error
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
     return None
 
 

@@ -1,7 +1,6 @@
 """Animations: one frame for each image on one scale, read again by Pillow and OpenCV."""
 
 import re
-import resource
 import weakref
 from dataclasses import replace
 
@@ -17,6 +16,7 @@ from dic.pipeline import animation
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
 from tests.dic.pictures.fields import SHAPE, stretched
 from tests.dic.pipeline.rendered_run import slid, write_rendered_run
+from tests.full_disk import full_disk
 
 GREY = np.full(SHAPE, 128.0, np.float32)
 COLOURS = colours_of(dic.MapSettings())
@@ -107,16 +107,12 @@ def test_an_opencv_that_writes_no_mp4_is_said_in_one_sentence(tmp_path, monkeypa
 def test_an_mp4_that_the_disk_cannot_hold_is_an_error_and_keeps_the_earlier_file(tmp_path, most_bytes):
     (tmp_path / "a.mp4").write_text("earlier")
     noise = np.random.default_rng(1).integers(0, 256, (10, 64, 64, 3), np.uint8)
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, before[1]))
-    try:
-        with (
-            pytest.raises(OSError, match="of 10 frames were written") as refused,
-            animation_writer(tmp_path / "a.mp4", 5.0, COLOURS) as add,
-        ):
-            list(map(add, noise))
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    with (
+        full_disk(most_bytes),
+        pytest.raises(OSError, match="of 10 frames were written") as refused,
+        animation_writer(tmp_path / "a.mp4", 5.0, COLOURS) as add,
+    ):
+        list(map(add, noise))
     assert refused.value.filename == str(tmp_path / "a.mp4")
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("a.mp4", "earlier")]
 
