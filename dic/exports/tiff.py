@@ -1,6 +1,7 @@
 """Export as TIFF: one folder per quantity, one file per image, one pixel per point of the grid."""
 
 import json
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -42,9 +43,13 @@ class TiffExporter(Exporter):
                 file = folder / f"{name}.tif"
             folder.mkdir(parents=True, exist_ok=True)
             description = json.dumps({"quantity": name, "unit": unit_of(name), **place})
+            picture = Image.fromarray(np.where(points.active, values, np.nan).astype(np.float32))
+            content = BytesIO()
+            picture.save(content, format="TIFF", description=description)
             with replacing(file) as partial:
-                picture = Image.fromarray(np.where(points.active, values, np.nan).astype(np.float32))
-                picture.save(partial, format="TIFF", description=description)
+                # If Pillow itself writes to a disk that becomes full, the end of the file is missing without
+                # an error.
+                partial.write_bytes(content.getbuffer())
 
 
 def _step(along: NDArray[Any]) -> int:

@@ -4,6 +4,7 @@ import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -76,5 +77,9 @@ def write_figure(figure: Any, path: str | Path, dpi: float, image_format: str | 
     image_format : str, optional
         Format of the file, such as "png". By default the suffix of `path` determines the format.
     """
+    content = BytesIO()
+    figure.savefig(content, dpi=dpi, format=image_format or Path(path).suffix.lstrip(".") or "png")
     with replacing(path) as partial:
-        figure.savefig(partial, dpi=dpi, format=image_format or Path(path).suffix.lstrip(".") or "png")
+        # If Pillow itself writes a JPEG or TIFF file to a disk that becomes full, the end of the file is
+        # missing without an error.
+        partial.write_bytes(content.getbuffer())

@@ -3,8 +3,10 @@
 import os
 
 import pytest
+from matplotlib.figure import Figure
 
 from dic.files.writing import replacing, write_figure, write_text
+from tests.full_disk import full_disk
 
 
 def _all_but(folder, *names):
@@ -60,8 +62,19 @@ def test_a_pipe_and_a_folder_are_never_replaced(tmp_path):
 
 
 def test_a_figure_is_written_in_the_format_of_its_name(tmp_path):
-    from matplotlib.figure import Figure
-
     for name, begin in (("a.png", b"\x89PNG"), ("a.pdf", b"%PDF"), ("a.svg", b"<?xml")):
         write_figure(Figure(figsize=(1, 1)), tmp_path / name, dpi=50)
         assert (tmp_path / name).read_bytes().startswith(begin)
+
+
+@pytest.mark.parametrize("ending", ["png", "jpg", "tif", "pdf", "svg"])
+def test_a_figure_on_a_full_disk_is_an_error_and_keeps_the_earlier_file(tmp_path, ending):
+    figure, path = Figure(figsize=(1, 1)), tmp_path / f"a.{ending}"
+    write_figure(figure, path, dpi=50)
+    whole = path.read_bytes()
+    for most_bytes in (0, len(whole) // 2, len(whole) - 1):
+        with full_disk(most_bytes), pytest.raises(OSError, match="File too large") as refused:
+            write_figure(figure, path, dpi=50)
+        assert refused.value.filename == str(path)
+        assert _all_but(tmp_path, path.name) == []
+        assert path.read_bytes() == whole
