@@ -20,6 +20,7 @@ from dic.correlation.status import Status
 from dic.correlation.turned_image import TurnableImage
 from dic.errors import CorrelationError, require_kind
 from dic.image.given import checked_region, grey_levels
+from dic.image.memory import give_back_memory
 from dic.image.point_grid import PointGrid, clear_of_edges, place_points
 from dic.image.spline import edge_reach_px
 from dic.image.threads import processors
@@ -151,6 +152,8 @@ class Correlator:
         solution.warps[failed] = solution.std[failed] = np.nan
         solution.std[...] *= np.repeat(self.smoothing.std_factors, 3)
         solution = image.turned_back(solution, seeds.quarters)
+        if self._reference.image.in_bands:
+            give_back_memory()
         grid = self._reference.grid
         return Field(
             grid.x, grid.y, solution.warps, solution.std, solution.zncc, solution.iterations,

@@ -174,7 +174,9 @@ class Series:
         """
         hint = None if hint is None else checked_homography(hint)
         read = cache(lambda: grey_levels(deformed, "deformed image"))
-        return self.follow(lambda attempt: attempt.correlate(read()), read, hint)
+        # Do not keep the image for the case that it becomes a reference: it would be in memory during the
+        # evaluation.
+        return self.follow(lambda attempt: attempt.correlate(read()), partial(_given, deformed), hint)
 
     @property
     def at_once(self) -> int:

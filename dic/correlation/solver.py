@@ -19,7 +19,7 @@ _TRIES = 3
 _BANDS = 16
 """Number of bands of rows that are solved in parallel; this number keeps several processors busy."""
 
-_BAND_PX = 4_000_000
+_BAND_PX = 2_000_000
 """Largest number of pixels of a band; a larger image has more bands."""
 
 

@@ -168,7 +168,7 @@ def _outcome(series: Series, image: SeriesImage, line: _Line | None = None) -> F
     try:
         if line is None:
             read = cache(image.grey)
-            fields = series.follow(lambda attempt: attempt.correlate(read()), read, image.hint)
+            fields = series.follow(lambda attempt: attempt.correlate(read()), image.read, image.hint)
         else:
             fields = series.follow(line.field, image.read, image.hint)
     except WorkerError:

@@ -110,7 +110,8 @@ class ResultWriter:
             if group is None:
                 group = _create_series(self._file.create_group(place), measurement)
             n = self._next(place)
-            self._rows.append(group, n, _measured_rows(measurement))
+            for rows in _measured_rows(measurement):
+                self._rows.append(group, n, rows)
             if correction is not None:
                 self._add_correction(group, n, correction, elsewhere=elsewhere)
 
@@ -176,36 +177,39 @@ def _create_series(group: Any, measurement: Measurement) -> Any:
     return group
 
 
-def _measured_rows(measurement: Measurement) -> dict[str, Any]:
+def _measured_rows(measurement: Measurement) -> Iterator[dict[str, Any]]:
+    """Yield the rows of an image: first the single values, then a few arrays at a time.
+
+    Arrays that have to be computed are computed one after the other, because together they would take more
+    memory than the displacements.
+    """
     field, calibrated = measurement.field, measurement.calibrated
-    rows: dict[str, Any] = {
+    single: dict[str, Any] = {
         "label": measurement.label,
         "start": field.start,
         "sha256": measurement.digest,
-        "u_px": field.u_px,
-        "v_px": field.v_px,
-        "gradient": field.gradient,
-        "std_u_px": field.std_u_px,
-        "std_v_px": field.std_v_px,
-        "std_gradient": field.std_gradient,
-        "noise_std_px": field.noise_std_px,
-        "bias_u_px": field.bias_px[..., 0],
-        "bias_v_px": field.bias_px[..., 1],
         "smoothing_px": field.smoothing_px,
-        "greatest_bias_px": np.array(field.greatest_bias_px),
-        "zncc": field.zncc,
-        "status": field.status.astype(np.uint8),
-        "iterations": field.iterations.astype(np.uint16),
         "updates": np.uint16(field.updates),
     }
-    rows |= _strain_rows(measurement.strain) | _mean_rows(measurement.raw_mean, "raw_mean/")
+    single |= _mean_rows(measurement.raw_mean, "raw_mean/")
+    if measurement.calibrated_mean is not None:
+        single |= _mean_rows(measurement.calibrated_mean, "calibrated_mean/")
+        single |= _known_rows(measurement.images_std, "calibrated_mean/")
+    yield single
+    yield {"u_px": field.u_px, "v_px": field.v_px, "zncc": field.zncc}
+    yield {"gradient": field.gradient}
+    yield {"std_gradient": field.std_gradient}
+    yield {"std_u_px": field.std_u_px}
+    yield {"std_v_px": field.std_v_px}
+    yield {"noise_std_px": field.noise_std_px}
+    yield {"bias_u_px": field.bias_px[..., 0], "bias_v_px": field.bias_px[..., 1]}
+    yield {"status": field.status.astype(np.uint8), "iterations": field.iterations.astype(np.uint16)}
+    yield {"greatest_bias_px": np.array(field.greatest_bias_px)}
+    yield _strain_rows(measurement.strain)
     if calibrated is not None and measurement.calibrated_mean is not None:
-        rows |= _displacement_rows(calibrated)
-        rows |= _mean_rows(measurement.calibrated_mean, "calibrated_mean/")
-        rows |= _known_rows(measurement.images_std, "calibrated_mean/")
+        yield _displacement_rows(calibrated)
         if measurement.shared is not None:
-            rows[f"calibrated_mean/{SHARED_KEY}"] = measurement.shared
-    return rows
+            yield {f"calibrated_mean/{SHARED_KEY}": measurement.shared}
 
 
 def _strain_rows(strain: StrainField) -> dict[str, Any]:

@@ -90,7 +90,8 @@ class Displacement:
     unit : str
         Unit of positions and displacements, "px" or "mm".
     gradient : ndarray, shape (rows, columns, 2, 2), or None
-        Displacement gradient ∂u_i/∂x_j within each point's subset, from the shape function.
+        Displacement gradient ∂u_i/∂x_j within each point's subset, from the shape function. None if the local
+        strain does not come from shape functions.
     noise : Noise or None
         Errors of the displacements; None if they are not known.
     sight : Sight or None
@@ -114,32 +115,29 @@ NOWHERE = Displacement(np.empty((0, 0, 2)), np.empty((0, 0, 2)), np.empty((0, 0)
 """A displacement that has no points."""
 
 
-def raw_displacement(field: Field, *, gradients: bool = True, gradient_errors: bool = True) -> Displacement:
+def raw_displacement(field: Field, *, gradients: bool = True) -> Displacement:
     """Return the displacements of a correlated image in pixels, with the y axis up.
 
-    If `gradients` is False, the result has no gradient. If `gradient_errors` is False, the covariances of its
-    gradients are NaN. Only the strain from shape functions needs them, and they take long to compute.
+    If `gradients` is False, the result has no gradient, and the covariances of its gradients are NaN. Only
+    the strain from shape functions needs them. They take long to compute, and more memory than all the rest.
     """
     shape = (*field.status.shape, 2)
     vector = np.stack([field.u_px, -field.v_px], axis=-1)
     position = (field.points * np.array([1.0, -1.0])).reshape(shape)
     everywhere = np.broadcast_to(_UPWARDS, (*shape, 2))
-    if not gradients:
-        noise = displacement_noise(field, everywhere)
-        return Displacement(position, vector, field.converged, "px", None, noise)
-    gradient, noise = _in_axes(field, everywhere, everywhere, errors=gradient_errors)
+    gradient, noise = _in_axes(field, everywhere, everywhere, gradients=gradients)
     return Displacement(position, vector, field.converged, "px", gradient, noise, sight_of(field))
 
 
 def calibrated_displacement(
-    field: Field, calibration: Calibration, *, gradient_errors: bool = True
+    field: Field, calibration: Calibration, *, gradients: bool = True
 ) -> Displacement:
     """Return the displacements of a correlated image in millimetres on the calibration grid's plane.
 
     The calibration maps the start and the end of each displacement from pixels to millimetres. If the start
     or the end is outside the calibrated area, the displacement is extrapolated. An extrapolated displacement
     keeps its value, but is not used for strain (`valid` is False). The errors do not include errors of the
-    calibration. `gradient_errors` is as for `raw_displacement`.
+    calibration. `gradients` is as for `raw_displacement`.
     """
     shape = (*field.status.shape, 2)
     before = field.points
@@ -147,7 +145,7 @@ def calibrated_displacement(
     position, moved = calibration.map(before), calibration.map(after)
     inside = calibration.inside(before) & calibration.inside(after)
     here, there = (calibration.jacobian(at).reshape(*shape, 2) for at in (before, after))
-    gradient, noise = _in_axes(field, here, there, errors=gradient_errors)
+    gradient, noise = _in_axes(field, here, there, gradients=gradients)
     return Displacement(
         position.reshape(shape),
         (moved - position).reshape(shape),
@@ -185,19 +183,20 @@ def sight_of(field: Field) -> Sight | None:
     return None if field.region is None else Sight(field.region, field.x_px, field.y_px)
 
 
-def _in_axes(field: Field, here: Float, there: Float, *, errors: bool) -> tuple[Float, Noise]:
+def _in_axes(field: Field, here: Float, there: Float, *, gradients: bool) -> tuple[Float | None, Noise]:
     """Return the displacement gradient and the errors of a correlated image in new coordinates.
 
     The arrays `here` and `there`, shape (rows, columns, 2, 2), are the derivatives of the new coordinates
     with respect to the image coordinates, before and after the motion. In the new coordinates the deformation
-    gradient F becomes ``there · F · here⁻¹``. If `errors` is False, its covariances are NaN.
+    gradient F becomes ``there · F · here⁻¹``. If `gradients` is False, there is no gradient, and its
+    covariances are NaN.
     """
+    if not gradients:
+        return None, displacement_noise(field, there)
     shape = field.status.shape
     back = _inverse(here)
     F = field.gradient.reshape(*shape, 2, 2) + np.eye(2)
     gradient = there @ F @ back - np.eye(2)
-    if not errors:
-        return gradient, displacement_noise(field, there)
     both = np.einsum("...ik,...lj->...ijkl", there, back).reshape(*shape, 4, 4)
     by_gradient = both * field.std_gradient[..., None, :]
     covariance = by_gradient @ np.swapaxes(by_gradient, -1, -2)

@@ -260,11 +260,11 @@ def measure(
     strain = strain or StrainSettings()
     gauge_px = strain.gauge_px(field.settings)
     by_shape = strain.source == "shape"
-    raw = raw_displacement(field, gradient_errors=by_shape)
+    raw = raw_displacement(field, gradients=by_shape)
     if calibration is None:
         raw_mean = mean_strain(raw, measure=strain.measure)
         return Measurement(label, field, raw, None, strain, gauge_px, None, raw_mean, None)
-    calibrated = calibrated_displacement(field, calibration, gradient_errors=by_shape)
+    calibrated = calibrated_displacement(field, calibration, gradients=by_shape)
     raw_mean = mean_strain(raw, calibrated.valid, strain.measure)
     calibrated_mean = mean_strain(calibrated, measure=strain.measure)
     gauge_mm = gauge_px * calibration.mm_per_px
