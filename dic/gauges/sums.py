@@ -53,7 +53,7 @@ def correlations(rows: Indices, columns: Indices, noise: Noise) -> Float:
     known = np.where(near, overlap[np.abs(down), np.abs(right)], 0.0)
     if noise.clipped is None:
         return known
-    number = noise.clipped.numbers(rows, columns)
+    number = noise.clipped.numbers[rows, columns]
     if (number < 0).all():
         return known
     reach = int(max(np.abs(down).max(), np.abs(right).max()))
@@ -101,7 +101,7 @@ def _by_clipping(
     that begins at `origin`.
     """
     change = np.zeros(2 * parts.shape[2:3])
-    number = clipped.numbers(rows, columns)
+    number = clipped.numbers[rows, columns]
     rows, columns, number = (each[number >= 0] for each in (rows, columns, number))
     if not number.size:
         return change

@@ -12,7 +12,7 @@ import numpy as np
 from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
 from dic.strain.error_overlap import ClippedSubsets, clipped_subsets, error_overlap
-from dic.strain.sight import Sight
+from dic.strain.sight import Sight, shared_sight
 from dic.typing import Float, Mask
 
 _UPWARDS = np.diag([1.0, -1.0])
@@ -180,7 +180,7 @@ def displacement_noise(field: Field, there: Float) -> Noise:
 
 def sight_of(field: Field) -> Sight | None:
     """Return the `Sight` of a field, which finds out which points see each other; None without a region."""
-    return None if field.region is None else Sight(field.region, field.x_px, field.y_px)
+    return None if field.region is None else shared_sight(Sight(field.region, field.x_px, field.y_px))
 
 
 def _in_axes(field: Field, here: Float, there: Float, *, gradients: bool) -> tuple[Float | None, Noise]:

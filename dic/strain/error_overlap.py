@@ -82,13 +82,18 @@ class ClippedSubsets:
     grid : PointGrid
         The points, and the pixels that their subsets use.
     settings : CorrelationSettings
+
+    Attributes
+    ----------
+    numbers : ndarray of int, shape (rows, columns)
+        Indices of clipped points in `correlations`; -1 for other points.
     """
 
     def __init__(self, grid: PointGrid, settings: CorrelationSettings) -> None:
         self._grid, self._settings = grid, settings
         self._rows, self._columns = np.nonzero(grid.active & (grid.pixels < settings.subset_px**2))
-        self._number: Indices = np.full(grid.active.shape, -1)
-        self._number[self._rows, self._columns] = np.arange(len(self._rows))
+        self.numbers: Indices = np.full(grid.active.shape, -1)
+        self.numbers[self._rows, self._columns] = np.arange(len(self._rows))
         self._tables: dict[int, Float] = {}
 
     def __repr__(self) -> str:
@@ -100,13 +105,9 @@ class ClippedSubsets:
         A number is the index of a point in `correlations`. The number is -1 where the subset is whole or
         absent.
         """
-        padded = np.pad(self._number, reach, constant_values=-1)
+        padded = np.pad(self.numbers, reach, constant_values=-1)
         offset = np.arange(2 * reach + 1)
         return np.asarray(padded[rows[:, None, None] + offset[:, None], columns[:, None, None] + offset])
-
-    def numbers(self, rows: Indices, columns: Indices) -> Indices:
-        """Return the indices of clipped points in `correlations`, in the shape of `rows`; -1 for others."""
-        return np.asarray(self._number[rows, columns])
 
     def correlations(self, reach: int) -> Float:
         """Return the correlations between each clipped point and the points around it.

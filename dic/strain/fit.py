@@ -6,18 +6,15 @@ The mean of n points with overlapping subsets has more noise than the mean of n 
 """
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from dic.strain.convolution import convolved
 from dic.strain.displacement import Displacement, Noise
 from dic.strain.error_sums import add_products, set_weighted
-from dic.strain.window_kernel import add_covariances, add_shared, fit_slopes
-from dic.typing import Float, Indices, Mask
+from dic.strain.window_kernel import Errors, Surface, Work, fit_windows
+from dic.typing import Float, Mask
 
 # Smallest share of the points of a window that must be valid.
 _MIN_WINDOW_SHARE = 0.5
-# Windows are fitted in batches whose arrays have about this number of elements.
-_TERMS_IN_MEMORY = 4_000_000
 
 
 def mean_gradient(displacement: Displacement, use: Mask) -> tuple[Float, Float | None] | None:
@@ -148,53 +145,42 @@ def fitted_gradients(
         Covariance of the gradient's elements xx, xy, yx, yy at each point; None if the errors of the
         displacements are not known.
     """
-    noise, places = displacement.noise, window**2
     rows = slice(0, len(displacement.valid)) if rows is None else rows
-    points = np.concatenate([displacement.position, displacement.vector], axis=-1)
-    valid = _windows(displacement.valid, window)[rows]
-    shape = valid.shape[:2]
+    shape = (rows.stop - rows.start, displacement.valid.shape[1])
     gradient = np.full((*shape, 2, 2), np.nan)
-    covariance = None if noise is None else np.full((*shape, 4, 4), np.nan)
+    covariance = None if displacement.noise is None else np.full((*shape, 4, 4), np.nan)
     # Points on two straight lines do not determine a quadratic surface. At most 2 · window points of a window
     # lie on two lines, so require one point more.
-    needed = max(_MIN_WINDOW_SHARE * places, 2 * window + 1 if degree == 2 else 0)
-    fits = np.flatnonzero(displacement.valid[rows] & (valid.sum(axis=(-1, -2)) >= needed))
-    for some in np.array_split(fits, 1 + fits.size * places * 8 // _TERMS_IN_MEMORY):
-        at = np.stack(np.divmod(some, shape[1]), axis=-1)
-        use = valid[at[:, 0], at[:, 1]]
-        at[:, 0] += rows.start
-        if displacement.sight is not None:
-            use &= displacement.sight.neighbours(at[:, 0], at[:, 1], window)
-            enough = use.sum(axis=(1, 2)) >= needed
-            at, use = at[enough], use[enough]
-        weights, slopes = np.empty((*use.shape, 2)), np.empty((len(at), 2, 2))
-        terms = 6 if degree == 2 else 3
-        design, normal = np.empty((terms, window, window)), np.empty((terms, terms + 2))
-        fit_slopes(at, use, points, design, normal, weights, slopes)
-        own = at[:, 0] - rows.start, at[:, 1]
-        gradient[own] = slopes
-        if noise is not None and covariance is not None:
-            covariance[own] = _covariances(at, use, weights, noise)
+    needed = max(_MIN_WINDOW_SHARE * window**2, 2 * window + 1 if degree == 2 else 0)
+    fit_windows(
+        rows.start,
+        needed,
+        _surface(displacement, window, rows),
+        _errors(displacement.noise, window),
+        Work.of(window, 6 if degree == 2 else 3),
+        gradient,
+        np.empty((0, 0, 4, 4)) if covariance is None else covariance,
+    )
     return gradient, covariance
 
 
-def _windows(values: Mask, window: int) -> Mask:
-    """Return a view of the values in the window around each point, (rows, columns, window, window).
+def _surface(displacement: Displacement, window: int, rows: slice) -> Surface:
+    """Return the points near some rows, for the compiled fit."""
+    points = np.concatenate([displacement.position, displacement.vector], axis=-1)
+    number, seen = np.empty((0, 0), np.int32), np.empty((0, window, window), np.bool_)
+    if displacement.sight is not None:
+        number, seen = displacement.sight.hidden(window, rows)
+    return Surface(points, displacement.valid, number, seen)
 
-    Values outside the grid of points are False.
-    """
-    return sliding_window_view(np.pad(values, window // 2), (window, window))
 
-
-def _covariances(at: Indices, use: Mask, weights: Float, noise: Noise) -> Float:
-    """Return the covariances (n, 4, 4) of the slopes of n windows; `fit_slopes` describes the arguments."""
-    window = use.shape[1]
-    number, clipped = np.empty((len(at), 0, 0), np.int64), np.empty((0, 0, 0))
+def _errors(noise: Noise | None, window: int) -> Errors:
+    """Return the errors of the displacements for the compiled fit."""
+    none = np.empty((0, 0, 2, 2))
+    number, clipped = np.empty((0, 0), np.int64), np.empty((0, 0, 0))
+    if noise is None:
+        return Errors(none, np.empty((0, 0)), none, number, clipped)
     if noise.clipped is not None:
-        number = noise.clipped.numbers_around(at[:, 0], at[:, 1], window // 2)
+        number = noise.clipped.numbers
         clipped = noise.clipped.correlations(min(window, max(noise.overlap.shape)) - 1)
-    parts, covariance = np.empty((window**2, 8)), np.zeros((len(at), 4, 4))
-    add_covariances(at, use, weights, noise.factors, noise.overlap, number, clipped, parts, covariance)
-    if noise.bias is not None:
-        add_shared(at, use, weights, noise.bias, np.empty((4, 2)), covariance)
-    return covariance
+    bias = none if noise.bias is None else noise.bias
+    return Errors(noise.factors, noise.overlap, bias, number, clipped)

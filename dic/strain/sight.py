@@ -5,8 +5,8 @@ displacement of the two points is an opening, not a strain. So a neighbour is us
 to it stays inside the region of interest.
 """
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,17 @@ from dic.typing import Float, Grey, Indices, Mask
 
 _SAMPLES_PER_PX = 2
 
+_KEPT_BYTES = 16_000_000
+"""Greatest size of the windows that are kept for further images; larger ones are found for each image."""
 
-@dataclass(frozen=True)
+_CACHED = 4
+"""Number of regions whose windows are kept for further images."""
+
+Hidden = tuple[Indices, Mask]
+"""The result of `Sight.hidden`."""
+
+
+@dataclass(frozen=True, eq=False)
 class Sight:
     """The region of interest, and the coordinates of the grid of points in it.
 
@@ -33,9 +42,61 @@ class Sight:
     region: Mask
     x_px: Indices
     y_px: Indices
+    _kept: dict[int, Hidden] = field(default_factory=dict, init=False, repr=False)
+
+    def __hash__(self) -> int:
+        return id(self.region)
+
+    def __eq__(self, other: object) -> bool:
+        """Return True if both objects have the same array as region, and equal points."""
+        if not isinstance(other, Sight):
+            return NotImplemented
+        same_points = np.array_equal(self.x_px, other.x_px) and np.array_equal(self.y_px, other.y_px)
+        return self.region is other.region and same_points
 
     def __repr__(self) -> str:
         return f"Sight({len(self.y_px)} × {len(self.x_px)} points)"
+
+    def hidden(self, window: int, rows: slice) -> Hidden:
+        """Return what the points see that are so near an edge that they may not see their whole window.
+
+        Parameters
+        ----------
+        window : int
+            Width of a window, an odd number of points.
+        rows : slice
+            The rows of the points. The result may describe points of other rows as well.
+
+        Returns
+        -------
+        number : ndarray of int32, shape (rows, columns)
+            Index of each of these points in `seen`; -1 for a point that sees its whole window.
+        seen : ndarray of bool, shape (n, window, window)
+            The result of `neighbours` for each of these points.
+        """
+        if window in self._kept:
+            return self._kept[window]
+        if not is_large(self.region.shape):
+            # A copy, because the maps of the pixels are not needed for further images.
+            maps, everywhere = replace(self), slice(0, len(self.y_px))
+            near = maps._near_an_edge(everywhere, window)
+            if len(near) * window**2 <= _KEPT_BYTES:
+                self._kept.clear()
+                self._kept[window] = found = maps._hidden(near, window)
+                return found
+        return self._hidden(self._near_an_edge(rows, window), window)
+
+    def _near_an_edge(self, rows: slice, window: int) -> Indices:
+        """Return row and column, shape (n, 2), of the points near an edge in some rows."""
+        some = np.arange(rows.start, rows.stop).repeat(len(self.x_px))
+        at = np.stack([some, np.tile(np.arange(len(self.x_px)), rows.stop - rows.start)], axis=-1)
+        maps = self._rows_around(some, window // 2) if is_large(self.region.shape) and some.size else self
+        return np.asarray(at[~maps._surrounded(at[:, 0], at[:, 1], window // 2)])
+
+    def _hidden(self, near: Indices, window: int) -> Hidden:
+        number = np.full((len(self.y_px), len(self.x_px)), -1, np.int32)
+        number[near[:, 0], near[:, 1]] = np.arange(len(near))
+        return number, self.neighbours(near[:, 0], near[:, 1], window)
 
     def neighbours(self, rows: Indices, columns: Indices, window: int) -> Mask:
         """Return which points of the windows around given points can be seen from the given points.
@@ -120,6 +181,12 @@ class Sight:
             at = np.rint(start_px + part * way).astype(np.int64)
             clear &= self.region[at[..., 1], at[..., 0]]
         return clear
+
+
+@lru_cache(maxsize=_CACHED)
+def shared_sight(sight: Sight) -> Sight:
+    """Return the first object that equals `sight`: all images of a series then share what it has found."""
+    return sight
 
 
 @compiled

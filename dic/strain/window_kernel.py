@@ -3,78 +3,237 @@
 `dic.strain.fit` describes the method. Each window has its own points, so nothing is shared between windows.
 """
 
+from typing import NamedTuple
+
+import numpy as np
+
 from dic.correlation.kernel.jit import compiled, inlined, inner
 from dic.typing import Float, Indices, Mask
 
 
+class Surface(NamedTuple):
+    """The points of a grid, and which of them belong to the same piece of the surface.
+
+    Attributes
+    ----------
+    points : ndarray, shape (rows, columns, 4)
+        Position and displacement of each point. Values are needed only where `valid` is True.
+    valid : ndarray of bool, shape (rows, columns)
+        True for the points to which surfaces are fitted.
+    number : ndarray of int32, shape (rows, columns) or (0, 0)
+        Index of each point in `seen`, and -1 for a point that sees its whole window. The array has no
+        elements if all points see each other.
+    seen : ndarray of bool, shape (n, window, window)
+        True for the points of a window that the point in the middle sees; see `dic.strain.sight`.
+    """
+
+    points: Float
+    valid: Mask
+    number: Indices
+    seen: Mask
+
+
+class Errors(NamedTuple):
+    """The errors of the displacements; see `dic.strain.displacement.Noise`.
+
+    Attributes
+    ----------
+    factors : ndarray, shape (rows, columns, 2, 2) or (0, 0, 2, 2)
+        `Noise.factors`. The array has no elements if the errors are not known.
+    overlap : ndarray, shape (m, n)
+        `Noise.overlap`.
+    bias : ndarray, shape (rows, columns, 2, 2) or (0, 0, 2, 2)
+        `Noise.bias`. The array has no elements if there is no bias.
+    number : ndarray of int, shape (rows, columns) or (0, 0)
+        Number of each point with a clipped subset, and -1 for all other points. The array has no elements if
+        no subset is clipped.
+    clipped : ndarray, shape (clipped points, 2 reach + 1, 2 reach + 1)
+        `ClippedSubsets.correlations`, for at least the points of a window whose subsets overlap.
+    """
+
+    factors: Float
+    overlap: Float
+    bias: Float
+    number: Indices
+    clipped: Float
+
+
+class Work(NamedTuple):
+    """Work arrays, which each window overwrites.
+
+    Attributes
+    ----------
+    use, used : ndarray of bool, shape (window, window)
+        True for the points to which the surface of this window, and of the window before, is fitted.
+    places : ndarray, shape (window, window, 2)
+        Positions of these points relative to the point in the middle, in the window before.
+    design : ndarray, shape (terms, window, window)
+        The terms of the fitted polynomial at the points. 3 terms (x, y, 1) give a plane; 6 terms (also x²,
+        xy, y²) give a quadratic surface.
+    normal : ndarray, shape (terms, terms + 2)
+        The normal equations.
+    weights : ndarray, shape (window, window, 2)
+        Weight of each point's displacement in the two slopes at the middle; 0 where `use` is False.
+    parts : ndarray, shape (window², 8)
+        The weighted factors of each point.
+    number : ndarray of int, shape (window, window)
+        Number of each point with a clipped subset, and -1 for all other points.
+    sums : ndarray, shape (4, 2)
+        Sums of the weighted biases.
+    """
+
+    use: Mask
+    used: Mask
+    places: Float
+    design: Float
+    normal: Float
+    weights: Float
+    parts: Float
+    number: Indices
+    sums: Float
+
+    @classmethod
+    def of(cls, window: int, terms: int) -> "Work":
+        """Return work arrays for windows of this width and polynomials of so many terms."""
+        square = window, window
+        return cls(
+            np.empty(square, np.bool_),
+            np.zeros(square, np.bool_),
+            np.empty((*square, 2)),
+            np.empty((terms, *square)),
+            np.empty((terms, terms + 2)),
+            np.empty((*square, 2)),
+            np.empty((window**2, 8)),
+            np.empty(square, np.int64),
+            np.empty((4, 2)),
+        )
+
+
 @compiled
-def fit_slopes(
-    at: Indices, use: Mask, points: Float, design: Float, normal: Float, weights: Float, gradient: Float
+def fit_windows(
+    first: int, needed: float, surface: Surface, errors: Errors, work: Work, gradient: Float, covariance: Float
 ) -> None:
-    """Fit a surface to the points of each window by least squares.
+    """Fit a surface by least squares to the window around each valid point of some rows.
 
     Parameters
     ----------
-    at : ndarray of int, shape (n, 2)
-        Row and column of the point in the middle of each window.
-    use : ndarray of bool, shape (n, window, window)
-        True for the points to which the surface is fitted.
-    points : ndarray, shape (rows, columns, 4)
-        Position and displacement of each point. Values are needed only where `use` is True.
-    design : ndarray, shape (terms, window, window)
-        Work array, which each window overwrites with the terms of the fitted polynomial at its points.
-        3 terms (x, y, 1) give a plane; 6 terms (also x², xy, y²) give a quadratic surface.
-    normal : ndarray, shape (terms, terms + 2)
-        Work array for the normal equations of a window.
-    weights : ndarray, shape (n, window, window, 2)
-        Output: weight of each point's displacement in the two slopes at the middle; 0 where `use` is False.
-    gradient : ndarray, shape (n, 2, 2)
-        Output: the displacement gradient, with ∂u_i/∂x_j at [i, j].
+    first : int
+        The first of the rows.
+    needed : float
+        Smallest number of points in a window.
+    surface : Surface
+    errors : Errors
+    work : Work
+        `used` must be False everywhere at the beginning.
+    gradient : ndarray, shape (n, columns, 2, 2)
+        Output, where a surface could be fitted: the displacement gradient, with ∂u_i/∂x_j at [i, j].
+    covariance : ndarray, shape (n, columns, 4, 4)
+        Output, where a surface could be fitted: covariance of the gradient's elements xx, xy, yx, yy.
     """
-    terms, window = design.shape[0], use.shape[1]
-    for k in range(at.shape[0]):
-        row, column = at[k, 0] - window // 2, at[k, 1] - window // 2
-        scale = _normal_equations(use[k], points, row, column, design, normal)
-        _solve(normal, terms)
-        gradient[k] = 0.0
-        for r in range(window):
-            for c in range(window):
-                for side in range(2):
-                    weight = 0.0
-                    if use[k, r, c]:
-                        for m in range(terms):
-                            weight += normal[m, terms + side] * design[m, r, c]
-                        weight *= scale
-                        gradient[k, 0, side] += weight * points[row + r, column + c, 2]
-                        gradient[k, 1, side] += weight * points[row + r, column + c, 3]
-                    weights[k, r, c, side] = weight
+    reach = work.use.shape[0] // 2
+    for r in range(gradient.shape[0]):
+        for c in range(gradient.shape[1]):
+            row, column = first + r - reach, c - reach
+            if not surface.valid[first + r, c] or _choose(row, column, surface, work.use) < needed:
+                continue
+            # Windows that are alike have the same weights, such as all whole windows of a regular grid.
+            if _differs(row, column, surface.points, work):
+                _set_weights(work)
+            _set_slopes(row, column, surface.points, work, gradient[r, c])
+            if errors.factors.size:
+                covariance[r, c] = 0.0
+                _add_covariance(row, column, errors, work, covariance[r, c])
+            if errors.bias.size:
+                _add_shared(row, column, errors.bias, work, covariance[r, c])
 
 
 @inner
-def _normal_equations(use: Mask, points: Float, row: int, column: int, design: Float, normal: Float) -> float:
+def _choose(row: int, column: int, surface: Surface, use: Mask) -> int:
+    """Choose the points of the window whose first point is at `row`, `column`; return their number."""
+    window, valid, seen = use.shape[0], surface.valid, -1
+    if surface.number.size:
+        seen = surface.number[row + window // 2, column + window // 2]
+    count = 0
+    for r in range(window):
+        for c in range(window):
+            inside = 0 <= row + r < valid.shape[0] and 0 <= column + c < valid.shape[1]
+            use[r, c] = inside and valid[row + r, column + c] and (seen < 0 or surface.seen[seen, r, c])
+            count += use[r, c]
+    return count
+
+
+@inner
+def _differs(row: int, column: int, points: Float, work: Work) -> bool:
+    """Return whether the window has other points, or points at other places, than the window before.
+
+    The function puts the places into `work`.
+    """
+    window, differs = work.use.shape[0], False
+    x0, y0 = (
+        points[row + window // 2, column + window // 2, 0],
+        points[row + window // 2, column + window // 2, 1],
+    )
+    for r in range(window):
+        for c in range(window):
+            differs |= work.use[r, c] != work.used[r, c]
+            work.used[r, c] = work.use[r, c]
+            if work.use[r, c]:
+                x, y = points[row + r, column + c, 0] - x0, points[row + r, column + c, 1] - y0
+                differs |= x != work.places[r, c, 0] or y != work.places[r, c, 1]
+                work.places[r, c, 0], work.places[r, c, 1] = x, y
+    return differs
+
+
+@inner
+def _set_weights(work: Work) -> None:
+    """Set the weights of the points in the slopes at the middle of a window."""
+    scale = _normal_equations(work.use, work.places, work.design, work.normal)
+    terms, window = work.design.shape[0], work.use.shape[0]
+    _solve(work.normal, terms)
+    for r in range(window):
+        for c in range(window):
+            for side in range(2):
+                weight = 0.0
+                if work.use[r, c]:
+                    for m in range(terms):
+                        weight += work.normal[m, terms + side] * work.design[m, r, c]
+                    weight *= scale
+                work.weights[r, c, side] = weight
+
+
+@inner
+def _set_slopes(row: int, column: int, points: Float, work: Work, gradient: Float) -> None:
+    """Set the displacement gradient (2, 2) of a window."""
+    window = work.use.shape[0]
+    gradient[:] = 0.0
+    for r in range(window):
+        for c in range(window):
+            if work.use[r, c]:
+                for side in range(2):
+                    weight = work.weights[r, c, side]
+                    gradient[0, side] += weight * points[row + r, column + c, 2]
+                    gradient[1, side] += weight * points[row + r, column + c, 3]
+
+
+@inner
+def _normal_equations(use: Mask, places: Float, design: Float, normal: Float) -> float:
     """Fill the terms of the surface and the lower half of the normal matrix.
 
     Return the factor by which the coordinates were multiplied.
     """
     terms, window = design.shape[0], use.shape[0]
-    x0, y0 = (
-        points[row + window // 2, column + window // 2, 0],
-        points[row + window // 2, column + window // 2, 1],
-    )
     reach = 1e-300
     for r in range(window):
         for c in range(window):
             if use[r, c]:
-                x, y = points[row + r, column + c, 0] - x0, points[row + r, column + c, 1] - y0
-                reach = max(reach, abs(x), abs(y))
+                reach = max(reach, abs(places[r, c, 0]), abs(places[r, c, 1]))
     # The normal equations are well conditioned if the coordinates are of the order of 1.
     scale = 1.0 / reach
     normal[:] = 0.0
     for r in range(window):
         for c in range(window):
             if use[r, c]:
-                x = (points[row + r, column + c, 0] - x0) * scale
-                y = (points[row + r, column + c, 1] - y0) * scale
+                x, y = places[r, c, 0] * scale, places[r, c, 1] * scale
                 design[0, r, c], design[1, r, c], design[2, r, c] = x, y, 1.0
                 if terms > 3:
                     design[3, r, c], design[4, r, c], design[5, r, c] = x * x, x * y, y * y
@@ -107,18 +266,32 @@ def _solve(normal: Float, terms: int) -> None:
 
 
 @inner
-def _weigh(use: Mask, weights: Float, factors: Float, row: int, column: int, parts: Float) -> None:
+def _weigh(row: int, column: int, factors: Float, work: Work) -> None:
     """Write the products of `Noise.factors` and slope weights into `parts`, for each point of a window."""
-    window = use.shape[0]
+    window = work.use.shape[0]
     for r in range(window):
         for c in range(window):
+            p = r * window + c
+            if not work.use[r, c]:
+                work.parts[p] = 0.0
+                continue
             for axis in range(2):
                 for i in range(2):
+                    factor = factors[row + r, column + c, i, axis]
                     for side in range(2):
-                        part = 0.0
-                        if use[r, c]:
-                            part = factors[row + r, column + c, i, axis] * weights[r, c, side]
-                        parts[r * window + c, 4 * axis + 2 * i + side] = part
+                        work.parts[p, 4 * axis + 2 * i + side] = factor * work.weights[r, c, side]
+
+
+@inner
+def _find_clipped(row: int, column: int, errors: Errors, number: Indices) -> bool:
+    """Set the numbers of the clipped points of a window; return whether there are any."""
+    window, edge = number.shape[0], False
+    for r in range(window):
+        for c in range(window):
+            inside = 0 <= row + r < errors.number.shape[0] and 0 <= column + c < errors.number.shape[1]
+            number[r, c] = errors.number[row + r, column + c] if inside else -1
+            edge |= number[r, c] >= 0
+    return edge
 
 
 @inner
@@ -141,7 +314,7 @@ def _sums(
     """Return sums of `parts` over a point and all later points, weighted by their correlation with it.
 
     The eight sums belong to the eight values that `parts` has for each point. The point itself counts half,
-    because each pair is counted once and `add_covariances` adds the transposed matrix.
+    because each pair is counted once and `_add_covariance` adds the transposed matrix.
     """
     variance = overlap[0, 0]
     if edge and number[r, c] >= 0:
@@ -171,87 +344,40 @@ def _sums(
     return s0, s1, s2, s3, s4, s5, s6, s7
 
 
-@compiled
-def add_covariances(
-    at: Indices,
-    use: Mask,
-    weights: Float,
-    factors: Float,
-    overlap: Float,
-    number: Indices,
-    clipped: Float,
-    parts: Float,
-    covariance: Float,
-) -> None:
-    """Add the covariance of the slopes of each window, whose points have correlated errors.
-
-    Parameters
-    ----------
-    at, use, weights
-        As for `fit_slopes`.
-    factors : ndarray, shape (rows, columns, 2, 2)
-        `Noise.factors`.
-    overlap : ndarray, shape (m, n)
-        `Noise.overlap`.
-    number : ndarray of int, shape (n, window, window) or (n, 0, 0)
-        Number of each point with a clipped subset, and -1 for all other points. The array has no elements if
-        no subset is clipped.
-    clipped : ndarray, shape (clipped points, 2 reach + 1, 2 reach + 1)
-        `ClippedSubsets.correlations`, for at least the points of the window whose subsets overlap.
-    parts : ndarray, shape (window², 8)
-        Work array for the weighted factors of each point of a window.
-    covariance : ndarray, shape (n, 4, 4)
-        Input and output: covariance of the gradient's elements xx, xy, yx, yy.
-    """
-    window = use.shape[1]
-    for k in range(at.shape[0]):
-        row, column = at[k, 0] - window // 2, at[k, 1] - window // 2
-        _weigh(use[k], weights[k], factors, row, column, parts)
-        edge = False
-        for each in number[k].flat:
-            edge |= each >= 0
-        for r in range(window):
-            for c in range(window):
-                if not use[k, r, c]:
-                    continue
-                sums = _sums(r, c, window, edge, overlap, number[k], clipped, parts)
-                p = r * window + c
-                for m in range(4):
-                    for n in range(4):
-                        covariance[k, m, n] += parts[p, m] * sums[n] + parts[p, 4 + m] * sums[4 + n]
-        for m in range(4):
-            for n in range(m + 1):
-                total = covariance[k, m, n] + covariance[k, n, m]
-                covariance[k, m, n] = covariance[k, n, m] = total
+@inner
+def _add_covariance(row: int, column: int, errors: Errors, work: Work, covariance: Float) -> None:
+    """Add the covariance (4, 4) of the slopes of a window, whose points have correlated errors."""
+    window = work.use.shape[0]
+    _weigh(row, column, errors.factors, work)
+    edge = errors.number.size > 0 and _find_clipped(row, column, errors, work.number)
+    for r in range(window):
+        for c in range(window):
+            if not work.use[r, c]:
+                continue
+            sums = _sums(r, c, window, edge, errors.overlap, work.number, errors.clipped, work.parts)
+            p = r * window + c
+            for m in range(4):
+                for n in range(4):
+                    covariance[m, n] += work.parts[p, m] * sums[n] + work.parts[p, 4 + m] * sums[4 + n]
+    for m in range(4):
+        for n in range(m + 1):
+            total = covariance[m, n] + covariance[n, m]
+            covariance[m, n] = covariance[n, m] = total
 
 
-@compiled
-def add_shared(at: Indices, use: Mask, weights: Float, bias: Float, sums: Float, covariance: Float) -> None:
-    """Add the covariance of the slopes that comes from shared errors, such as the interpolation bias.
-
-    Parameters
-    ----------
-    at, use, weights
-        As for `fit_slopes`.
-    bias : ndarray, shape (rows, columns, 2, 2)
-        `Noise.bias`.
-    sums : ndarray, shape (4, 2)
-        Work array, which each window overwrites.
-    covariance : ndarray, shape (n, 4, 4)
-        Input and output, as for `add_covariances`.
-    """
-    window = use.shape[1]
-    for k in range(at.shape[0]):
-        row, column = at[k, 0] - window // 2, at[k, 1] - window // 2
-        sums[:] = 0.0
-        for r in range(window):
-            for c in range(window):
-                if use[k, r, c]:
-                    for i in range(2):
-                        for side in range(2):
-                            weight = weights[k, r, c, side]
-                            sums[2 * i + side, 0] += weight * bias[row + r, column + c, i, 0]
-                            sums[2 * i + side, 1] += weight * bias[row + r, column + c, i, 1]
-        for m in range(4):
-            for n in range(4):
-                covariance[k, m, n] += sums[m, 0] * sums[n, 0] + sums[m, 1] * sums[n, 1]
+@inner
+def _add_shared(row: int, column: int, bias: Float, work: Work, covariance: Float) -> None:
+    """Add the covariance (4, 4) of the slopes that comes from shared errors, such as the interpolation bias."""
+    window, sums = work.use.shape[0], work.sums
+    sums[:] = 0.0
+    for r in range(window):
+        for c in range(window):
+            if work.use[r, c]:
+                for i in range(2):
+                    for side in range(2):
+                        weight = work.weights[r, c, side]
+                        sums[2 * i + side, 0] += weight * bias[row + r, column + c, i, 0]
+                        sums[2 * i + side, 1] += weight * bias[row + r, column + c, i, 1]
+    for m in range(4):
+        for n in range(4):
+            covariance[m, n] += sums[m, 0] * sums[n, 0] + sums[m, 1] * sums[n, 1]

@@ -43,10 +43,6 @@ class Clipped(SimpleNamespace):
         self.shared = np.where((down < DOWN) & (across < ACROSS), (some + some.T) / 2, 0.0)
         np.fill_diagonal(self.shared, 1.0)
 
-    def numbers_around(self, rows, columns, reach):
-        padded, offset = np.pad(self.numbers, reach, constant_values=-1), np.arange(2 * reach + 1)
-        return padded[rows[:, None, None] + offset[:, None], columns[:, None, None] + offset]
-
     def correlations(self, reach):
         places = np.argwhere(self.numbers >= 0)
         table = np.zeros((len(places), 2 * reach + 1, 2 * reach + 1))
