@@ -5,28 +5,6 @@ from dic.typing import Float
 
 
 @compiled
-def set_variances(derivatives: Float, covariance: Float, variance: Float) -> None:
-    """Set the variances of k values of each point: "nki,nij,nkj->nk" in the notation of `numpy.einsum`.
-
-    Parameters
-    ----------
-    derivatives : ndarray, shape (n, k, 4)
-        Derivatives of each point's values with respect to the elements of its displacement gradient.
-    covariance : ndarray, shape (n, 4, 4)
-        Covariance of these elements.
-    variance : ndarray, shape (n, k)
-        Output.
-    """
-    for n in range(derivatives.shape[0]):
-        for k in range(derivatives.shape[1]):
-            total = 0.0
-            for i in range(4):
-                for j in range(4):
-                    total += derivatives[n, k, i] * covariance[n, i, j] * derivatives[n, k, j]
-            variance[n, k] = total
-
-
-@compiled
 def add_products(one: Float, other: Float, sums: Float) -> None:
     """Add the products of two arrays: "npa,nqa->pq" in the notation of `numpy.einsum`.
 

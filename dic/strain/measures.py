@@ -8,7 +8,13 @@ to the x and y axes of the displacement in the undeformed state.
 
 import numpy as np
 
-from dic.strain.error_sums import set_variances
+from dic.strain.measure_kernel import (
+    GREEN,
+    SMALL,
+    set_derivative,
+    set_shared_variances,
+    set_variances,
+)
 from dic.typing import Float
 
 MEASURES = ("green-lagrange", "small", "hencky")
@@ -45,22 +51,25 @@ def strain_of(gradient: Float, covariance: Float | None, measure: str) -> tuple[
         towards y in degrees, in the interval (-90, 90]. If there is no covariance, the standard deviations
         are NaN.
     """
-    tensor, derivative = _tensor(gradient, measure)
-    strain, by_tensor = _with_principal(tensor)
+    gradient = np.asarray(gradient, np.float64)
+    tensor, by_strain = _tensor(gradient, measure)
+    strain, axes = _with_principal(tensor)
     if covariance is None:
         return strain, np.full(strain.shape, np.nan)
-    by_gradient = by_tensor @ derivative
-    variance = np.empty((*strain.shape[1:], 6))
-    set_variances(_in_line(by_gradient, 6), _in_line(covariance, 4), variance.reshape(-1, 6))
-    std = np.sqrt(np.maximum(np.moveaxis(variance, -1, 0), 0.0))
+    count, variance = axes[0].size, np.empty(strain.shape)
+    set_variances(
+        _kind(measure),
+        np.ascontiguousarray(gradient).reshape(count, 2, 2),
+        by_strain.reshape(-1, 3, 3),
+        axes.reshape(3, count),
+        np.ascontiguousarray(covariance, np.float64).reshape(count, 4, 4),
+        np.empty((2, 4, 6)),
+        variance.reshape(6, count),
+    )
+    std = np.sqrt(np.maximum(variance, 0.0))
     std[5] = np.fmin(np.degrees(std[5]), _ANY_DIRECTION_DEG)
     # Where the strain is NaN, this sum makes the standard deviation NaN as well.
     return strain, std + 0.0 * strain
-
-
-def _in_line(matrices: Float, rows: int) -> Float:
-    """Return matrices (…, rows, 4) as an array (n, rows, 4)."""
-    return np.ascontiguousarray(matrices, np.float64).reshape(-1, rows, 4)
 
 
 def shared_std(tensor: Float, covariance: Float) -> Float:
@@ -73,8 +82,10 @@ def shared_std(tensor: Float, covariance: Float) -> Float:
     covariance : ndarray, shape (3, 3)
         Covariance of the error of exx, eyy, exy that all points share.
     """
-    _, by_tensor = _with_principal(tensor)
-    variance = np.einsum("...ki,ij,...kj->k...", by_tensor, covariance, by_tensor)
+    strain, axes = _with_principal(tensor)
+    variance = np.empty(strain.shape)
+    count, covariance = axes[0].size, np.ascontiguousarray(covariance, np.float64)
+    set_shared_variances(axes.reshape(3, count), covariance, np.empty((3, 6)), variance.reshape(6, count))
     std = np.sqrt(np.maximum(variance, 0.0))
     std[5] = np.degrees(std[5])
     return np.asarray(std)
@@ -82,8 +93,12 @@ def shared_std(tensor: Float, covariance: Float) -> Float:
 
 def strain_covariance(gradient: Float, covariance: Float, measure: str) -> Float:
     """Return the covariance (3, 3) of exx, eyy, exy from the covariance (4, 4) of a gradient (2, 2)."""
-    _, derivative = _tensor(gradient, measure)
-    return np.asarray(derivative @ covariance @ derivative.T)
+    derivative = np.empty((4, 6))
+    set_derivative(_kind(measure), np.ascontiguousarray(gradient, np.float64), derivative)
+    by_gradient, (_, by_strain) = derivative[:, :3].T, _tensor(gradient, measure)
+    if by_strain.size:
+        by_gradient = by_strain @ by_gradient
+    return np.asarray(by_gradient @ covariance @ by_gradient.T)
 
 
 def limited(std: Float) -> Float:
@@ -91,31 +106,30 @@ def limited(std: Float) -> Float:
     return np.concatenate([std[:5], np.minimum(std[5:], _ANY_DIRECTION_DEG)])
 
 
-def _tensor(gradient: Float, measure: str) -> tuple[Float, Float]:
-    """Return the strains exx, eyy, exy, shape (…, 3), and their derivatives, shape (…, 3, 4).
+def _kind(measure: str) -> int:
+    """Return the strain whose derivatives the compiled functions take for a strain measure."""
+    return SMALL if measure == "small" else GREEN
 
-    The derivatives are with respect to the elements of the displacement gradient.
+
+def _tensor(gradient: Float, measure: str) -> tuple[Float, Float]:
+    """Return the strains exx, eyy, exy, shape (…, 3), and their derivatives for a further measure.
+
+    The Hencky strain is computed from the Green-Lagrange strain. The derivatives with respect to the
+    Green-Lagrange strain have the shape (…, 3, 3). For other measures they have the shape (0, 3, 3).
     """
+    gxx, gxy, gyx, gyy = (gradient[..., i, j] for i in (0, 1) for j in (0, 1))
     if measure == "small":
-        gxx, gxy, gyx, gyy = (gradient[..., i, j] for i in (0, 1) for j in (0, 1))
-        symmetric = np.array([[1.0, 0, 0, 0], [0, 0, 0, 1.0], [0, 0.5, 0.5, 0]])
-        return np.stack([gxx, gyy, (gxy + gyx) / 2], axis=-1), symmetric
-    F = gradient + np.eye(2)
-    zero = np.zeros(F.shape[:-2])
-    half_C = np.swapaxes(F, -1, -2) @ F / 2
-    green = np.stack([half_C[..., 0, 0] - 0.5, half_C[..., 1, 1] - 0.5, half_C[..., 0, 1]], axis=-1)
-    derivative = np.stack(
+        return np.stack([gxx, gyy, (gxy + gyx) / 2], axis=-1), np.empty((0, 3, 3))
+    fxx, fyy = 1.0 + gxx, 1.0 + gyy
+    green = np.stack(
         [
-            np.stack([F[..., 0, 0], zero, F[..., 1, 0], zero], axis=-1),
-            np.stack([zero, F[..., 0, 1], zero, F[..., 1, 1]], axis=-1),
-            np.stack([F[..., 0, 1], F[..., 0, 0], F[..., 1, 1], F[..., 1, 0]], axis=-1) / 2,
+            (fxx * fxx + gyx * gyx) / 2 - 0.5,
+            (gxy * gxy + fyy * fyy) / 2 - 0.5,
+            (fxx * gxy + gyx * fyy) / 2,
         ],
-        axis=-2,
+        axis=-1,
     )
-    if measure == "green-lagrange":
-        return green, derivative
-    hencky, by_green = _hencky(green)
-    return hencky, by_green @ derivative
+    return _hencky(green) if measure == "hencky" else (green, np.empty((0, 3, 3)))
 
 
 def _hencky(green: Float) -> tuple[Float, Float]:
@@ -158,17 +172,11 @@ def _principal(tensor: Float) -> tuple[tuple[Float, Float, Float], Float]:
 
 
 def _with_principal(tensor: Float) -> tuple[Float, Float]:
-    """Return the six values of `COMPONENTS`, shape (6, …), and their derivatives, shape (…, 6, 3).
+    """Return the six values of `COMPONENTS`, shape (6, …), and their principal axes, shape (3, …).
 
-    The derivatives are with respect to the strains exx, eyy and exy.
+    The axes are the cosine and the sine of the direction of the larger principal strain, and the difference
+    of the principal strains, which is at least `_EQUAL`.
     """
     (e1, e2, angle), difference = _principal(tensor)
     strain = np.stack([tensor[..., 0], tensor[..., 1], tensor[..., 2], e1, e2, np.degrees(angle)])
-    derivative = np.zeros((*np.shape(e1), 6, 3))
-    derivative[..., :3, :] = np.eye(3)
-    turned = _turned(angle)
-    derivative[..., 3:5, :] = turned[..., :2, :]
-    # A shear error relative to the principal axes rotates these axes. The smaller the difference of the
-    # principal strains, the larger the rotation.
-    derivative[..., 5, :] = turned[..., 2, :] / np.maximum(difference, _EQUAL)[..., None]
-    return strain, derivative
+    return strain, np.stack([np.cos(angle), np.sin(angle), np.maximum(difference, _EQUAL)])
