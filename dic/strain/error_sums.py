@@ -47,3 +47,25 @@ def set_weighted(factors: Float, weights: Float, parts: Float) -> None:
                     total += factors[n, 0, a] * weights[n, 0, p]
                     total += factors[n, 1, a] * weights[n, 1, p]
                 parts[n, p, a] = total
+
+
+@compiled
+def add_weighted(errors: Float, weights: Float, sums: Float) -> None:
+    """Add errors that all points share, with the weights of the points: "nia,nip->pa" as in `numpy.einsum`.
+
+    Parameters
+    ----------
+    errors : ndarray, shape (n, 2, 2)
+        `Noise.bias` of each point, which may be NaN for points without weights.
+    weights : ndarray, shape (n, 2, p)
+        Weights of each displacement in the sums.
+    sums : ndarray, shape (p, 2)
+        Input and output.
+    """
+    for n in range(weights.shape[0]):
+        for i in range(2):
+            for p in range(weights.shape[2]):
+                weight = weights[n, i, p]
+                if weight != 0.0:
+                    sums[p, 0] += weight * errors[n, i, 0]
+                    sums[p, 1] += weight * errors[n, i, 1]

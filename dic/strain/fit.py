@@ -5,11 +5,13 @@ sum of the errors of the displacements. The covariances include the correlation 
 The mean of n points with overlapping subsets has more noise than the mean of n independent measurements.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from dic.strain.convolution import convolved
 from dic.strain.displacement import Displacement, Noise
-from dic.strain.error_sums import add_products, set_weighted
+from dic.strain.error_sums import add_products, add_weighted, set_weighted
 from dic.strain.window_kernel import Errors, Surface, Work, fit_windows
 from dic.typing import Float, Mask
 
@@ -17,7 +19,26 @@ from dic.typing import Float, Mask
 _MIN_WINDOW_SHARE = 0.5
 
 
-def mean_gradient(displacement: Displacement, use: Mask) -> tuple[Float, Float | None] | None:
+class MeanGradient(NamedTuple):
+    """The gradient of an affine displacement that is fitted to points.
+
+    Attributes
+    ----------
+    gradient : ndarray, shape (2, 2)
+        Displacement gradient, with ∂u_i/∂x_j at [i, j].
+    covariance : ndarray, shape (4, 4), or None
+        Covariance of the gradient's elements xx, xy, yx, yy; None if the errors of the displacements are not
+        known.
+    by_bias : ndarray, shape (4, 4), or None
+        The part of the covariance that the interpolation bias causes.
+    """
+
+    gradient: Float
+    covariance: Float | None = None
+    by_bias: Float | None = None
+
+
+def mean_gradient(displacement: Displacement, use: Mask) -> MeanGradient | None:
     """Fit an affine displacement to points; return its gradient and the covariance of this gradient.
 
     The function returns None if there are fewer than three points, or if all points lie on one line.
@@ -27,33 +48,29 @@ def mean_gradient(displacement: Displacement, use: Mask) -> tuple[Float, Float |
     displacement : Displacement
     use : ndarray of bool, shape (rows, columns)
         True for the points to which the displacement is fitted.
-
-    Returns
-    -------
-    gradient : ndarray, shape (2, 2)
-        Displacement gradient, with ∂u_i/∂x_j at [i, j].
-    covariance : ndarray, shape (4, 4), or None
-        Covariance of the gradient's elements xx, xy, yx, yy; None if the errors of the displacements are not
-        known.
     """
-    position, vector = displacement.position[use], displacement.vector[use]
+    position, vector = (
+        each.reshape(-1, 2) if use.all() else each[use]
+        for each in (displacement.position, displacement.vector)
+    )
     if len(position) < 3:
         return None
-    design = np.column_stack([position - position.mean(axis=0), np.ones(len(position))])
+    design = np.ones((len(position), 3))
+    design[:, :2] = position - position.mean(axis=0)
     solution, _, rank, _ = np.linalg.lstsq(design, vector, rcond=None)
     if rank < 3:
         return None
-    covariance = None
-    if displacement.noise is not None:
-        shape = (*use.shape, 2, 4)
-        if len(position) == use.size:
-            # Another array of this size would take more memory than the displacements.
-            weights = gradient_weights(position).reshape(shape)
-        else:
-            weights = np.zeros(shape)
-            weights[use] = gradient_weights(position)
-        covariance = covariance_of_sums(weights, displacement.noise)
-    return solution[:2].T, covariance
+    if displacement.noise is None:
+        return MeanGradient(solution[:2].T)
+    shape = (*use.shape, 2, 4)
+    if len(position) == use.size:
+        # Another array of this size would take more memory than the displacements.
+        weights = gradient_weights(position).reshape(shape)
+    else:
+        weights = np.zeros(shape)
+        weights[use] = gradient_weights(position)
+    by_noise, by_bias = _covariances_of_sums(weights, displacement.noise)
+    return MeanGradient(solution[:2].T, by_noise + by_bias, by_bias)
 
 
 def slopes_of(position: Float, values: Float) -> Float:
@@ -80,7 +97,9 @@ def gradient_weights(position: Float) -> Float:
     """
     centred = position - position.mean(axis=0)
     slopes = np.linalg.solve(centred.T @ centred, centred.T)
-    return np.asarray(np.einsum("ik,jn->nikj", np.eye(2), slopes).reshape(len(position), 2, 4))
+    weights = np.zeros((len(position), 2, 4))
+    weights[:, 0, :2] = weights[:, 1, 2:] = slopes.T
+    return weights
 
 
 def covariance_of_sums(weights: Float, noise: Noise) -> Float:
@@ -93,28 +112,38 @@ def covariance_of_sums(weights: Float, noise: Noise) -> Float:
     noise : Noise
         Errors of the displacements.
     """
-    covariance = np.zeros((weights.shape[-1], weights.shape[-1]))
+    by_noise, by_bias = _covariances_of_sums(weights, noise)
+    return by_noise + by_bias
+
+
+def _covariances_of_sums(weights: Float, noise: Noise) -> tuple[Float, Float]:
+    """Return the parts of `covariance_of_sums` that image noise and the interpolation bias cause."""
+    count = weights.shape[-1]
+    by_noise, by_bias = np.zeros((count, count)), np.zeros((count, count))
+    weights = np.ascontiguousarray(weights, np.float64)
     if noise.factors.any():
-        covariance = _covariance_of_noise(weights, noise)
+        by_noise = _covariance_of_noise(weights, noise)
     if noise.bias is not None:
-        used = (weights != 0.0).any(axis=(2, 3))
-        bias = np.einsum("nia,nip->pa", noise.bias[used], weights[used])
-        covariance += bias @ bias.T
-    return np.asarray(covariance)
+        sums, bias = np.zeros((count, 2)), np.ascontiguousarray(noise.bias, np.float64)
+        add_weighted(bias.reshape(-1, 2, 2), weights.reshape(-1, 2, count), sums)
+        by_bias = sums @ sums.T
+    return by_noise, by_bias
 
 
 def _covariance_of_noise(weights: Float, noise: Noise) -> Float:
     """Return the part of `covariance_of_sums` that image noise causes."""
     rows, columns, _, count = weights.shape
-    parts = np.empty((rows, columns, count, 2))
-    factors, weights = (np.ascontiguousarray(each, np.float64) for each in (noise.factors, weights))
-    set_weighted(factors.reshape(-1, 2, 2), weights.reshape(-1, 2, count), parts.reshape(-1, count, 2))
-    around = np.pad(noise.overlap, [(n - 1, 0) for n in noise.overlap.shape], mode="reflect")
-    shared = convolved(parts, around[..., None, None])
+    parts, factors = np.empty((rows, columns, 2 * count)), np.ascontiguousarray(noise.factors, np.float64)
+    set_weighted(
+        factors.reshape(-1, 2, 2), weights.reshape(-1, 2, count), parts.reshape(rows * columns, count, 2)
+    )
+    reach = noise.overlap.shape
+    around = np.pad(noise.overlap, [(n - 1, 0) for n in reach], mode="reflect")
+    # Raw displacements along x have no part in derivatives of v, for example.
+    used, shared = np.flatnonzero(parts.any(axis=(0, 1))), np.zeros(parts.shape)
+    whole = convolved(parts if used.size == 2 * count else parts[..., used], around[..., None])
     # Only the middle part of the convolution belongs to points of the grid.
-    for axis in (0, 1):
-        first = noise.overlap.shape[axis] - 1
-        shared = shared.take(range(first, first + parts.shape[axis]), axis)
+    shared[..., used] = whole[reach[0] - 1 : reach[0] - 1 + rows, reach[1] - 1 : reach[1] - 1 + columns]
     sums = np.zeros((count, count))
     add_products(parts.reshape(-1, count, 2), shared.reshape(-1, count, 2), sums)
     return sums

@@ -22,6 +22,7 @@ from dic.strain.strain import (
     StrainSettings,
     bias_of_mean,
     mean_strain,
+    mean_strain_and_bias,
     strain_field,
     with_shared,
 )
@@ -68,6 +69,9 @@ class Measurement:
         of the calibration and of motion out of the grid's plane. None if these errors are not known yet.
     digest : str
         SHA-256 of the image's file or frames; "" if it is not known.
+    raw_bias : MeanStrain or None
+        `raw_mean` with standard deviations that contain the interpolation bias alone. If the attribute is
+        None, `summary` computes them.
     """
 
     label: str
@@ -83,6 +87,7 @@ class Measurement:
     by_images: MeanStrain | None = None
     shared: Float | None = None
     digest: str = ""
+    raw_bias: MeanStrain | None = None
 
     def __repr__(self) -> str:
         return f"Measurement({self.label!r}, {self.field}, {self.mean})"
@@ -235,7 +240,7 @@ class Measurement:
         # Take raw displacements, because result files keep only their errors. The bias of raw strain and the
         # bias of calibrated strain are nearly equal.
         valid = None if self.calibrated is None else self.calibrated.valid
-        part = bias_of_mean(self.raw, valid, self.strain_settings.measure)
+        part = self.raw_bias or bias_of_mean(self.raw, valid, self.strain_settings.measure)
         u_px, v_px = self.field.greatest_bias_px
         return {"smoothing_px": self.field.smoothing_px, "bias_u_px": u_px, "bias_v_px": v_px} | {
             f"{name}_std": getattr(part, f"{name}_std") if part is not None else None
@@ -262,10 +267,12 @@ def measure(
     by_shape = strain.source == "shape"
     raw = raw_displacement(field, gradients=by_shape)
     if calibration is None:
-        raw_mean = mean_strain(raw, measure=strain.measure)
-        return Measurement(label, field, raw, None, strain, gauge_px, None, raw_mean, None)
+        raw_mean, bias = mean_strain_and_bias(raw, None, strain.measure)
+        return Measurement(label, field, raw, None, strain, gauge_px, None, raw_mean, None, raw_bias=bias)
     calibrated = calibrated_displacement(field, calibration, gradients=by_shape)
-    raw_mean = mean_strain(raw, calibrated.valid, strain.measure)
-    calibrated_mean = mean_strain(calibrated, measure=strain.measure)
+    raw_mean, bias = mean_strain_and_bias(raw, calibrated.valid, strain.measure)
+    mean = mean_strain(calibrated, measure=strain.measure)
     gauge_mm = gauge_px * calibration.mm_per_px
-    return Measurement(label, field, raw, calibrated, strain, gauge_px, gauge_mm, raw_mean, calibrated_mean)
+    return Measurement(
+        label, field, raw, calibrated, strain, gauge_px, gauge_mm, raw_mean, mean, raw_bias=bias
+    )

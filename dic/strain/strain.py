@@ -214,20 +214,31 @@ def mean_strain(
     measure : str
         Strain measure: "green-lagrange", "small" or "hencky".
     """
+    return mean_strain_and_bias(displacement, valid, measure)[0]
+
+
+def mean_strain_and_bias(
+    displacement: Displacement, valid: Mask | None, measure: str
+) -> tuple[MeanStrain, MeanStrain | None]:
+    """Return the result of `mean_strain`, and a second one for the interpolation bias alone.
+
+    The standard deviations of the second result contain the interpolation bias alone. The second result is
+    None if the errors of the displacements are not known.
+    """
     use = displacement.valid if valid is None else valid
     points = int(np.count_nonzero(use))
     fitted = mean_gradient(displacement, use)
     if fitted is None:
-        return MeanStrain(rotation_deg=np.nan, points=points, **dict.fromkeys(STRAIN_KEYS, np.nan))
-    return strain_of_gradient(*fitted, points, measure)
+        none = MeanStrain(rotation_deg=np.nan, points=points, **dict.fromkeys(STRAIN_KEYS, np.nan))
+        return none, None if displacement.noise is None else none
+    found = strain_of_gradient(fitted.gradient, fitted.covariance, points, measure)
+    if displacement.noise is None:
+        return found, None
+    return found, strain_of_gradient(fitted.gradient, fitted.by_bias, points, measure)
 
 
 def bias_of_mean(displacement: Displacement, valid: Mask | None, measure: str) -> MeanStrain | None:
-    """Return the mean strain with standard deviations that contain the interpolation bias alone.
-
-    The arguments are those of `mean_strain`. The result is None if the errors of the displacements are not
-    known.
-    """
+    """Return the second result of `mean_strain_and_bias` without computing the first one."""
     if displacement.noise is None:
         return None
     return mean_strain(replace(displacement, noise=displacement.noise.of_bias()), valid, measure)

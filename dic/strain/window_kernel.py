@@ -111,7 +111,13 @@ class Work(NamedTuple):
 
 @compiled
 def fit_windows(
-    first: int, needed: float, surface: Surface, errors: Errors, work: Work, gradient: Float, covariance: Float
+    first: int,
+    needed: float,
+    surface: Surface,
+    errors: Errors,
+    work: Work,
+    gradient: Float,
+    covariance: Float,
 ) -> None:
     """Fit a surface by least squares to the window around each valid point of some rows.
 
