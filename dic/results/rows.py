@@ -54,6 +54,7 @@ class _Group:
 
     group: Any
     datasets: dict[str, Any] = field(default_factory=dict)
+    types: dict[str, Any] = field(default_factory=dict)
     pending: dict[str, dict[int, Any]] = field(default_factory=dict)
 
     def append(self, n: int, values: Mapping[str, Any], write: bool) -> None:
@@ -67,7 +68,9 @@ class _Group:
             dataset = self._dataset(name, value)
             dataset.resize(n + 1, axis=0)
             if write:
-                dataset[n] = value
+                # A row is a whole chunk without filters, so HDF5's conversions and copies are not needed.
+                row = np.ascontiguousarray(value, self.types[name])
+                dataset.id.write_direct_chunk((n, *(0 for _ in row.shape)), row)
         if full:
             self.write_pending()
 
@@ -90,6 +93,7 @@ class _Group:
             empty = np.empty((0, *shape), np.asarray(row).dtype)
             chunks = (1 if shape else 4 * PENDING_MAX, *shape)
             self.datasets[name] = _create(self.group, name, empty, maxshape=(None, *shape), chunks=chunks)
+            self.types[name] = self.datasets[name].dtype
         return self.datasets[name]
 
 
