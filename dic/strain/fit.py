@@ -58,10 +58,11 @@ def mean_gradient(displacement: Displacement, use: Mask) -> MeanGradient | None:
     design = np.ones((len(position), 3))
     design[:, :2] = position - position.mean(axis=0)
     solution, _, rank, _ = np.linalg.lstsq(design, vector, rcond=None)
+    gradient = np.asarray(solution[:2].T, np.float64)
     if rank < 3:
         return None
     if displacement.noise is None:
-        return MeanGradient(solution[:2].T)
+        return MeanGradient(gradient)
     shape = (*use.shape, 2, 4)
     if len(position) == use.size:
         # Another array of this size would take more memory than the displacements.
@@ -70,7 +71,7 @@ def mean_gradient(displacement: Displacement, use: Mask) -> MeanGradient | None:
         weights = np.zeros(shape)
         weights[use] = gradient_weights(position)
     by_noise, by_bias = _covariances_of_sums(weights, displacement.noise)
-    return MeanGradient(solution[:2].T, by_noise + by_bias, by_bias)
+    return MeanGradient(gradient, by_noise + by_bias, by_bias)
 
 
 def slopes_of(position: Float, values: Float) -> Float:
@@ -196,7 +197,7 @@ def fitted_gradients(
 def _surface(displacement: Displacement, window: int, rows: slice) -> Surface:
     """Return the points near some rows, for the compiled fit."""
     points = np.concatenate([displacement.position, displacement.vector], axis=-1)
-    number, seen = np.empty((0, 0), np.int32), np.empty((0, window, window), np.bool_)
+    number, seen = np.empty((0, 0), np.int64), np.empty((0, window, window), np.bool_)
     if displacement.sight is not None:
         number, seen = displacement.sight.hidden(window, rows)
     return Surface(points, displacement.valid, number, seen)

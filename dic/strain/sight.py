@@ -69,7 +69,7 @@ class Sight:
 
         Returns
         -------
-        number : ndarray of int32, shape (rows, columns)
+        number : ndarray of int, shape (rows, columns)
             Index of each of these points in `seen`; -1 for a point that sees its whole window.
         seen : ndarray of bool, shape (n, window, window)
             The result of `neighbours` for each of these points.
@@ -94,7 +94,7 @@ class Sight:
         return np.asarray(at[~maps._surrounded(at[:, 0], at[:, 1], window // 2)])
 
     def _hidden(self, near: Indices, window: int) -> Hidden:
-        number = np.full((len(self.y_px), len(self.x_px)), -1, np.int32)
+        number: Indices = np.full((len(self.y_px), len(self.x_px)), -1)
         number[near[:, 0], near[:, 1]] = np.arange(len(near))
         return number, self.neighbours(near[:, 0], near[:, 1], window)
 

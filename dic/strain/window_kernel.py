@@ -20,7 +20,7 @@ class Surface(NamedTuple):
         Position and displacement of each point. Values are needed only where `valid` is True.
     valid : ndarray of bool, shape (rows, columns)
         True for the points to which surfaces are fitted.
-    number : ndarray of int32, shape (rows, columns) or (0, 0)
+    number : ndarray of int, shape (rows, columns) or (0, 0)
         Index of each point in `seen`, and -1 for a point that sees its whole window. The array has no
         elements if all points see each other.
     seen : ndarray of bool, shape (n, window, window)
@@ -373,7 +373,7 @@ def _add_covariance(row: int, column: int, errors: Errors, work: Work, covarianc
 
 @inner
 def _add_shared(row: int, column: int, bias: Float, work: Work, covariance: Float) -> None:
-    """Add the covariance (4, 4) of the slopes that comes from shared errors, such as the interpolation bias."""
+    """Add the covariance (4, 4) of the slopes that shared errors cause, such as the interpolation bias."""
     window, sums = work.use.shape[0], work.sums
     sums[:] = 0.0
     for r in range(window):
