@@ -1,22 +1,26 @@
 """How much of the time of `dic correlate` is correlation, and what do more processes gain?
 
-    python -m benchmarks.throughput [--images N] [--side-px N] [--json FILE]
+    python -m benchmarks.throughput [--images N] [--side-px N] [--dask] [--json FILE]
 
 The command reads image files and writes a result file, with subsets of 31 px and a step of 10 px. It is timed
-with one processor, with its threads, and with two processes. In turns with these, the correlation alone is
-timed: the same images in memory, on one processor, without strains and files. All times are per image: the
-time of a long series minus that of a short one, so that neither the start nor the reference counts. Processor
-times are those of all processes together. The times on the wall are valid only on an idle computer.
+with one processor, with its threads, and with two processes; with --dask also on two Dask workers of this
+computer. In turns with these, the correlation alone is timed: the same images in memory, on one processor,
+without strains and files. All times are per image: the time of a long series minus that of a short one, so
+that neither the start nor the reference counts. Processor times are those of all processes together,
+Dask's included. The times on the wall are valid only on an idle computer.
 """
 
 import argparse
 import json
+import os
 import resource
 import subprocess
 import sys
 import tempfile
 import time
 from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -34,6 +38,8 @@ SHORT = 4
 NOISE = 2.0
 SETTINGS = CorrelationSettings(subset_px=31, step_px=10)
 WAYS = {"one processor": ["--workers", "1"], "threads": [], "two processes": ["--workers", "2"]}
+DASK = "two Dask workers"
+_ROOT = Path(__file__).parents[1]
 _BEGIN = "import sys; from dic.cli import main; sys.argv[0] = 'dic'; main()"
 
 
@@ -48,14 +54,77 @@ def draw(folder: Path, images: int, side_px: int) -> list[Path]:
     return files
 
 
-def time_command(files: list[Path], options: list[str], result: Path) -> dict[str, float]:
+class Cluster:
+    """A Dask scheduler and two workers on this computer.
+
+    Attributes
+    ----------
+    address : str
+        Address of the scheduler.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        words = ("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+        self._programs = [self._start(folder, *words)]
+        lines = self._programs[0].stderr
+        assert lines is not None
+        self.address = next(
+            line.split()[-1] for line in lines if "Scheduler at:" in line and "tcp://" in line
+        )
+        words = ("worker", self.address, "--nworkers", "2", "--nthreads", "1", "--no-dashboard")
+        self._programs.append(self._start(folder, *words))
+
+    def _start(self, folder: Path, program: str, *words: str) -> "subprocess.Popen[str]":
+        command = [sys.executable, "-m", f"distributed.cli.dask_{program}", *words]
+        errors = subprocess.PIPE if program == "scheduler" else subprocess.DEVNULL
+        found = os.environ | {"PYTHONPATH": os.pathsep.join([str(_ROOT), *filter(None, sys.path)])}
+        return subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=errors, text=True, cwd=folder, env=found
+        )
+
+    def cpu_s(self) -> float:
+        """Return the processor time that the scheduler and the workers have used so far, s."""
+        programs = [each.pid for each in self._programs]
+        # Each worker is a child of the program that starts it.
+        for program in programs:
+            for thread in Path(f"/proc/{program}/task").iterdir():
+                programs += map(int, (thread / "children").read_text().split())
+        used = [Path(f"/proc/{each}/stat").read_text().rsplit(")", 1)[1].split()[11:13] for each in programs]
+        return sum(int(ticks) for pair in used for ticks in pair) / os.sysconf("SC_CLK_TCK")
+
+    def close(self) -> None:
+        """End the workers, then the scheduler."""
+        for program in reversed(self._programs):
+            program.terminate()
+            program.communicate()
+
+
+@contextmanager
+def ways_of(folder: Path, dask: bool) -> Iterator[dict[str, tuple[list[str], Cluster | None]]]:
+    """Provide the options of the command for every way, and the cluster that they name."""
+    ways: dict[str, tuple[list[str], Cluster | None]] = {way: (words, None) for way, words in WAYS.items()}
+    cluster = Cluster(folder) if dask else None
+    try:
+        if cluster is not None:
+            ways[DASK] = (["--scheduler", cluster.address], cluster)
+        yield ways
+    finally:
+        if cluster is not None:
+            cluster.close()
+
+
+def time_command(
+    files: list[Path], options: list[str], result: Path, cluster: Cluster | None = None
+) -> dict[str, float]:
     """Return the times of `dic correlate` as a program of its own, s."""
     words = ["correlate", *map(str, files), "--subset", "31", "--step", "10", *options, "-o", str(result)]
+    others_s = 0.0 if cluster is None else cluster.cpu_s()
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     subprocess.run([sys.executable, "-c", _BEGIN, *words], check=True, capture_output=True)
     after, wall_s = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter() - begin
+    others_s = 0.0 if cluster is None else cluster.cpu_s() - others_s
     result.unlink()
-    cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime + others_s
     return {"cpu_s": cpu_s, "wall_s": wall_s}
 
 
@@ -69,17 +138,22 @@ def time_alone(files: list[Path]) -> dict[str, float]:
     return {"cpu_s": watch.cpu_s, "wall_s": watch.wall_s}
 
 
-def measure_times(images: int, side_px: int, repetitions: int) -> dict[str, dict[str, float]]:
+def measure_times(
+    images: int, side_px: int, repetitions: int, *, dask: bool = False
+) -> dict[str, dict[str, float]]:
     """Return the times per image of every way, s: medians of the repetitions."""
     found: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        files = draw(folder, images, side_px)
-        time_command(files[: SHORT + 1], [], folder / "r.h5")
+    with tempfile.TemporaryDirectory() as name, ways_of(Path(name), dask) as ways:
+        result = Path(name) / "r.h5"
+        files = draw(Path(name), images, side_px)
+        for options, cluster in ways.values():
+            time_command(files[: SHORT + 1], options, result, cluster)
         for _ in range(repetitions):
-            for way in ("alone", *WAYS):
+            for way in ("alone", *ways):
                 short, whole = (
-                    time_alone(some) if way == "alone" else time_command(some, WAYS[way], folder / "r.h5")
+                    time_alone(some)
+                    if way == "alone"
+                    else time_command(some, ways[way][0], result, ways[way][1])
                     for some in (files[: SHORT + 1], files)
                 )
                 for kind in short:
@@ -92,12 +166,16 @@ def measure_times(images: int, side_px: int, repetitions: int) -> dict[str, dict
 def ratios(times: dict[str, dict[str, float]]) -> dict[str, float]:
     """Return the ratios that the documentation states."""
     one, two = times["one processor"], times["two processes"]
-    return {
+    found = {
         "share of correlation, processor time": times["alone"]["cpu_s"] / one["cpu_s"],
         "two processes against one, if all processors are busy": 2 * one["cpu_s"] / two["cpu_s"],
         "two processes against one, on the wall": one["wall_s"] / two["wall_s"],
         "threads against one processor, on the wall": one["wall_s"] / times["threads"]["wall_s"],
     }
+    if DASK in times:
+        found["two Dask workers against two processes, on the wall"] = two["wall_s"] / times[DASK]["wall_s"]
+        found["two Dask workers against two processes, processor time"] = two["cpu_s"] / times[DASK]["cpu_s"]
+    return found
 
 
 def main() -> None:
@@ -106,9 +184,10 @@ def main() -> None:
     parser.add_argument("--images", type=int, default=16)
     parser.add_argument("--side-px", type=int, default=2000)
     parser.add_argument("--repetitions", type=int, default=3)
+    parser.add_argument("--dask", action="store_true", help="also two Dask workers; Linux only")
     parser.add_argument("--json", type=Path, help="file for the figures")
     given = parser.parse_args()
-    times = measure_times(given.images, given.side_px, given.repetitions)
+    times = measure_times(given.images, given.side_px, given.repetitions, dask=given.dask)
     result: dict[str, Any] = {"machine": machine.describe(), "times": times, "ratios": ratios(times)}
     for way, kinds in times.items():
         print(f"{way:16} " + ", ".join(f"{kind} {1e3 * time_s:.0f} ms" for kind, time_s in kinds.items()))

@@ -91,6 +91,7 @@ class _Line:
     def __init__(self, series: Series, workers: Workers, together: int = 1) -> None:
         self._series, self._workers, self._together = series, workers, together
         self.waiting: deque[_Begun] = deque()
+        self._warned: set[tuple[str, str]] = set()
 
     def add(self, number: int, image: SeriesImage) -> None:
         """Begin the expected attempt to correlate a further image."""
@@ -110,10 +111,13 @@ class _Line:
         except MeasurementError as error:
             # The worker could not begin, because it has no run file.
             raise _elsewhere(error) from error
-        for path, note in answer.warnings:
-            warn_of_image(path, note)
         if answer.unread:
             return self._read_here(attempt, first.image, answer.error)
+        # An image that is correlated twice is read twice, but has each warning once.
+        for path, note in answer.warnings:
+            if (path, note) not in self._warned:
+                self._warned.add((path, note))
+                warn_of_image(path, note)
         if answer.error is not None:
             raise answer.error
         assert answer.field is not None
@@ -139,6 +143,7 @@ class _Line:
     def go_on(self) -> None:
         """Remove the first image; begin new attempts for images whose attempt is withdrawn or useless."""
         self.waiting.popleft()
+        self._warned.clear()
         for ahead, begun in enumerate(self.waiting):
             attempt = self._expected(begun.image, ahead)
             if begun.answer.cancelled() or not attempt.equals(begun.attempt):

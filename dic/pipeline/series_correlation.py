@@ -179,8 +179,8 @@ class SeriesCorrelation:
             self.kept.stays = True
 
     def _image(self, path: Path, *, digested: bool) -> SeriesImage:
-        digest = self.digests.of(path) if digested else ""
-        return SeriesImage(path, str(path), self.hint, digest, self._times.of(path))
+        digest, identity = self.digests.identified(path) if digested else ("", ())
+        return SeriesImage(path, str(path), self.hint, digest, self._times.of(path), identity)
 
     def _contents(self) -> list[Outcome]:
         images = (self._image(path, digested=True) for path in self.sources.images)

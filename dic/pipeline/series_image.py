@@ -38,6 +38,9 @@ class SeriesImage:
         SHA-256 of the image's file or frames; "" if it is not known.
     time : ImageTime
         When the image was taken.
+    identity : tuple of int
+        Identity of the image's file when its digest was computed; empty if it is not known. Another process
+        on the same computer need not read a file of this identity again for its digest.
     made_in : (str, int)
         The computer and the process in which the object was made.
     """
@@ -47,6 +50,7 @@ class SeriesImage:
     hint: Float | None = None
     digest: str = ""
     time: ImageTime = field(default_factory=ImageTime)
+    identity: tuple[int, ...] = ()
     made_in: tuple[str, int] = field(default_factory=lambda: (platform.node(), os.getpid()))
 
     @property
@@ -92,6 +96,8 @@ class SeriesImage:
 
     def _digest_here(self) -> str:
         if isinstance(self.image, str | Path):
+            if self.made_in[0] == platform.node() and _is_unchanged(Path(self.image), self.identity):
+                return self.digest
             return _DIGESTS.of(Path(self.image))
         found = getattr(self.image, "digest", None)
         return self.digest if found is None else str(found())
@@ -122,6 +128,16 @@ def _reader(image: SeriesImage) -> Callable[[], ImageLike]:
     return image.read
 
 
+def _is_unchanged(image: Path, identity: tuple[int, ...]) -> bool:
+    """Return True if the file that contains an image has the given identity."""
+    try:
+        with opened(split_page(image)[0]) as content:
+            return content.identity == identity
+    except OSError:
+        # The caller tries to compute the digest, and reports that the file cannot be read.
+        return False
+
+
 def of_page(digest: str, image: Path) -> str:
     """Return a text that identifies an image by the digest of its file, and by its page if it has one."""
     page = split_page(image)[1]
@@ -140,11 +156,15 @@ class FileDigests:
 
     def of(self, image: Path) -> str:
         """Return the digest of the file that contains an image; `UNREADABLE` if the file cannot be read."""
+        return self.identified(image)[0]
+
+    def identified(self, image: Path) -> tuple[str, tuple[int, ...]]:
+        """Return the result of `of`, and the identity of the file that has this digest."""
         try:
-            return self.of_file(split_page(image)[0])
+            return self._of_file(split_page(image)[0])
         except OSError:
             # The reader of the image will report the reason.
-            return UNREADABLE
+            return UNREADABLE, ()
 
     def of_file(self, file: Path) -> str:
         """Return the digest of a file.
@@ -154,11 +174,14 @@ class FileDigests:
         OSError
             If the file cannot be read.
         """
+        return self._of_file(file)[0]
+
+    def _of_file(self, file: Path) -> tuple[str, tuple[int, ...]]:
         with opened(file) as content:
             identity = content.identity
         if identity not in self._known:
             self._known[identity] = file_sha256(file, _MOST_BYTES)
-        return self._known[identity]
+        return self._known[identity], identity
 
 
 _DIGESTS = FileDigests()

@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 
 from dic.errors import WorkerError
 from dic.image.threads import processors
-from dic.workers.pipes import receive, send
+from dic.workers.pipes import Message, receive, send, unpacked
 from dic.workers.workers import Given, Result, Workers
 
 _ATTEMPTS = 3
@@ -48,7 +48,7 @@ class LocalWorkers(Workers):
                 "settings", "workers", "a number of processes, at least 1", str(count), "give --workers 2"
             )
         self.count, self._on_lost, self._threads_each = count, on_lost, max(1, processors() // count)
-        self._tasks: SimpleQueue[tuple[Future[Any], bytes] | None] = SimpleQueue()
+        self._tasks: SimpleQueue[tuple[Future[Any], Message] | None] = SimpleQueue()
         self._lock, self._ended = Lock(), False
         self._processes: dict[int, _Process] = {}
         self._threads = [Thread(target=self._serve, args=(k,), daemon=True) for k in range(1, count + 1)]
@@ -60,7 +60,8 @@ class LocalWorkers(Workers):
     ) -> Future[Result]:
         """Run a function in one of the processes; it and its arguments must be picklable."""
         future: Future[Result] = Future()
-        self._tasks.put((future, pickle.dumps((fn, args, kwargs), protocol=5)))
+        # Copy the arrays now, because the caller may change them before the function runs.
+        self._tasks.put((future, [pickle.dumps((fn, args, kwargs), protocol=5)]))
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -92,7 +93,7 @@ class LocalWorkers(Workers):
             if not future.set_running_or_notify_cancel():
                 continue
             try:
-                result, error = pickle.loads(self._answer(number, content))
+                result, error = unpacked(self._answer(number, content))
             except Exception as failure:
                 result, error = None, failure
             if error is None:
@@ -105,7 +106,7 @@ class LocalWorkers(Workers):
             process.stop()
             process.ended()
 
-    def _answer(self, number: int, task: bytes) -> bytes:
+    def _answer(self, number: int, task: Message) -> Message:
         ending = ""
         for attempt in range(_ATTEMPTS):
             process = self._process(number)
@@ -168,7 +169,7 @@ class _Process:
                 _MEND,
             ) from error
 
-    def ask(self, task: bytes) -> bytes:
+    def ask(self, task: Message) -> Message:
         """Let the process run a task, and return its answer.
 
         Raises

@@ -1,24 +1,54 @@
-"""Messages between a program and its worker processes: bytes with their length, through pipes."""
+"""Messages between a program and its worker processes: pickled objects, through pipes."""
 
-from typing import BinaryIO
+import pickle
+from collections.abc import Sequence
+from typing import Any, BinaryIO
 
-_LENGTH_BYTES = 8
+Message = Sequence[bytes | bytearray | memoryview]
+"""The parts of a message: a pickled object, and then the arrays that it contains."""
+
+_NUMBER_BYTES = 8
 
 
-def send(pipe: BinaryIO, message: bytes) -> None:
+def packed(value: object) -> Message:
+    """Return the message for an object; its arrays are not copied, so they must not change any more."""
+    arrays: list[pickle.PickleBuffer] = []
+    content = pickle.dumps(value, protocol=5, buffer_callback=arrays.append)
+    return [content, *(array.raw() for array in arrays)]
+
+
+def unpacked(message: Message) -> Any:
+    """Return the object of a message. Its arrays use the memory of the message."""
+    content, *arrays = message
+    return pickle.loads(content, buffers=arrays)
+
+
+def send(pipe: BinaryIO, message: Message) -> None:
     """Write a message; raise `OSError` if the other process has ended."""
-    pipe.write(len(message).to_bytes(_LENGTH_BYTES, "big"))
-    pipe.write(message)
+    for number in (len(message), *map(len, message)):
+        pipe.write(number.to_bytes(_NUMBER_BYTES, "big"))
+    for part in message:
+        pipe.write(part)
     pipe.flush()
 
 
-def receive(pipe: BinaryIO) -> bytes:
+def receive(pipe: BinaryIO) -> Message:
     """Read a message; raise `EOFError` if the other process has ended."""
-    return _exactly(pipe, int.from_bytes(_exactly(pipe, _LENGTH_BYTES), "big"))
+    lengths = [_number(pipe) for _ in range(_number(pipe))]
+    return [_exactly(pipe, length) for length in lengths]
 
 
-def _exactly(pipe: BinaryIO, count: int) -> bytes:
-    content = pipe.read(count)
-    if len(content) < count:
-        raise EOFError
+def _number(pipe: BinaryIO) -> int:
+    return int.from_bytes(_exactly(pipe, _NUMBER_BYTES), "big")
+
+
+def _exactly(pipe: BinaryIO, count: int) -> bytearray:
+    # Arrays in a bytearray can be written, like all others.
+    content, done = bytearray(count), 0
+    with memoryview(content) as rest:
+        while done < count:
+            more = pipe.readinto(rest[done:])  # type: ignore[attr-defined]
+            if not more:
+                raise EOFError
+            done += more
     return content

@@ -4,11 +4,10 @@ python -m dic.workers.process THREADS
 """
 
 import os
-import pickle
 import sys
 
 from dic.image.threads import limited_to
-from dic.workers.pipes import receive, send
+from dic.workers.pipes import Message, packed, receive, send, unpacked
 
 
 def main() -> None:
@@ -27,14 +26,14 @@ def main() -> None:
                 return
 
 
-def _answer(task: bytes) -> bytes:
-    """Return the pickled result of a pickled function and arguments, or the error that was raised."""
+def _answer(task: Message) -> Message:
+    """Return the result of a function with its arguments, or the error that was raised."""
     try:
-        function, arguments, named = pickle.loads(task)
-        return pickle.dumps((function(*arguments, **named), None), protocol=5)
+        function, arguments, named = unpacked(task)
+        return packed((function(*arguments, **named), None))
     except Exception as error:
         # Raised again in the program that has sent the function.
-        return pickle.dumps((None, error), protocol=5)
+        return packed((None, error))
 
 
 if __name__ == "__main__":
