@@ -1,6 +1,7 @@
 """Images that are correlated ahead of their turn give the same bits as images one after the other."""
 
 import pickle
+import platform
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
@@ -13,10 +14,10 @@ from dic.correlation.reference import Reference
 from dic.correlation.series import Series
 from dic.correlation.series_state import GUESS_DISTANCE, Attempt
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import ImageError, WorkerError
+from dic.errors import ImageError, ImageWarning, WorkerError, warn_of_image
 from dic.pipeline.correlated import correlate_series, series_job
 from dic.pipeline.image_task import ImageTask
-from dic.pipeline.series_image import UNREADABLE, SeriesImage
+from dic.pipeline.series_image import UNREADABLE, FileDigests, SeriesImage
 from dic.workers.workers import Workers
 
 SETTINGS = CorrelationSettings(subset_px=21, step_px=10)
@@ -149,6 +150,27 @@ def test_image_that_the_program_cannot_read_fails_alone_whatever_the_worker_find
     assert "no such file; put it back" in failure
 
 
+class Doubtful:
+    """An image whose reader gives a warning each time."""
+
+    def __init__(self, image: np.ndarray) -> None:
+        self._image = image
+
+    def __call__(self) -> np.ndarray:
+        warn_of_image("img.png", "a doubtful image")
+        return self._image
+
+
+def test_image_that_is_correlated_twice_has_its_warning_once(images):
+    # The second picture shows something else, so the attempt from the last image's field follows.
+    pictures = [images[0], images[1], Doubtful(images[3]), images[2]]
+    workers = Eager()
+    with pytest.warns(ImageWarning, match="a doubtful image") as given:
+        outcomes(pictures, workers, "never")
+    assert workers.done > len(pictures) - 1
+    assert len(given) == 1
+
+
 @pytest.mark.parametrize("found", [UNREADABLE, "1" * 64])
 def test_worker_with_other_files_ends_the_series(images, found):
     steady = Unsteady(images[2], found)
@@ -156,6 +178,21 @@ def test_worker_with_other_files_ends_the_series(images, found):
         steady()
     with pytest.raises(WorkerError, match="give all workers the same files"):
         failures(images, SeriesImage(steady, "2", digest="0" * 64), Elsewhere())
+
+
+def test_worker_reads_a_file_again_for_its_digest_only_if_the_file_has_changed(tmp_path):
+    path = tmp_path / "img.png"
+    path.write_bytes(b"one")
+    _, identity = FileDigests().identified(path)
+    # A wrong digest shows whether the file is read.
+    here, elsewhere = ((node, 0) for node in (platform.node(), "elsewhere"))
+    image = SeriesImage(path, "1", digest="0" * 64, identity=identity, made_in=here)
+    assert image.read() == path
+    with pytest.raises(WorkerError, match="another one"):
+        replace(image, made_in=elsewhere).read()
+    path.write_bytes(b"another")
+    with pytest.raises(WorkerError, match="another one"):
+        image.read()
 
 
 def test_reference_that_cannot_be_read_is_told_as_a_file_that_is_unread(images):

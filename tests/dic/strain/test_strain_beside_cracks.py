@@ -9,7 +9,7 @@ from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
 from dic.strain.displacement import Displacement
 from dic.strain.measurement import measure
-from dic.strain.sight import Sight
+from dic.strain.sight import Sight, shared_sight
 from dic.strain.strain import StrainSettings, strain_field
 
 STRAIN = 800e-6
@@ -176,6 +176,34 @@ def test_points_that_see_each_other_are_those_whose_line_is_clear(monkeypatch):
     monkeypatch.setattr("dic.image.stored.WHOLE_PX", 0)
     for some in np.array_split(np.arange(len(rows)), 7):
         np.testing.assert_array_equal(sight.neighbours(rows[some], columns[some], 9), seen[some])
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_points_that_see_their_whole_window_are_not_listed_as_hidden(monkeypatch, large):
+    region = np.ones((140, 160), bool)
+    region[60:66, :90] = False
+    if large:
+        monkeypatch.setattr("dic.image.stored.WHOLE_PX", 0)
+    sight = Sight(region, np.arange(4, 160, 9), np.arange(3, 140, 7))
+    every = slice(0, len(sight.y_px))
+    shape = (len(sight.y_px), len(sight.x_px))
+    seen = sight.neighbours(*np.indices(shape).reshape(2, -1), 5).reshape(*shape, 5, 5)
+    inner = (slice(2, -2), slice(2, -2))
+    for rows in (every, slice(4, 11)):
+        number, hidden = sight.hidden(5, rows)
+        listed = number[rows] >= 0
+        np.testing.assert_array_equal(hidden[number[rows][listed]], seen[rows][listed])
+        assert seen[inner][(number < 0)[inner] & listed_rows(rows, shape)[inner]].all()
+        assert listed.any()
+    assert shared_sight(sight) is shared_sight(Sight(region, sight.x_px.copy(), sight.y_px.copy()))
+    assert shared_sight(sight) is not shared_sight(Sight(region.copy(), sight.x_px, sight.y_px))
+
+
+def listed_rows(rows, shape):
+    """Return a mask of some rows."""
+    mask = np.zeros(shape, bool)
+    mask[rows] = True
+    return mask
 
 
 def test_displacements_without_a_region_use_whole_windows():
