@@ -1,6 +1,6 @@
-"""The command `dic process`, which evaluates a run file and prints a table of the strains."""
+"""The command `dic process`, which evaluates run files and prints tables of the strains."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,7 +24,7 @@ from dic.commands.correlation_options import (
     strain_options,
 )
 from dic.commands.option_groups import all_of, option_group
-from dic.commands.run_output import OutputOptions, end_run, read_alignment, save_alignments
+from dic.commands.run_output import OutputOptions, problems, read_alignment
 from dic.commands.run_regions import RegionOptions, region_options
 from dic.commands.settings_file import settings_option, used_settings_file
 from dic.commands.worker_options import chosen_workers, worker_options
@@ -64,7 +64,7 @@ class MotionOptions:
 
 
 @click.command()
-@click.argument("run", type=_FILE)
+@click.argument("runs", metavar="RUN...", type=_FILE, nargs=-1, required=True)
 @settings_option
 @worker_options
 @click.option(
@@ -99,7 +99,12 @@ class MotionOptions:
 @option_group(
     "outputs",
     OutputOptions,
-    click.option("-o", "--output", type=_FILE, help="Result file. Default: RUN with the ending .results.h5."),
+    click.option(
+        "-o",
+        "--output",
+        type=_FILE,
+        help="Result file; for several runs a folder. Default: RUN with the ending .results.h5.",
+    ),
     click.option("--report", "report_file", type=_FILE, help="HTML file for a report."),
     csv_option,
     gauges_option,
@@ -110,7 +115,7 @@ class MotionOptions:
     needs=COMMA_NEEDS,
 )
 def process(
-    run: Path,
+    runs: tuple[Path, ...],
     plate_mm: float | None,
     correlation: CorrelationOptions,
     incremental: str,
@@ -124,55 +129,35 @@ def process(
     The strains are raw, calibrated, and corrected for motion of the specimen out of the grid's plane. If two
     cameras recorded a tension test, a further correction uses both cameras together.
 
-    Exit status: 0 if all steps are measured well, 1 if a step is measured poorly, 2 if a step cannot be
-    measured.
-    """
-    from dic import Series, process_run
-    from dic.commands.run_table import table
-    from dic.shell.console import say
-    from dic.shell.progress import progress
+    Several RUN files, or folders of run files, are processed one after the other. Each has a result file of
+    its own. Finished runs are not correlated again, and a run that cannot be processed does not end the
+    others. A closing table lists all runs.
 
-    settings, _, how, source, correcting, gauges = all_of(
+    Exit status: 0 if all steps are measured well, 1 if a step is measured poorly, 2 if a step or a run cannot
+    be measured.
+    """
+    from dic import Series
+    from dic.commands.run_work import RunWork, process_shelf
+    from dic.pipeline.run_files import list_run_files
+
+    paths = list_run_files(runs)
+    several = len(paths) > 1 or any(run.is_dir() for run in runs)
+    settings, _, how, source, correcting, gauges, _ = all_of(
         correlation.settings,
         partial(Series.require_incremental, incremental),
         strain.settings,
-        partial(region.source, run),
+        partial(region.source, paths[0]),
         motion.settings,
         outputs.gauges,
+        partial(outputs.require_several, paths) if several else lambda: None,
     )
-    output = outputs.output or run.with_suffix(".results.h5")
-    settings_files = [used_settings_file(), *motion.files, *region.files, outputs.gauges_file]
-    read = [run, *settings_files, outputs.fields_from if outputs.fields_from != output else None]
-    outputs.require_places(read, output, motion.save_alignment, result_may_stand=True)
-    with progress("correlating") as bar, chosen_workers() as workers:
-
-        def count(total: int) -> None:
-            bar.expect(total)
-            bar.advance()
-
-        result = process_run(
-            source,
-            settings,
-            how,
-            correcting=correcting,
-            incremental=incremental,
-            plate_mm=plate_mm,
-            on_image=count,
-            output=outputs.place(output, settings_files),
-            workers=workers,
-        )
-    if result.note:
-        say(result.note)
-    say(table(result))
-    for camera in [] if result.note else result.cameras:
-        if camera.camera in source.regions:
-            continue
-        if camera.specimen is None:
-            say(f"{camera.camera}: no specimen was found by its speckles; points cover the calibrated area")
-        elif not camera.specimen.is_whole:
-            say(f"{camera.camera}, calibrated part: {camera.specimen}")
-    say(f"results: {output}")
-    if motion.save_alignment is not None:
-        save_alignments(motion.save_alignment, result)
-    outputs.write(result, gauges)
-    end_run(str(run), result)
+    inputs = [used_settings_file(), *motion.files, *region.files, outputs.gauges_file]
+    work = RunWork(
+        settings, how, correcting, incremental, plate_mm, gauges, inputs, motion.save_alignment, outputs
+    )
+    with chosen_workers() as workers:
+        if several:
+            status = process_shelf(work, [replace(source, path=run) for run in paths], workers)
+        else:
+            status = problems(str(source.path), work.process(source, workers))
+    click.get_current_context().exit(status)

@@ -40,6 +40,31 @@ class OutputOptions:
         known = tuple(path for path in inputs if path is not None)
         return ResultPlace(output, replace, anew=self.force, fields_from=self.fields_from, inputs=known)
 
+    def require_several(self, runs: Sequence[Path]) -> None:
+        """Raise an error if an option names a file of one run, or if two runs would have the same results.
+
+        Raises
+        ------
+        OutputError
+        """
+        from dic import OutputError
+
+        for option, path in (
+            ("--report", self.report_file),
+            ("--json", self.json_file),
+            ("--fields-from", self.fields_from),
+        ):
+            if path is not None:
+                remedy = f"leave out {option}, or process the runs one by one"
+                raise OutputError("settings", option, "one run", f"{len(runs)} runs", remedy)
+        stems: dict[str, Path] = {}
+        for run in runs if self.output is not None or self.csv_folder is not None else []:
+            if (other := stems.setdefault(run.stem, run)) != run:
+                expected, remedy = "runs with different names", "process these two one by one"
+                raise OutputError("settings", "output folder", expected, f"{other} and {run}", remedy)
+        if self.output is not None:
+            _make_folder(self.output)
+
     def gauges(self) -> "tuple[Gauge, ...]":
         """Return the gauges of `--gauges`; none without this option."""
         from dic import read_gauges
@@ -109,6 +134,11 @@ class OutputOptions:
 
 def end_run(run: str, result: "RunResult") -> None:
     """Print the problems of a run's steps, and end the command with its exit status."""
+    click.get_current_context().exit(problems(run, result))
+
+
+def problems(run: str, result: "RunResult") -> int:
+    """Print the problems of a run's steps, and return the exit status: 0, 1 if poor, 2 if steps failed."""
     from dic.shell.console import fail
 
     failures = [failure for camera in result.cameras for failure in camera.failures]
@@ -120,7 +150,7 @@ def end_run(run: str, result: "RunResult") -> None:
     ]
     for sentence in failures + bad:
         fail(sentence)
-    click.get_current_context().exit(2 if failures else 1 if bad else 0)
+    return 2 if failures else 1 if bad else 0
 
 
 def read_alignment(text: str) -> "tuple[str, Alignment]":

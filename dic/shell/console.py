@@ -64,6 +64,14 @@ def fail(sentence: str) -> None:
     say(f"error: {sentence}", err=True)
 
 
+def sentence_of(error: Exception) -> str:
+    """Return the sentence about an expected error, or about an error of the file system."""
+    if not isinstance(error, OSError):
+        return str(error)
+    where = error.filename or "a file or the standard output"
+    return f"{where}: {error.strerror or error}; name a place that can be used"
+
+
 def _status(command: click.Command, foreseen: tuple[type[Exception], ...], prefix: str) -> int:
     try:
         # If standalone mode is off, click returns the status of `Context.exit` and raises all errors.
@@ -75,13 +83,13 @@ def _status(command: click.Command, foreseen: tuple[type[Exception], ...], prefi
         with suppress(OSError):
             error.show()
         return error.exit_code
-    except (click.Abort, KeyboardInterrupt):
-        sentence = "interrupted before the end"
+    except (click.Abort, KeyboardInterrupt) as error:
+        # click raises its `Abort` from the `KeyboardInterrupt`, which may say how to go on.
+        sentence = str(error) or str(error.__cause__ or "") or "interrupted before the end"
     except foreseen as error:
-        sentence = str(error)
+        sentence = sentence_of(error)
     except OSError as error:
-        where = error.filename or "a file or the standard output"
-        sentence = f"{where}: {error.strerror or error}; name a place that can be used"
+        sentence = sentence_of(error)
     say(f"{prefix}: {sentence}", err=True)
     return COULD_NOT
 

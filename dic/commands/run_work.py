@@ -1,0 +1,192 @@
+"""The processing of one run file, or of a shelf of run files, with the options of `dic process`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dic.commands.run_output import OutputOptions, problems, save_alignments
+from dic.errors import MeasurementError, WorkerError
+from dic.shell.console import COULD_NOT, fail, say, sentence_of
+
+if TYPE_CHECKING:
+    from dic import (
+        CorrectionSettings,
+        CorrelationSettings,
+        Gauge,
+        RunResult,
+        RunSource,
+        StrainSettings,
+    )
+    from dic.workers.workers import Workers
+
+MEASURED, KNOWN, NOT_PROCESSED, NOT_BEGUN = "measured", "known before", "not processed", "not begun"
+GOES_ON = "interrupted before the end; give the same command again to go on after the last finished image"
+
+
+@dataclass(frozen=True)
+class RunWork:
+    """How runs are processed: the values of the options of `dic process`, except the run files.
+
+    Attributes
+    ----------
+    settings : CorrelationSettings
+    strain : StrainSettings
+    correcting : CorrectionSettings
+    incremental : str
+    plate_mm : float or None
+    gauges : tuple of Gauge
+    inputs : sequence of Path or None
+        Files with settings, regions and gauges; None means "no file".
+    alignments : Path or None
+        Folder for alignments.
+    outputs : OutputOptions
+    of_several : bool
+        True for one run of several. Of such a run, known results are not printed again.
+    """
+
+    settings: "CorrelationSettings"
+    strain: "StrainSettings"
+    correcting: "CorrectionSettings"
+    incremental: str
+    plate_mm: float | None
+    gauges: "tuple[Gauge, ...]"
+    inputs: Sequence[Path | None]
+    alignments: Path | None
+    outputs: OutputOptions
+    of_several: bool = False
+
+    def of_run(self, run: Path) -> "RunWork":
+        """Return the work for one run of several: its outputs are in folders of their own."""
+        outputs = self.outputs
+        own = replace(
+            outputs,
+            output=None if outputs.output is None else outputs.output / f"{run.stem}{_ENDING}",
+            csv_folder=None if outputs.csv_folder is None else outputs.csv_folder / run.stem,
+        )
+        alignments = None if self.alignments is None else self.alignments / run.stem
+        return replace(self, outputs=own, alignments=alignments, of_several=True)
+
+    def output(self, run: Path) -> Path:
+        """Return the path of the result file of a run."""
+        return self.outputs.output or run.with_suffix(_ENDING)
+
+    def process(
+        self, source: "RunSource", workers: "Workers | None", what: str = "correlating"
+    ) -> "RunResult":
+        """Process a run, print its table, and write its files.
+
+        Raises
+        ------
+        MeasurementError
+            If the run cannot be processed.
+        """
+        from dic import process_run
+        from dic.commands.run_table import table
+        from dic.shell.progress import progress
+
+        run, outputs = Path(source.path), self.outputs
+        output = self.output(run)
+        read = [run, *self.inputs, outputs.fields_from if outputs.fields_from != output else None]
+        outputs.require_places(read, output, self.alignments, result_may_stand=True)
+        with progress(what) as bar:
+
+            def count(total: int) -> None:
+                bar.expect(total)
+                bar.advance()
+
+            try:
+                result = process_run(
+                    source,
+                    self.settings,
+                    self.strain,
+                    correcting=self.correcting,
+                    incremental=self.incremental,
+                    plate_mm=self.plate_mm,
+                    on_image=count,
+                    output=outputs.place(output, self.inputs),
+                    workers=workers,
+                )
+            except KeyboardInterrupt as error:
+                raise KeyboardInterrupt(GOES_ON) from error
+        if result.note:
+            say(result.note)
+        if not (result.note and self.of_several):
+            say(table(result))
+        for line in [] if result.note else _specimens(result, source):
+            say(line)
+        say(f"results: {output}")
+        if self.alignments is not None:
+            save_alignments(self.alignments, result)
+        outputs.write(result, self.gauges)
+        return result
+
+
+_ENDING = ".results.h5"
+
+
+def process_shelf(work: RunWork, sources: "Sequence[RunSource]", workers: "Workers | None") -> int:
+    """Process several runs one after the other, print a closing table, and return the exit status.
+
+    A run that cannot be processed does not end the others. The status is the highest status of all runs.
+
+    Raises
+    ------
+    WorkerError
+        If the workers cannot go on. The table then also has the runs that were not begun.
+    """
+    table = {Path(source.path): (NOT_BEGUN, "") for source in sources}
+    status = 0
+    try:
+        for number, source in enumerate(sources, 1):
+            run = Path(source.path)
+            say(f"run {number} of {len(sources)}: {run}")
+            table[run] = NOT_PROCESSED, ""
+            try:
+                what = f"correlating {run.name}, run {number} of {len(sources)}"
+                result = work.of_run(run).process(source, workers, what)
+            except WorkerError:
+                raise
+            except (MeasurementError, OSError) as error:
+                fail(sentence_of(error))
+                status = COULD_NOT
+                continue
+            table[run] = KNOWN if result.note else MEASURED, _counts(result)
+            status = max(status, problems(str(run), result))
+    finally:
+        say(_closing_table(table))
+    return status
+
+
+def _specimens(result: "RunResult", source: "RunSource") -> list[str]:
+    """Return lines about where the points of the cameras lie that measure the specimen."""
+    lines = []
+    for camera in result.cameras:
+        if camera.camera in source.regions:
+            continue
+        if camera.specimen is None:
+            lines.append(
+                f"{camera.camera}: no specimen was found by its speckles; points cover the calibrated area"
+            )
+        elif not camera.specimen.is_whole:
+            lines.append(f"{camera.camera}, calibrated part: {camera.specimen}")
+    return lines
+
+
+def _counts(result: "RunResult") -> str:
+    images = sum(len(camera.measurements) for camera in result.cameras)
+    failed = sum(len(camera.failures) for camera in result.cameras)
+    poor = sum(not measurement.good for camera in result.cameras for measurement in camera.measurements)
+    parts = [(images, "images"), (poor, "poor"), (failed, "failed")]
+    return ", ".join(f"{count} {name}" for count, name in parts if count or name == "images")
+
+
+def _closing_table(table: dict[Path, tuple[str, str]]) -> str:
+    name_width = max(len(str(path)) for path in table)
+    state_width = max(len(state) for state, _ in table.values())
+    states = [state for state, _ in table.values()]
+    counted = [f"{states.count(state)} {state}" for state in dict.fromkeys(states)]
+    lines = [f"{len(table)} runs: {', '.join(counted)}"]
+    for path, (state, counts) in table.items():
+        lines.append(f"  {path!s:{name_width}}  {state:{state_width}}  {counts}".rstrip())
+    return "\n".join(lines)

@@ -1,0 +1,97 @@
+"""`dic process` with several runs: one result each, and no run stops the others."""
+
+import shutil
+
+import pytest
+
+from dic.commands import run_work
+from tests.command_line import refusal, run_dic
+from tests.dic.pipeline.rendered_run import slid, write_rendered_run
+from tests.dic.result_values import results
+
+WORDS = ("--step", 40, "--subset", 31)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return write_rendered_run(tmp_path_factory.mktemp("run") / "run.h5", [slid(0.05)])
+
+
+@pytest.fixture
+def shelf(run, tmp_path, monkeypatch):
+    """A folder with two good runs and, between them in natural order, one that was cut off."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for name in ("run2.h5", "run10.h5"):
+        shutil.copy(run, folder / name)
+    (folder / "run3.h5").write_bytes(run.read_bytes()[:5000])
+    (folder / "notes.txt").write_text("no run")
+    return folder
+
+
+def closing(done):
+    """Return the closing table: its heading, and the words of each run, by the name of its file."""
+    lines = done.out.splitlines()
+    (at,) = [k for k, line in enumerate(lines) if " runs: " in line]
+    return lines[at], {line.split()[0]: line.split()[1:] for line in lines[at + 1 :]}
+
+
+def test_every_run_gets_its_result_and_finished_runs_are_not_correlated_again(shelf, correlated):
+    done = run_dic("process", "runs", *WORDS)
+    assert done.status == 2
+    (said,) = done.err.splitlines()
+    assert said.startswith("error: runs/run3.h5: read run: expected a run file")
+    heading, table = closing(done)
+    assert heading == "3 runs: 2 measured, 1 not processed"
+    assert table == {
+        "runs/run2.h5": ["measured", "1", "images"],
+        "runs/run3.h5": ["not", "processed"],
+        "runs/run10.h5": ["measured", "1", "images"],
+    }
+    assert list(table) == ["runs/run2.h5", "runs/run3.h5", "runs/run10.h5"]
+    first, second = (shelf / f"{name}.results.h5" for name in ("run2", "run10"))
+    assert results(first).keys() == results(second).keys()
+    assert len(correlated) == 2
+    second.unlink()
+    again = run_dic("process", "runs", "runs/run2.h5", *WORDS)
+    assert len(correlated) == 3
+    assert closing(again)[0] == "3 runs: 1 known before, 1 not processed, 1 measured"
+
+
+def test_outputs_of_several_runs_are_in_folders(shelf):
+    done = run_dic("process", "runs/run2.h5", "runs/run3.h5", *WORDS, "-o", "out", "--csv", "tables")
+    assert done.status == 2
+    made = {str(path.relative_to(shelf.parent)) for path in shelf.parent.rglob("*") if path.is_file()}
+    assert {"out/run2.results.h5", "tables/run2/strain.csv"} <= made
+    assert not any(name.startswith("runs/") and "results" in name for name in made)
+
+
+def test_what_would_be_one_file_of_several_runs_is_refused(shelf, correlated):
+    both = ("process", "runs/run2.h5", "runs/run10.h5", *WORDS)
+    for option in ("--report", "--json", "--fields-from"):
+        assert f"settings: {option}: expected one run, got 2 runs; leave out {option}, or" in refusal(
+            *both, option, "x"
+        )
+    shutil.copy(shelf / "run2.h5", "run2.h5")
+    assert "expected runs with different names, got runs/run2.h5 and run2.h5" in refusal(
+        "process", "runs/run2.h5", "run2.h5", *WORDS, "-o", "out"
+    )
+    (shelf / "empty").mkdir()
+    assert "list runs: expected a folder with run files (*.h5), got none" in refusal(
+        "process", shelf / "empty"
+    )
+    assert correlated == []
+
+
+def test_an_interruption_says_how_to_go_on_and_which_runs_remain(shelf, monkeypatch):
+    def interrupted(self, **named):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("dic.pipeline.run.RunCorrelation.correlate_all", interrupted)
+    done = run_dic("process", "runs/run2.h5", "runs/run10.h5", *WORDS)
+    assert done.status == 2
+    assert done.err.strip() == f"error: {run_work.GOES_ON}"
+    heading, table = closing(done)
+    assert heading == f"2 runs: 1 {run_work.NOT_PROCESSED}, 1 {run_work.NOT_BEGUN}"
+    assert table["runs/run10.h5"] == ["not", "begun"]
