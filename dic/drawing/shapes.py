@@ -117,7 +117,7 @@ def kept_gauges(gauges: Sequence[Gauge], calibration: Calibration | None) -> lis
         if gauge.unit == "px":
             continue
         lines = [] if homography is None else [_mapped(homography, line) for line in outlines_of(gauge)]
-        note = "written again without a change" if lines else "not shown without --calibration"
+        note = "saved without a change" if lines else "not shown without --calibration"
         shown = [np.round(line, 1).tolist() for line in lines]
         found.append(
             {"name": gauge.name, "kind": gauge.kind, "lines": shown, "text": gauge_text(gauge), "note": note}

@@ -67,8 +67,9 @@ class Panel {
     const { model } = this;
     const rows = model.shapes.map((shape, number) => this.row(shape, number));
     const kept = model.data.kept.map((one) =>
-      element("li", { className: "kept", textContent: `${one.name} (${one.kind}, in mm)`, title: one.note })
+      element("li", { className: "kept", textContent: `${one.name} (${one.kind}, in mm): ${one.note}` })
     );
+    this.find("kept").hidden = kept.length === 0;
     this.find("shapes").replaceChildren(...rows, ...kept);
     this.find("none").hidden = rows.length + kept.length > 0;
     this.find("undo").disabled = model.earlier.length === 0;

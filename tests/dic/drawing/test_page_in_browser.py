@@ -265,6 +265,21 @@ class TestLong:
         window.pointer("mouseMoved", places(window, (2, 2))[0])
         assert "outside of the calibration" in window.ask("document.querySelector('#place').textContent")
 
+    def test_the_page_says_why_gauges_in_mm_cannot_be_moved(self, window, tmp_path):
+        (tmp_path / "g.toml").write_text(
+            '[[gauge]]\nname = "foil"\nkind = "area"\nunit = "mm"\ncentre = [0, 0]\nsize = [6, 3]\n'
+            "direction_deg = 90\n"
+        )
+        hidden = "document.querySelector('#kept').hidden"
+        window.open(drawing(tmp_path, bright()))
+        assert window.ask(hidden)
+        window.open(drawing(tmp_path, bright(), "--gauges", tmp_path / "g.toml"))
+        assert not window.ask(hidden)
+        said = window.ask("document.querySelector('#kept').innerText")
+        assert said.startswith("Gauges in mm cannot be moved here: this page draws in px")
+        listed = window.ask("document.querySelector('#shapes').innerText")
+        assert listed == "foil (area, in mm): not shown without --calibration"
+
     def test_the_text_that_is_shown_is_the_file(self, window, tmp_path):
         window.open(drawing(tmp_path, bright()), width=800, height=600)
         draw(window, "region", (50, 50), (150, 50), (150, 150))
