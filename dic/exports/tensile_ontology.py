@@ -10,6 +10,7 @@ forms, so that the queries published with each form find the values.
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Any
 
 from dic.errors import OutputError, require_kind
@@ -48,7 +49,6 @@ CLASSES: Mapping[str, tuple[str, tuple[str, ...]]] = {
 _RP01, _ANY_RP = "tto:TTO_0000046", "tto:TTO_0000044"
 _UNITS = {"GPa": "GigaPA", "MPa": "MegaPA", "%": "PERCENT", "mm²": "MilliM2", "mm": "MilliM"}
 _IRI = re.compile(r"(https?|urn):[^\s<>\"{}|\\^`]+")
-_DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 
 
 @dataclass(frozen=True)
@@ -80,10 +80,27 @@ class AboutTest:
         if self.iri and not _IRI.fullmatch(self.iri):
             expected, remedy = "an IRI without spaces", 'give for example "https://lab.example/tests/"'
             raise OutputError("settings", "IRI of the test", expected, self.iri, remedy)
+        _day(self)
 
     def fact(self, table: str, key: str) -> str:
         """Return a fact as text; "" if it is not stated."""
         return str(self.facts.get(table, {}).get(key, ""))
+
+
+def _day(about: AboutTest) -> str:
+    """Return the day of the test as YYYY-MM-DD; "" if no date is stated.
+
+    Raises
+    ------
+    OutputError
+        If the stated date is no date of ISO 8601.
+    """
+    stated = about.fact("laboratory", "date")
+    try:
+        return datetime.fromisoformat(stated).date().isoformat() if stated else ""
+    except ValueError as error:
+        expected, remedy = "a date of ISO 8601", 'write date = "2026-03-02"'
+        raise OutputError("stated facts", "[laboratory] date", expected, repr(stated), remedy) from error
 
 
 def write_tensile_ontology(properties: Properties, path: PathLike, about: AboutTest) -> list[str]:
@@ -207,7 +224,7 @@ class _Test:
             add(self._of("operator"), "a", "pmdco:PMD_0000881")
             add(self._of("operator"), "rdfs:label", quoted(operator))
             add(self.process, "obo:RO_0000057", self._of("operator"))
-        if _DATE.fullmatch(date := about.fact("laboratory", "date")):
+        if date := _day(about):
             add(self._of("date"), "a", "time:Instant")
             add(self._of("date"), "time:inXSDDate", f'"{date}"^^xsd:date')
             add(self.process, "obo:BFO_0000108", self._of("date"))

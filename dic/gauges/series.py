@@ -67,6 +67,8 @@ class GaugeSeries:
         earlier versions list them at the end.
     run : RunInfo or None
         The run that the images belong to; None for a series of images.
+    reference_digest : str
+        SHA-256 of the file of the reference image; "" for a run or a series in memory.
     """
 
     source: str
@@ -74,6 +76,7 @@ class GaugeSeries:
     images: tuple[GaugeImage, ...]
     in_order: bool = True
     run: "RunInfo | None" = None
+    reference_digest: str = ""
 
     def __repr__(self) -> str:
         return f"GaugeSeries({', '.join(gauge.name for gauge in self.gauges)}; {len(self.images)} images)"

@@ -98,7 +98,10 @@ def measure_gauges(results: Results, gauges: Sequence[Gauge], *, camera: str | N
     source = "" if isinstance(results, MeasuredSeries) else results.source
     in_order = not isinstance(results, SeriesResult) or bool(results.outcomes)
     run = results.info if isinstance(results, RunResult) else None
-    return GaugeSeries(source, gauges, images, in_order, run)
+    reference = ""
+    if isinstance(results, SeriesResult):
+        reference = results.provenance.inputs.get(results.reference_name, "")
+    return GaugeSeries(source, gauges, images, in_order, run, reference)
 
 
 def write_gauge_picture(

@@ -80,9 +80,15 @@ def _with_run(series: GaugeSeries, facts: Facts) -> Facts:
 
 
 def _identity(series: GaugeSeries) -> str:
-    """Return a text that is the same for all results from the same measured images, and for no other ones."""
+    """Return a text that is the same for all results from the same images, and for no other ones.
+
+    It does not depend on the images that could be measured, which may change with the settings.
+    """
     if series.run is not None and series.run.run_id:
         return series.run.run_id
+    if series.reference_digest:
+        names = (image.label.replace("\\", "/").rpartition("/")[2] for image in series.images)
+        return _digest([series.reference_digest, *sorted(names)])
     digests = [image.digest for image in series.images if image.digest]
     # Result files of earlier versions have no digests.
     return _digest(digests or [repr(image.known.get("load_n")) for image in series.images])
