@@ -38,7 +38,7 @@ def _camera_lines(result: "RunResult", camera: "CameraResult") -> list[str]:
         f"{camera.camera}: {calibration.grid.found} of {calibration.grid.expected} grid points,"
         f" residual {calibration.rms_px:.4f} px rms ({calibration.rms_mm * 1e3:.2f} µm)"
         + (f", surface {calibration.plate_mm:g} mm behind the lines" if calibration.plate_mm else "")
-        + "".join(f", {gauge_text(m.gauge_px, m.gauge_mm)}" for m in camera.measurements[:1])
+        + "".join(f", {gauge_text(m.gauge_px, calibration.axes_mm_per_px)}" for m in camera.measurements[:1])
     ]
     if not camera.measurements:
         return lines

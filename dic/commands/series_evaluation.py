@@ -208,7 +208,7 @@ class SeriesEvaluation:
 
         settings, strain, calibration = self._settings, self._set_up.strain, self._set_up.calibration
         gauge_px, resolved_px = strain.gauge_px(settings), strain_resolution_px(settings, strain)
-        gauge = gauge_text(gauge_px, None if calibration is None else gauge_px * calibration.mm_per_px)
+        gauge = gauge_text(gauge_px, None if calibration is None else calibration.axes_mm_per_px)
         wave = f"a strain wave with a period of {resolved_px:.0f} px"
         return f"{gauge}\n  keeps 90 % of the amplitude of {wave}"
 

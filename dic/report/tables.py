@@ -137,15 +137,16 @@ def _strain_rows(run: Run) -> list[tuple[str, str]]:
         name = MEASURES[measure]
         rows.append(("Strain", f"{name}, axes X right and Y up; mean: plane fitted to all valid points"))
     for series in run.cameras:
-        for gauge in sorted({_gauge(m) for m in series.measurements[:1]}):
+        scale = series.result.calibration.axes_mm_per_px
+        for gauge in sorted({_gauge(m, scale) for m in series.measurements[:1]}):
             rows.append((f"Local strain, {series.camera}", gauge))
     return rows
 
 
-def _gauge(measurement: Measurement) -> str:
+def _gauge(measurement: Measurement, axes_mm_per_px: tuple[float, float]) -> str:
     settings = measurement.strain_settings
     source = SOURCES[settings.source].format(settings.window_points)
-    gauge = gauge_text(measurement.gauge_px, measurement.gauge_mm)
+    gauge = gauge_text(measurement.gauge_px, axes_mm_per_px)
     return f"{source}: {gauge}, {resolution_text(measurement)}"
 
 

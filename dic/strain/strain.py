@@ -84,9 +84,22 @@ class StrainSettings:
         return (self.window_points - 1) * correlation.step_px + correlation.subset_px
 
 
-def gauge_text(gauge_px: int, gauge_mm: float | None) -> str:
-    """Return the width of a virtual strain gauge as text, for reports and messages."""
-    return f"virtual strain gauge {gauge_px} px" + ("" if gauge_mm is None else f" ({gauge_mm:.3g} mm)")
+def gauge_text(gauge_px: int, axes_mm_per_px: tuple[float, float] | None) -> str:
+    """Return the size of a virtual strain gauge as text, for reports and messages.
+
+    Parameters
+    ----------
+    gauge_px : int
+        Width of the square gauge in the image.
+    axes_mm_per_px : tuple of float or None
+        Scale along the image's x and y, from `Calibration.axes_mm_per_px`; None without a calibration. In the
+        image of an off-axis camera the two scales differ, so the gauge is no square on the specimen.
+    """
+    text = f"virtual strain gauge {gauge_px} px"
+    if axes_mm_per_px is None:
+        return text
+    across, along = (f"{gauge_px * each:#.3g}".rstrip(".") + " mm" for each in axes_mm_per_px)
+    return f"{text} ({across})" if across == along else f"{text} ({across} × {along})"
 
 
 @dataclass(frozen=True)

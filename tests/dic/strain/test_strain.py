@@ -10,7 +10,7 @@ from dic.errors import CorrelationError
 from dic.strain.displacement import Displacement, Noise, raw_displacement
 from dic.strain.error_overlap import error_overlap
 from dic.strain.measures import strain_of
-from dic.strain.strain import StrainSettings, mean_strain, strain_field
+from dic.strain.strain import StrainSettings, gauge_text, mean_strain, strain_field
 
 X, Y = np.meshgrid(np.linspace(-4, 5, 12), np.linspace(-3, 6, 10))
 
@@ -266,3 +266,12 @@ def test_predicted_deviations_are_those_of_strains_measured_in_noisy_images(spec
     # 16 trials of three components tell a standard deviation within 11 %.
     off = (values - values.mean(axis=0)) / predicted
     assert np.sqrt(np.mean(off**2) * trials / (trials - 1)) == pytest.approx(1, abs=0.3)
+
+
+def test_size_of_the_gauge_has_the_scale_of_each_direction():
+    assert gauge_text(61, None) == "virtual strain gauge 61 px"
+    assert gauge_text(100, (0.02, 0.02)) == "virtual strain gauge 100 px (2.00 mm)"
+    # a camera turned by 30° about its vertical axis sees 1/cos 30° more millimetres per pixel along x
+    assert gauge_text(100, (0.02 / np.cos(np.radians(30.0)), 0.02)) == (
+        "virtual strain gauge 100 px (2.31 mm × 2.00 mm)"
+    )
