@@ -1,9 +1,9 @@
 """The result file of a run: it contains all results of `process_run`, and a report needs no other file."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import h5py
 
@@ -24,7 +24,7 @@ from dic.pipeline.run_corrections import (
 )
 from dic.pipeline.run_result import RunResult
 from dic.results.alignment import read_alignment, write_alignment
-from dic.results.fields import NOT_SMOOTHED, StoredFields, plain
+from dic.results.fields import NOT_SMOOTHED, StoredFields, plain, read_reference
 from dic.results.job import read_outcomes, write_outcomes
 from dic.results.loading import Result, load_result, require_version, use_result
 from dic.results.provenance import Provenance
@@ -202,7 +202,7 @@ def _read_run(path: Path, file: h5py.File, *, local_strain: bool = True) -> RunR
     if file.attrs.get("file_format") != FORMAT or "run" not in file:
         raise _refusal(path, "an HDF5 file of another kind")
     run = dict(file["run"].attrs)
-    info = RunInfo(**{f.name: plain(run[f.name]) for f in fields(RunInfo)})
+    info = _read_info(run)
     attributes = {k: plain(v) for k, v in file["settings"].attrs.items()}
     correcting = CorrectionSettings.from_text(attributes.pop("correcting"))
     settings = CorrelationSettings(**NOT_SMOOTHED | attributes)
@@ -221,6 +221,22 @@ def _read_run(path: Path, file: h5py.File, *, local_strain: bool = True) -> RunR
     return RunResult(str(run["source"]), info, settings, correcting, cameras, corrections, origin)
 
 
+def _read_info(run: Mapping[str, Any]) -> RunInfo:
+    """Return the properties of a run.
+
+    Raises
+    ------
+    TypeError
+        If a value is not of the type of its property, such as two numbers for the thickness.
+    """
+    values = {each.name: plain(run[each.name]) for each in fields(RunInfo)}
+    for each in fields(RunInfo):
+        kinds = (int, float) if each.type is float else cast(type, each.type)
+        if not isinstance(values[each.name], kinds):
+            raise TypeError(f"{each.name} is no {each.type}")
+    return RunInfo(**values)
+
+
 def _read_camera(name: str, group: h5py.Group, local_strain: bool) -> CameraResult:
     calibration = read_calibration(group["calibration"])
     columns = {column: group["steps"][column][:] for column in _STEP_UNITS}
@@ -235,7 +251,7 @@ def _read_camera(name: str, group: h5py.Group, local_strain: bool) -> CameraResu
     return CameraResult(
         name,
         calibration,
-        group["reference"][:],
+        read_reference(group),
         steps,
         measurements,
         failures,

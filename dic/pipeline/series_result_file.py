@@ -22,7 +22,7 @@ from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Sensitivity
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
 from dic.results.alignment import read_alignment, write_alignment
-from dic.results.fields import StoredFields
+from dic.results.fields import StoredFields, read_reference
 from dic.results.job import Outcome, read_outcomes, write_outcomes
 from dic.results.loading import Result, load_result, require_version, use_result
 from dic.results.provenance import Provenance
@@ -208,7 +208,7 @@ def _read(path: Path, file: Any, *, local_strain: bool = True) -> SeriesResult:
 
     images = Computed(len(places), image)
     sensitivity = None if calibration is None else Sensitivity.of(calibration)
-    series = MeasuredSeries(group["reference"][:], images, read_alignment(group), sensitivity)
+    series = MeasuredSeries(read_reference(group), images, read_alignment(group), sensitivity)
     return SeriesResult(str(path), series, calibration, origin, outcomes, StoredFields(group))
 
 

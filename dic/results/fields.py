@@ -15,7 +15,7 @@ from dic.results.columns import Columns
 from dic.results.job import Outcome
 from dic.results.schema import units_of
 from dic.results.unfinished import FinishedImage
-from dic.typing import Float, Mask
+from dic.typing import Float, Grey, Mask
 
 NOT_SMOOTHED: dict[str, Any] = {"smoothing_px": 0.0}
 """Values of settings that files of earlier versions lack."""
@@ -32,6 +32,20 @@ def read_settings(group: Any, settings: type[Any], prefix: str = "") -> dict[str
 def plain(value: Any) -> Any:
     """Return a NumPy scalar from an HDF5 file as a Python number; return other values unchanged."""
     return value.item() if isinstance(value, np.generic) else value
+
+
+def read_reference(group: Any) -> Grey:
+    """Return the grey levels of the reference image in a group of the file, shape (height, width).
+
+    Raises
+    ------
+    ValueError
+        If the group has no image of this shape.
+    """
+    grey: Grey = group["reference"][:]
+    if grey.ndim != 2 or not grey.size:
+        raise ValueError(f"a reference image of the shape {grey.shape}")
+    return grey
 
 
 class StoredFields:
