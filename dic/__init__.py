@@ -113,6 +113,7 @@ if TYPE_CHECKING:
     from dic.records.joining import JoinedRecord
     from dic.records.machine import MachineRecord, read_image_times, read_machine_record
     from dic.report.campaign_page import plot_campaign, write_campaign_report
+    from dic.report.conditions import tables_of_test
     from dic.report.details import ReportDetails
     from dic.report.ontology import write_test_ontology
     from dic.report.page import write_report
@@ -175,9 +176,9 @@ __all__ = [
     "plot_study", "process_run", "quality_findings", "read_campaign", "read_curve", "read_gauges",
     "read_image", "read_image_times", "read_machine_record", "read_peer", "read_region", "read_stated_facts",
     "region_files", "rigid_motion", "run_reference", "save_alignment", "save_calibration",
-    "save_run_result", "strain_of_run",
-    "strain_of_series", "strain_resolution_px", "study_settings", "tensile_test", "to_pandas", "to_xarray",
-    "whole_field_gauges", "with_shared_error", "write_animation", "write_campaign_report",
+    "save_run_result", "strain_of_run", "strain_of_series", "strain_resolution_px", "study_settings",
+    "tables_of_test", "tensile_test", "to_pandas", "to_xarray", "whole_field_gauges",
+    "with_shared_error", "write_animation", "write_campaign_report",
     "write_campaign_table", "write_contact_sheet", "write_csv", "write_drawing_page", "write_example",
     "write_gauge_picture", "write_gauge_table", "write_maps", "write_region", "write_report",
     "write_strain_table", "write_tensile_ontology", "write_test_ontology",
@@ -271,6 +272,7 @@ _NAMES_OF = {
     "dic.records.joining": ("JoinedRecord",),
     "dic.records.machine": ("MachineRecord", "read_image_times", "read_machine_record"),
     "dic.report.campaign_page": ("plot_campaign", "write_campaign_report"),
+    "dic.report.conditions": ("tables_of_test",),
     "dic.report.details": ("ReportDetails",),
     "dic.report.ontology": ("write_test_ontology",),
     "dic.report.page": ("write_report",),

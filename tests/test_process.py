@@ -97,6 +97,13 @@ def test_report_reads_the_images_and_the_cameras_of_a_run_from_its_file(result, 
     assert dict(hardware_table(gone, images_of(gone), StatedFacts()).rows)["Camera"] == ["not stated"] * 2
     with pytest.raises(RunFileError, match=r"gone\.h5"):
         images_of(gone)[0].deformed(0)
+    assert hardware_table(gone, images_of(gone), StatedFacts()).doubts == []
+    broken = tmp_path / "broken.h5"
+    broken.write_bytes(run_file.read_bytes()[:5000])
+    damaged = replace(result, source=str(broken))
+    (doubt,) = hardware_table(damaged, images_of(damaged), StatedFacts()).doubts
+    assert doubt.startswith("The run file gives no facts about the cameras, because it cannot be read: ")
+    assert str(broken) in doubt
     other = tmp_path / "other.h5"
     other.write_bytes(run_file.read_bytes())
     with h5py.File(other, "r+") as file:

@@ -19,7 +19,7 @@ from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
 
 if TYPE_CHECKING:
-    from dic import ReportDetails, TensileTest
+    from dic import ReportDetails, RunResult, SeriesResult, TensileTest
 
 _FILE = click.Path(path_type=Path)
 
@@ -86,12 +86,16 @@ class ReportOutputs:
                 expected, remedy = "a tensile test", f"declare a gauge with --declare, or leave out {option}"
                 raise RunFileError(str(path), option, expected, "none", remedy)
 
-    def write_values(self, tests: "Sequence[TensileTest]") -> None:
-        """Write the values of the test as JSON and after the ontology."""
-        from dic import write_test_ontology
+    def write_values(
+        self, tests: "Sequence[TensileTest]", results: "Sequence[RunResult] | Sequence[SeriesResult]"
+    ) -> None:
+        """Write the values and the tables of the test as JSON, and the values after the ontology."""
+        from dic import tables_of_test, write_test_ontology
 
         if self.json_file is not None:
-            content = {"tests": [each.as_dict() for each in tests]}
+            content = {
+                "tests": [each.as_dict() | {"tables": tables_of_test(each, results)} for each in tests]
+            }
             write_text(self.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
         if self.ttl_file is not None:
             left_out = write_test_ontology(tests[0], self.ttl_file, iri=self.ttl_iri or "")
@@ -154,8 +158,6 @@ def report(
     --area-mm2. Without declared gauges, the strain is the mean over the whole measured field, with the axis
     of the test upwards in the image.
     """
-    from dic import MeasurementError, RunFileError
-
     require_places(
         [*results, field.gauges_file, about.known_file, about.facts_file, *record.files],
         [outputs.output, outputs.pdf, outputs.json_file, outputs.ttl_file],
@@ -164,27 +166,17 @@ def report(
     require_iri(outputs.ttl_iri)
     tests = _tests(results, field, about, record, test)
     outputs.require_test(tests)
-    try:
-        _write(results, tests, outputs.output, outputs.pdf)
-    except (MeasurementError, OSError):
-        raise
-    except Exception as error:
-        # A readable file can still contradict itself, for example if its maps have different sizes.
-        raise RunFileError(
-            ", ".join(map(str, results)),
-            "write report",
-            "results that fit together",
-            f"some that do not ({type(error).__name__}: {' '.join(str(error).split())[:200]})",
-            "make them again with `dic process` or `dic correlate`",
-        ) from error
-    outputs.write_values(tests)
+    loaded = _write(results, tests, outputs.output, outputs.pdf)
+    outputs.write_values(tests, loaded)
     say(f"report: {outputs.output}")
 
 
-def _write(results: Sequence[Path], tests: "Sequence[TensileTest]", output: Path, pdf: Path | None) -> None:
-    """Write the report's page on the result files of runs, or of series, as HTML and as PDF."""
-    from dic import RunFileError, load_run_result, write_report
-    from dic.pipeline.series_result_file import is_series_result, load_series_result
+def _write(
+    results: Sequence[Path], tests: "Sequence[TensileTest]", output: Path, pdf: Path | None
+) -> "Sequence[RunResult] | Sequence[SeriesResult]":
+    """Write the page on the result files of runs, or of series, as HTML and PDF, and return the results."""
+    from dic import RunFileError, load_run_result, load_series_result, write_report
+    from dic.pipeline.series_result_file import is_series_result
     from dic.report.series_page import write_series_report
 
     series = [path for path in results if is_series_result(path)]
@@ -197,9 +189,12 @@ def _write(results: Sequence[Path], tests: "Sequence[TensileTest]", output: Path
             "write a report of each",
         )
     if series:
-        write_series_report([load_series_result(path) for path in series], output, tests=tests, pdf=pdf)
-    else:
-        write_report([load_run_result(path) for path in results], output, tests=tests, pdf=pdf)
+        measured = [load_series_result(path) for path in series]
+        write_series_report(measured, output, tests=tests, pdf=pdf)
+        return measured
+    runs = [load_run_result(path) for path in results]
+    write_report(runs, output, tests=tests, pdf=pdf)
+    return runs
 
 
 def _tests(

@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Iterator, Mapping
+from datetime import date, datetime
 from typing import Any
 
 from dic.errors import MeasurementError, is_number
@@ -9,6 +10,7 @@ from dic.files.reading import read_text
 from dic.typing import PathLike
 
 TEXT, NUMBER, NUMBERS = "a line of text", "a number", "a list of numbers"
+DATE = 'a date such as "2026-03-02", or a date and time of ISO 8601'
 """The kinds of values that a key may have, named as in error messages."""
 _MOST_CHARACTERS = 500
 _MOST_REASON = 200
@@ -57,7 +59,7 @@ def wrong_values(
     table : mapping
         Keys and values of the table in the file.
     known : mapping of str to str
-        The kind of value of each known key: `TEXT`, `NUMBER` or `NUMBERS`.
+        The kind of value of each known key: `TEXT`, `DATE`, `NUMBER` or `NUMBERS`.
     error : type
         Class of the errors.
     kind : str
@@ -72,9 +74,23 @@ def wrong_values(
 
 
 def is_of_kind(value: object, kind: str) -> bool:
-    """Return True if a value is a printable line of text, a number of a usual size, or a list of numbers."""
+    """Return True if a value is a line of printable text, a date, a number of a usual size, or a list.
+
+    A date is a date of TOML, or a text in the form of ISO 8601.
+    """
     if kind == TEXT:
         return isinstance(value, str) and 0 < len(value) <= _MOST_CHARACTERS and value.isprintable()
+    if kind == DATE:
+        return _is_date(value)
     if kind == NUMBERS:
         return isinstance(value, list) and len(value) > 0 and all(is_of_kind(one, NUMBER) for one in value)
     return is_number(value) and abs(value) < 1e300  # type: ignore[arg-type]
+
+
+def _is_date(value: object) -> bool:
+    if isinstance(value, str):
+        try:
+            datetime.fromisoformat(value)
+        except ValueError:
+            return False
+    return isinstance(value, str | date)

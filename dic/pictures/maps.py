@@ -66,11 +66,22 @@ def write_maps(
     write_figure(draw_maps(maps, grey, title, settings, scale), path, dpi=settings.dpi)
 
 
-def draw_maps(maps: Maps, image: NDArray[Any], title: str, settings: MapSettings, scale: Scale) -> Any:
-    """Return a matplotlib figure with all maps of one image."""
+def draw_maps(
+    maps: Maps,
+    image: NDArray[Any],
+    title: str,
+    settings: MapSettings,
+    scale: Scale,
+    *,
+    columns: int | None = None,
+) -> Any:
+    """Return a matplotlib figure with all maps of one image.
+
+    By default, maps that are higher than wide have five columns, and other maps three.
+    """
     background = background_of(image, maps.places)
     number = len(maps.panels)
-    columns = min(number, 5 if background.aspect >= 1.0 else 3)
+    columns = min(number, columns or (5 if background.aspect >= 1.0 else 3))
     ticks = maps.places.unit is not None
     layout = Layout(number, columns, settings.width_mm, background.aspect, ticks, bool(title)).readable()
     figure = layout.new_figure()

@@ -1,263 +1,58 @@
-"""The report's tables of analysis settings and noise floors, as in the iDICs Good Practices Guide."""
+"""The report's table of analysis settings, as in the iDICs Good Practices Guide."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
-import numpy as np
-
-from dic.errors import CurveError
-from dic.gauges.reading import Reading
 from dic.pipeline.series_result import MeasuredImage
-from dic.report.camera_images import CameraImages
-from dic.report.hardware import FactTable
-from dic.report.numbers import fixed
-from dic.report.states import names_of
+from dic.report.camera_images import CameraImages, Results
+from dic.report.fact_table import Fact, FactTable, table_of
+from dic.report.hardware import results_file
 from dic.report.tables import MEASURES, SOURCES, resolution_text
-from dic.report.tensile_test import TensileTest
-from dic.strain.measurement import Measurement
-from dic.strain.strain import StrainField
-from dic.typing import Float
-
-_MICRO = 1e6
-_NOT_MEASURED = "not measured"
-_MOST_STDS = 4.0
-"""A larger strain of an image at rest, divided by its standard deviation, is doubted."""
-_QUANTITIES: dict[str, tuple[str, str, int]] = {
-    "u": ("displacement u", "px", 4),
-    "v": ("displacement v", "px", 4),
-    "exx": ("local εxx", "µε", 1),
-    "eyy": ("local εyy", "µε", 1),
-    "exy": ("local εxy", "µε", 1),
-}
-"""Name, unit and number of decimals of each quantity of interest."""
 
 
-def analysis_table(images: Sequence[CameraImages], software: str) -> FactTable:
+def analysis_table(images: Sequence[CameraImages], result: Results) -> FactTable:
     """Return the settings of correlation and strain of each camera, as the results contain them."""
-    columns = [_settings(each, software) for each in images]
-    rows = [(name, [column.get(name, "–") for column in columns]) for name in columns[0]]
-    return FactTable([each.camera for each in images], rows)
+    origin, software = result.provenance, Fact()
+    if origin is not None:
+        name = origin.versions.partition(",")[0]
+        software = Fact(name, results_file(result), "provenance", "versions of the command that measured")
+    columns = [{"Software": software} | _settings(each, results_file(result)) for each in images]
+    return table_of([each.camera for each in images], columns)
 
 
-def _first(images: CameraImages) -> MeasuredImage | None:
+def first_measured(images: CameraImages) -> MeasuredImage | None:
+    """Return the first image of a camera that could be measured; None if there is none."""
     return next((one for one in images.series.images if one.measurement is not None), None)
 
 
-def _settings(images: CameraImages, software: str) -> dict[str, str]:
-    first = _first(images)
+def _settings(images: CameraImages, file: str) -> dict[str, Fact]:
+    first = first_measured(images)
     if first is None or first.measurement is None:
-        return {"Software": software}
+        return {}
     measurement = first.measurement
     settings, strain, field = measurement.settings, measurement.strain_settings, measurement.field
-    window = strain.window_points
-    gauge = f"{measurement.gauge_px} px"
     smoothing = f"Gaussian, standard deviation {field.smoothing_px:.2g} px" if field.smoothing_px else "none"
-    calibration, model = images.calibration, "none"
+    gauge, calibration, model = f"{measurement.gauge_px} px", images.calibration, "none"
     if calibration is not None:
         model = f"{calibration.model}, {calibration.grid.found} points"
         x_mm, y_mm = (measurement.gauge_px * each for each in calibration.axes_mm_per_px)
-        gauge += f", {x_mm:.3g} mm × {y_mm:.3g} mm"
-    return {
-        "Software": software,
-        "Image filtering": smoothing,
-        "Subset size": f"{settings.subset_px} px",
-        "Step size": f"{settings.step_px} px",
-        "Subset shape function": settings.shape,
-        "Matching criterion": "zero-mean normalised sum of squared differences (ZNSSD), inverse compositional"
-        f" Gauss–Newton; points with ZNCC ≥ {settings.min_zncc:g}",
-        "Interpolant": f"B-spline of order {settings.order}",
-        "Strain window": SOURCES[strain.source].format(window),
-        "Virtual strain gauge size": gauge,
-        "Spatial resolution": resolution_text(measurement),
-        "Strain formulation": f"{MEASURES[strain.measure]} in maps; engineering strain of gauges",
-        "Filtering of strain": "none beyond the strain window",
-        "Points": f"{int(field.active.sum())} in the region of interest",
-        "Calibration": model,
+        gauge += f", {x_mm:#.3g} mm × {y_mm:#.3g} mm"
+    criterion = "zero-mean normalised sum of squared differences (ZNSSD), inverse compositional Gauss–Newton;"
+    rows = {
+        "Image filtering": (smoothing, "smoothing_px"),
+        "Subset size": (f"{settings.subset_px} px", "subset_px"),
+        "Step size": (f"{settings.step_px} px", "step_px"),
+        "Subset shape function": (settings.shape, "shape"),
+        "Matching criterion": (f"{criterion} points with ZNCC ≥ {settings.min_zncc:g}", "min_zncc"),
+        "Interpolant": (f"B-spline of order {settings.order}", "order"),
+        "Strain window": (SOURCES[strain.source].format(strain.window_points), "strain_window_points"),
+        "Virtual strain gauge size": (gauge, "(window − 1) × step + subset, times the scale of the image"),
+        "Spatial resolution": (resolution_text(measurement), "amplitude of a wave after subset and window"),
+        "Strain formulation": (
+            f"{MEASURES[strain.measure]} in maps; engineering strain of gauges",
+            "strain_measure",
+        ),
+        "Filtering of strain": ("none beyond the strain window", "strain_source"),
+        "Points": (f"{int(field.active.sum())} in the region of interest", "number of active points"),
     }
-
-
-@dataclass(frozen=True)
-class NoiseRow:
-    """A row of the table of noise floors: a quantity, its predicted and measured noise, and its bias."""
-
-    quantity: str
-    unit: str
-    predicted: str
-    measured: str
-    bias: str
-
-
-@dataclass(frozen=True)
-class NoiseFloor:
-    """The noise floors of one camera.
-
-    Attributes
-    ----------
-    camera : str
-    static : list of str
-        Names of the images at rest.
-    rows : list of NoiseRow
-    doubts : list of str
-        One sentence for each image at rest whose gauges measured a strain.
-    """
-
-    camera: str
-    static: list[str]
-    rows: list[NoiseRow]
-    doubts: list[str]
-
-
-def noise_floor_of(images: CameraImages, test: TensileTest) -> NoiseFloor | None:
-    """Return the noise floor of each quantity; None if the camera measured nothing.
-
-    The predicted noise is the standard deviation that noise and interpolation of the images cause: the median
-    over the points of the first measured image. The measured noise is the standard deviation over the points
-    in images of the specimen at rest, as root mean square over these images. The bias is the mean over the
-    points in these images.
-
-    Raises
-    ------
-    CurveError
-        If the user named an image at rest that is not a measured image of the results.
-    """
-    first = _first(images)
-    if first is None:
-        return None
-    places = [_static_place(images, name) for name in test.details.static]
-    rows = [*_field_rows(images, first, places), *_gauge_rows(images, test, places)]
-    readings = [(images.labels[place], _gauges_at(images, test, place)) for place in places]
-    doubts = [doubt for label, found in readings if (doubt := doubt_of_rest(label, found))]
-    return NoiseFloor(images.camera, [label for label, _ in readings], rows, doubts)
-
-
-def doubt_of_rest(label: str, readings: Mapping[str, Reading]) -> str:
-    """Return a sentence if a gauge measured a strain in an image that is named as at rest; else "".
-
-    The strain of a specimen at rest is zero. A strain of more than four times its standard deviation is
-    neither noise nor one of the errors that the standard deviation contains.
-
-    Parameters
-    ----------
-    label : str
-        Name of the image.
-    readings : mapping of str to Reading
-        Readings in this image, by the gauges' names.
-    """
-    sizes = {
-        name: abs(one.strain) / one.strain_std
-        for name, one in readings.items()
-        if np.isfinite(one.strain) and one.strain_std > 0.0
-    }
-    name = max(sizes, key=lambda each: sizes[each], default="")
-    if sizes.get(name, 0.0) <= _MOST_STDS:
-        return ""
-    value, std = (fixed(_MICRO * each, 1) for each in (readings[name].strain, readings[name].strain_std))
-    return (
-        f"{label} may not be at rest: the strain of gauge “{name}” is {value} µε, and its standard deviation"
-        f" is {std} µε."
-    )
-
-
-def _static_place(images: CameraImages, name: str) -> int:
-    found = [k for k, label in enumerate(images.labels) if name in names_of(label)]
-    if len(found) == 1 and images.series.images[found[0]].measurement is not None:
-        return found[0]
-    got = f"{name!r}, which was not measured" if found else f"no image named {name!r}"
-    got = got if len(found) < 2 else f"{len(found)} images named {name!r}"
-    remedy = f"give --static {images.labels[0]}, or leave it out"
-    raise CurveError("settings", "--static", "the name of one measured image", got, remedy)
-
-
-def _field_rows(images: CameraImages, first: MeasuredImage, places: Sequence[int]) -> Iterator[NoiseRow]:
-    at_rest = [images.series.images[place] for place in places]
-    # The prediction and the observation must be of the same kind of strain.
-    kind = _kind_of([first, *at_rest])
-    spreads: dict[str, list[float]] = {name: [] for name in _QUANTITIES}
-    means: dict[str, list[float]] = {name: [] for name in _QUANTITIES}
-    for image in at_rest:
-        for name, values in _values(image, kind).items():
-            known = values[np.isfinite(values)]
-            if known.size > 1:
-                spreads[name].append(float(known.std(ddof=1)))
-                means[name].append(float(known.mean()))
-    predicted = _predicted(first, kind)
-    for name, (title, unit, digits) in _QUANTITIES.items():
-        measured, bias = _NOT_MEASURED, _NOT_MEASURED
-        if spreads[name]:
-            measured = fixed(float(np.sqrt(np.mean(np.square(spreads[name])))), digits)
-            bias = fixed(float(np.mean(means[name])), digits)
-        named = title if unit == "px" else f"{title}, {kind}"
-        yield NoiseRow(named, unit, fixed(predicted[name], digits), measured, bias)
-
-
-def _kind_of(images: Sequence[MeasuredImage]) -> str:
-    """Return the best kind of strain that all of the measured images have."""
-    if all(one.correction is not None and one.correction.declined is None for one in images):
-        return "corrected"
-    calibrated = all(one.measurement is not None and one.measurement.calibrated for one in images)
-    return "calibrated" if calibrated else "raw"
-
-
-def _strain(image: MeasuredImage, measurement: Measurement, kind: str) -> StrainField:
-    """Return the local strain of an image: the corrected strain, or that of its measurement."""
-    return image.strain if kind == "corrected" else measurement.strain
-
-
-def _values(image: MeasuredImage, kind: str) -> dict[str, Float]:
-    """Return displacement in px and local strain in µε at the points of an image, NaN where unknown."""
-    if image.measurement is None:
-        return {}
-    raw, strain = image.measurement.raw, _strain(image, image.measurement, kind)
-    u, v = np.moveaxis(np.where(raw.valid[..., None], raw.vector, np.nan), -1, 0)
-    return {"u": u, "v": v} | {name: _MICRO * getattr(strain, name) for name in ("exx", "eyy", "exy")}
-
-
-def _predicted(image: MeasuredImage, kind: str) -> dict[str, float]:
-    """Return the standard deviations that the images cause, as medians over the points (px and µε)."""
-    measurement = image.measurement
-    if measurement is None:
-        return dict.fromkeys(_QUANTITIES, float("nan"))
-    field, strain = measurement.field, _strain(image, measurement, kind)
-    found = {"u": _median(field.std_u_px), "v": _median(field.std_v_px)}
-    for name in ("exx", "eyy", "exy"):
-        by_images = getattr(strain, f"{name}_std_images")
-        found[name] = _MICRO * _median(getattr(strain, f"{name}_std") if by_images is None else by_images)
-    return found
-
-
-def _median(values: Float) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else float("nan")
-
-
-def _gauge_kind(test: TensileTest, camera: str) -> str:
-    """Return the best kind of strain that the gauges of a camera have."""
-    return next((one.read.kind for one in reversed(test.columns) if one.camera == camera), "raw")
-
-
-def _gauges_at(images: CameraImages, test: TensileTest, place: int) -> dict[str, Reading]:
-    """Return the readings in one image, by the names of the gauges."""
-    kind, shown = _gauge_kind(test, images.camera), test.series_of(images.camera).images
-    if place >= len(shown):
-        return {}
-    found = {name: kinds.get(kind) for name, kinds in shown[place].readings.items()}
-    return {name: one for name, one in found.items() if isinstance(one, Reading)}
-
-
-def _gauge_rows(images: CameraImages, test: TensileTest, places: Sequence[int]) -> Iterator[NoiseRow]:
-    """Yield the noise floors of the gauges' strains: predicted, and observed in the images at rest."""
-    series, kind = test.series_of(images.camera), _gauge_kind(test, images.camera)
-    for gauge in series.gauges:
-        found = [image.readings.get(gauge.name, {}).get(kind) for image in series.images]
-        readings = [one for one in found if isinstance(one, Reading)]
-        if gauge.kind == "cut" or not readings:
-            continue
-        stds = np.array([one.strain_std_images for one in readings if np.isfinite(one.strain_std_images)])
-        at_rest = [found[place] for place in places if place < len(found)]
-        values = _MICRO * np.array([one.strain for one in at_rest if isinstance(one, Reading)])
-        measured, bias = _NOT_MEASURED, _NOT_MEASURED
-        if values.size:
-            measured = "needs two images" if values.size < 2 else fixed(float(values.std(ddof=1)), 1)
-            bias = fixed(float(values.mean()), 1)
-        predicted = fixed(_MICRO * float(stds[0]), 1) if stds.size else "–"
-        yield NoiseRow(f"strain of gauge “{gauge.name}”, {kind}", "µε", predicted, measured, bias)
+    found = {name: Fact(text, file, f"series of {first.label}", rule) for name, (text, rule) in rows.items()}
+    return found | {"Calibration": Fact(model, file, "calibration", "model and number of grid points")}

@@ -23,8 +23,6 @@ _COMPARE_FIRST = "compare specimens first: dic.compare_specimens(properties)"
 _DASHES, _WIDTHS = ("-", "--", ":", "-."), (1.3, 2.6)
 _MOST_NAMED = 40
 """A figure of more curves than this has no legend: no more styles of line can be told apart."""
-_LINE_CHARACTERS, _SAMPLE_CHARACTERS = 140, 9
-"""Width of the legend, and of the sample of line beside each name, in characters."""
 _ANISOTROPY = {"r_mean": "r̄", "delta_r": "Δr"}
 
 
@@ -235,6 +233,5 @@ def _curves(campaign: Campaign) -> Any:
     for axis in axes:
         axis.set(xlabel="strain after correction of the foot, %", ylabel="stress, MPa")
     if named:
-        longest = max(map(len, campaign.found))
-        legend_below(figure, columns=max(1, _LINE_CHARACTERS // (longest + _SAMPLE_CHARACTERS)))
+        legend_below(figure, columns=len(campaign.found))
     return figure

@@ -2,17 +2,23 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from dic.gauges.declared import Extensometer, TransverseExtensometer
 from dic.pipeline.run_result import RunResult
-from dic.report.analysis import NoiseFloor, analysis_table, noise_floor_of
-from dic.report.camera_images import CameraImages, Results
-from dic.report.hardware import FactTable, hardware_table, stated_table
+from dic.pipeline.series_result_file import SeriesResult
+from dic.report.analysis import analysis_table
+from dic.report.camera_images import CameraImages, Results, images_of
+from dic.report.fact_table import Fact, FactTable
+from dic.report.hardware import hardware_table, results_file, stated_table
+from dic.report.noise_floor import NoiseFloor, noise_floor_of
 from dic.report.numbers import date
+from dic.report.repeat import result_of
 from dic.report.state_fields import StatePicture, quantity_along, state_picture
-from dic.report.stated_facts import NOT_STATED, StatedFacts
+from dic.report.stated_facts import StatedFacts
 from dic.report.states import State, chosen_states
 from dic.report.tensile_test import TensileTest
 
@@ -20,6 +26,33 @@ _TITLES = {"laboratory": "Laboratory", "specimen": "Specimen", "machine": "Testi
 _SIDES = ("width_mm", "thickness_mm")
 _AREA_TOLERANCE = 0.01
 """Accepted relative difference between the area used and width × thickness, which are often rounded."""
+
+
+@dataclass(frozen=True)
+class TestTables:
+    """The tables about a test beside its values.
+
+    Attributes
+    ----------
+    stated : mapping of str to FactTable
+        Facts about laboratory, specimen and machine, keyed by table.
+    hardware, analysis : FactTable
+    noise : list of NoiseFloor
+    """
+
+    stated: Mapping[str, FactTable]
+    hardware: FactTable
+    analysis: FactTable
+    noise: list[NoiseFloor]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all tables for JSON; each fact has its file, its step and its rule."""
+        return {
+            **{name: table.as_list() for name, table in self.stated.items()},
+            "hardware": self.hardware.as_list(),
+            "analysis": self.analysis.as_list(),
+            "noise_floor": [row for floor in self.noise for row in floor.as_list()],
+        }
 
 
 @dataclass(frozen=True)
@@ -32,8 +65,7 @@ class Conditions:
         Title of each table of facts, and its rows.
     doubts : list of str
         Facts that contradict the evaluation, one sentence each.
-    hardware, analysis : FactTable
-    noise : list of NoiseFloor
+    tables : TestTables
     states : list of State
         The points of the curve whose fields are shown.
     fields : list of StatePicture
@@ -41,9 +73,7 @@ class Conditions:
 
     stated: list[tuple[str, list[tuple[str, str]]]]
     doubts: list[str]
-    hardware: FactTable
-    analysis: FactTable
-    noise: list[NoiseFloor]
+    tables: TestTables
     states: list[State]
     fields: list[StatePicture]
 
@@ -56,38 +86,74 @@ def conditions_of(test: TensileTest, result: Results, images: Sequence[CameraIma
     MeasurementError
         If the stated facts, the points of the curve or the images at rest do not fit the results.
     """
-    facts, known = test.details.facts, _known(result)
     # Check everything that may be refused before drawing the pictures, which take most of the time.
-    facts.require_cameras(each.camera for each in images)
     states = chosen_states(test.main, test.details.fields_at)
-    floors = [noise_floor_of(each, test) for each in images]
+    tables = _tables(test, result, images)
     quantity = quantity_along(_direction_deg(test))
     pictures = [state_picture(each, states, quantity) for each in images]
-    origin = result.provenance
-    software = origin.versions.partition(",")[0] if origin is not None else NOT_STATED
-    return Conditions(
-        stated=[(title, stated_table(facts, name, known.get(name, {}))) for name, title in _TITLES.items()],
-        doubts=_doubts(facts, result, test.settings.area_mm2),
-        hardware=hardware_table(result, images, facts),
-        analysis=analysis_table(images, software),
-        noise=[floor for floor in floors if floor is not None],
-        states=states,
-        fields=[picture for picture in pictures if picture is not None],
+    stated = [
+        (_TITLES[name], [(row, text) for row, (text,) in table.rows]) for name, table in tables.stated.items()
+    ]
+    doubts = [*_doubts(test.details.facts, result, test.settings.area_mm2), *tables.hardware.doubts]
+    return Conditions(stated, doubts, tables, states, [each for each in pictures if each is not None])
+
+
+def tables_of_test(test: TensileTest, results: Results | Sequence[Results]) -> dict[str, Any]:
+    """Return the tables of a tensile test's report for JSON: facts, hardware, analysis and noise floor.
+
+    Parameters
+    ----------
+    test : TensileTest
+    results : RunResult or SeriesResult, or a sequence of them
+        The results from which the test was computed.
+
+    Returns
+    -------
+    dict
+        The tables "laboratory", "specimen", "machine", "hardware", "analysis" and "noise_floor". Each entry
+        has the file, the step and the rule that it comes from. The table "files" has the SHA-256 of each of
+        these files, and null for a file of unknown digest.
+
+    Raises
+    ------
+    MeasurementError
+        As for `conditions_of`.
+    """
+    several = [results] if isinstance(results, RunResult | SeriesResult) else results
+    result = result_of(test, several)
+    found = _tables(test, result, images_of(result)).as_dict()
+    digests = (dict(result.provenance.inputs) if result.provenance else {}) | dict(test.provenance.inputs)
+    entries = [entry for table in found.values() for entry in table]
+    used = dict.fromkeys(entry["file"] for entry in entries if entry["file"])
+    return found | {"files": {name: digests.get(name) for name in used}}
+
+
+def _tables(test: TensileTest, result: Results, images: Sequence[CameraImages]) -> TestTables:
+    facts, known = test.details.facts, _known(result)
+    facts.require_cameras(each.camera for each in images)
+    floors = [noise_floor_of(each, test, results_file(result)) for each in images]
+    return TestTables(
+        {name: stated_table(facts, name, known.get(name, {})) for name in _TITLES},
+        hardware_table(result, images, facts),
+        analysis_table(images, result),
+        [floor for floor in floors if floor is not None],
     )
 
 
-def _known(result: Results) -> Mapping[str, Mapping[str, str]]:
+def _known(result: Results) -> Mapping[str, Mapping[str, Fact]]:
     """Return the facts about laboratory and specimen that the run file contains."""
     if not isinstance(result, RunResult):
         return {}
-    info = result.info
+    info, of_run = result.info, partial(Fact, file=results_file(result))
     sizes = {
         "width_mm": info.width_mm,
         "thickness_mm": info.thickness_mm,
         "gauge_length_mm": info.gauge_length_mm,
     }
-    specimen = {"name": info.sample} | {key: f"{size:g} mm" for key, size in sizes.items()}
-    return {"laboratory": {"date": date(info.start_time)}, "specimen": specimen}
+    specimen = {"name": of_run(info.sample, step="run", rule="sample")}
+    specimen |= {key: of_run(f"{size:g} mm", step="run", rule=key) for key, size in sizes.items()}
+    begun = of_run(date(info.start_time), step="run", rule="start_time")
+    return {"laboratory": {"date": begun}, "specimen": specimen}
 
 
 def _doubts(facts: StatedFacts, result: Results, area_mm2: float) -> list[str]:

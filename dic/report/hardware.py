@@ -1,7 +1,8 @@
 """The report's table of cameras, lenses and patterns, which the iDICs Good Practices Guide requires."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,125 +13,175 @@ from dic.pipeline.run_result import RunResult
 from dic.quality.noise import noise_of_one
 from dic.quality.speckle import autocovariance, even_light, speckle_size
 from dic.report.camera_images import CameraImages, Results
+from dic.report.fact_table import Fact, FactTable, table_of
 from dic.report.numbers import fixed, with_std
-from dic.report.stated_facts import FACTS, NOT_STATED, StatedFacts
+from dic.report.stated_facts import FACTS, StatedFacts
 from dic.runfile.joined import exposures_us, open_run
 from dic.typing import Grey, Mask
 
 _MM_TO_UM = 1000.0
+_DETERMINED = 0.2
+"""Largest relative standard deviation of a focal length or distance that counts as determined."""
 _AT = "(x × y, in the middle of the grid)"
-
-
-@dataclass(frozen=True)
-class FactTable:
-    """A table with a row for each fact and a column for each camera.
-
-    Attributes
-    ----------
-    heads : list of str
-        Names of the cameras; [""] for a series of images.
-    rows : list of (str, list of str)
-        Name of each fact, and its text for each camera.
-    """
-
-    heads: list[str]
-    rows: list[tuple[str, list[str]]]
 
 
 def hardware_table(result: Results, images: Sequence[CameraImages], facts: StatedFacts) -> FactTable:
     """Return the facts about cameras, lenses and patterns; a fact that is not known is "not stated"."""
-    columns = [_facts_of(each, facts, _recorded(result, each.camera)) for each in images]
-    rows = [(name, [column[name] for column in columns]) for name in columns[0]]
-    return FactTable([each.camera for each in images], rows)
+    recorded, doubts = _recorded(result)
+    columns = [_facts_of(each, facts, result, recorded.get(each.camera, {})) for each in images]
+    return replace(table_of([each.camera for each in images], columns), doubts=doubts)
 
 
-def stated_table(facts: StatedFacts, table: str, known: Mapping[str, str]) -> list[tuple[str, str]]:
-    """Return name and text of each fact in a table such as "specimen"; `known` has facts from the results.
+def stated_table(facts: StatedFacts, table: str, known: Mapping[str, Fact]) -> FactTable:
+    """Return the facts in a table such as "specimen"; `known` has facts from the results.
 
     A fact that the user states replaces the same fact from the results.
     """
-    return [
-        (fact.name, facts.given(table, key) or known.get(key) or NOT_STATED)
-        for key, fact in FACTS[table].items()
-    ]
+    found = {kind.name: facts.stated(table, key, known=known.get(key)) for key, kind in FACTS[table].items()}
+    return table_of([""], [found])
 
 
-def _recorded(result: Results, camera: str) -> dict[str, Any]:
-    """Return the run file's data about a camera; an empty dict if there is no run file."""
+def results_file(result: Results) -> str:
+    """Return the path of the result file; "" for results that were not read from a file."""
+    return result.file if isinstance(result, RunResult) else result.source
+
+
+def _recorded(result: Results) -> tuple[dict[str, dict[str, Any]], list[str]]:
+    """Return the run file's data about each camera, and a sentence if the run file cannot be read.
+
+    The report also works without the run file. If the file is not there, its facts are "not stated".
+    """
     if not isinstance(result, RunResult):
-        return {}
+        return {}, []
+    path = beside(result.source, result.file)
+    if not path.exists():
+        return {}, []
     try:
-        with open_run(beside(result.source, result.file)) as run:
-            if run.info.run_id != result.info.run_id or camera not in run.cameras:
-                return {}
-            return run.identity(camera) | {"exposure_us": float(np.median(exposures_us(run, camera)))}
-    except MeasurementError:
-        # The report also works without the run file; its facts are then "not stated".
-        return {}
+        with open_run(path) as run:
+            if run.info.run_id != result.info.run_id:
+                said = f"{path} is the file of another run, so it gives no facts about the cameras."
+                return {}, [said]
+            return {
+                camera: run.identity(camera) | {"exposure_us": float(np.median(exposures_us(run, camera)))}
+                for camera in run.cameras
+            }, []
+    except (MeasurementError, OSError, KeyError) as error:
+        reason = error if isinstance(error, MeasurementError) else f"{path}: {error}"
+        return {}, [f"The run file gives no facts about the cameras, because it cannot be read: {reason}."]
 
 
-def _facts_of(images: CameraImages, facts: StatedFacts, recorded: Mapping[str, Any]) -> dict[str, str]:
-    calibration = images.calibration
-    pinhole = None if calibration is None else calibration.pinhole
+def _facts_of(
+    images: CameraImages, facts: StatedFacts, result: Results, recorded: Mapping[str, Any]
+) -> dict[str, Fact]:
+    camera = images.camera
+
+    def stated(key: str, measured: Fact | None = None) -> Fact:
+        return facts.stated("cameras", key, camera, measured)
+
+    of_run = partial(_recorded_fact, result.source, f"/entry/instrument/{camera}", recorded)
     height, width = images.series.reference.shape
     bits = f", {recorded['bits']} bit" if "bits" in recorded else ""
-    identity = [str(recorded[key]) for key in ("vendor", "model") if recorded.get(key)]
-    if recorded.get("serial"):
-        identity.append(f"serial number {recorded['serial']}")
-
-    def known(key: str, measured: str = NOT_STATED) -> str:
-        return facts.given("cameras", key, images.camera) or measured
-
-    focal, stand_off, angle, view, scale = (NOT_STATED,) * 5
-    if pinhole is not None:
-        std = pinhole.covariance[0, 0] ** 0.5
-        focal = f"{with_std(pinhole.focal_px, std)} px, from the calibration"
-        away = with_std(float(pinhole.centre_mm[2]), float(pinhole.centre_std_mm[2]))
-        stand_off = f"{away} mm from the camera's centre to the grid's plane, from the calibration"
-        angle = f"{with_std(pinhole.off_axis_deg, pinhole.off_axis_std_deg)}°, from the calibration"
-    if calibration is not None:
-        x_mm, y_mm = calibration.axes_mm_per_px
-        view = f"{fixed(width * x_mm, 2)} mm × {fixed(height * y_mm, 2)} mm {_AT}"
-        scale = f"{fixed(1.0 / x_mm, 2)} px/mm × {fixed(1.0 / y_mm, 2)} px/mm, "
-        scale += f"{fixed(_MM_TO_UM * x_mm, 3)} µm/px × {fixed(_MM_TO_UM * y_mm, 3)} µm/px {_AT}"
-    exposure_us = float(recorded.get("exposure_us", 0.0))
-    exposure = f"{exposure_us / 1000.0:g} ms" if exposure_us > 0.0 else NOT_STATED
+    optics = _optics(images, results_file(result))
+    size = Fact(
+        f"{width} px × {height} px{bits}", results_file(result), "reference", "size of the reference image"
+    )
     return {
-        "Camera": known("model", ", ".join(identity) or NOT_STATED),
-        "Image resolution": f"{width} px × {height} px{bits}",
-        "Lens": known("lens"),
-        "Focal length": known("focal_length_mm", focal),
-        "Aperture": known("aperture"),
-        "Field of view": view,
-        "Image scale": scale,
-        "Angle off-axis": angle,
-        "Stand-off distance": known("stand_off_mm", stand_off),
-        "Image acquisition rate": known("frame_rate_hz", _interval(images)),
-        "Exposure time": known("exposure_ms", exposure),
-        "Lighting": known("lighting"),
+        "Camera": stated("model", of_run(_identity(recorded), "vendor, model and serial of the camera")),
+        "Image resolution": size,
+        "Lens": stated("lens"),
+        "Focal length": stated("focal_length_mm", optics.get("focal")),
+        "Aperture": stated("aperture"),
+        "Field of view": optics.get("view", Fact()),
+        "Image scale": optics.get("scale", Fact()),
+        "Angle off-axis": optics.get("angle", Fact()),
+        "Stand-off distance": stated("stand_off_mm", optics.get("away")),
+        "Image acquisition rate": stated("frame_rate_hz", _interval(images, results_file(result))),
+        "Exposure time": stated("exposure_ms", of_run(_exposure(recorded), "median of exposure_us")),
+        "Lighting": stated("lighting"),
         "Patterning technique": facts.stated("pattern", "technique"),
-        "Pattern feature size": _feature_size(images, facts),
+        "Pattern feature size": _feature_size(images, facts, results_file(result)),
     }
 
 
-def _interval(images: CameraImages) -> str:
+def _recorded_fact(file: str, group: str, recorded: Mapping[str, Any], text: str, rule: str) -> Fact:
+    return Fact(text, file, group, rule) if recorded and text else Fact()
+
+
+def _identity(recorded: Mapping[str, Any]) -> str:
+    parts = [str(recorded[key]) for key in ("vendor", "model") if recorded.get(key)]
+    if recorded.get("serial"):
+        parts.append(f"serial number {recorded['serial']}")
+    return ", ".join(parts)
+
+
+def _exposure(recorded: Mapping[str, Any]) -> str:
+    exposure_us = float(recorded.get("exposure_us", 0.0))
+    return f"{exposure_us / 1000.0:g} ms" if exposure_us > 0.0 else ""
+
+
+def _optics(images: CameraImages, file: str) -> dict[str, Fact]:
+    """Return the facts that the calibration gives: field of view, scale, and the pinhole camera's place."""
+    calibration = images.calibration
+    if calibration is None:
+        return {}
+    height, width = images.series.reference.shape
+    x_mm, y_mm = calibration.axes_mm_per_px
+    scale = f"{fixed(1.0 / x_mm, 2)} px/mm × {fixed(1.0 / y_mm, 2)} px/mm, "
+    scale += f"{fixed(_MM_TO_UM * x_mm, 3)} µm/px × {fixed(_MM_TO_UM * y_mm, 3)} µm/px {_AT}"
+    derivative = "derivative of the map from px to mm in the middle of the grid"
+    view = f"{fixed(width * x_mm, 2)} mm × {fixed(height * y_mm, 2)} mm {_AT}"
+    found = {
+        "view": Fact(view, file, "calibration", f"size of the image times the {derivative}"),
+        "scale": Fact(scale, file, "calibration", derivative),
+    }
+    pinhole = calibration.pinhole
+    if pinhole is None:
+        return found
+    fitted = partial(Fact, file=file, step="calibration")
+    focal = _determined(pinhole.focal_px, float(pinhole.covariance[0, 0]) ** 0.5, "px")
+    away = _determined(float(pinhole.centre_mm[2]), float(pinhole.centre_std_mm[2]), "mm")
+    angle = f"{with_std(pinhole.off_axis_deg, pinhole.off_axis_std_deg)}°, from the calibration"
+    return found | {
+        "focal": fitted(f"{focal}, from the calibration", rule="focal length of the pinhole camera"),
+        "away": fitted(
+            f"{away} from the camera's centre to the grid's plane, from the calibration",
+            rule="distance of the pinhole camera's centre",
+        ),
+        "angle": fitted(angle, rule="angle between the line of sight and the grid's normal"),
+    }
+
+
+def _determined(value: float, std: float, unit: str) -> str:
+    """Return a value with its standard deviation, and say so if the calibration does not determine it.
+
+    The image of a grid hardly depends on the distance of a camera that looks straight on, if the focal length
+    changes together with the distance.
+    """
+    text = f"{with_std(value, std)} {unit}"
+    return text if std <= _DETERMINED * abs(value) else f"not determined ({text})"
+
+
+def _interval(images: CameraImages, file: str) -> Fact:
     """Return the usual time between two images."""
     steps = np.diff(images.times_s[np.isfinite(images.times_s)])
     if not steps.size:
-        return NOT_STATED
-    return f"one image in {np.median(steps):.3g} s (median)"
+        return Fact()
+    text = f"one image in {np.median(steps):.3g} s (median)"
+    return Fact(text, file, "times of the images", "median of the differences")
 
 
-def _feature_size(images: CameraImages, facts: StatedFacts) -> str:
+def _feature_size(images: CameraImages, facts: StatedFacts, file: str) -> Fact:
     """Return the size of the speckles, measured in the reference image within the region of interest."""
-    made = facts.given("pattern", "feature_size_mm")
+    made = facts.stated("pattern", "feature_size_mm")
     found = next((one.measurement for one in images.series.images if one.measurement is not None), None)
-    texts = [] if made is None else [f"{made} as made"]
-    if found is not None:
-        field, grey = found.field, images.series.reference
-        region = np.ones(grey.shape, np.bool_) if field.region is None else field.region
-        texts.append(_measured_size(grey, region, images))
-    return "; ".join(texts) or NOT_STATED
+    if found is None:
+        return replace(made, text=f"{made.text} as made") if made.is_known else made
+    field, grey = found.field, images.series.reference
+    region = np.ones(grey.shape, np.bool_) if field.region is None else field.region
+    text = _measured_size(grey, region, images)
+    if made.is_known:
+        text = f"{made.text} as made; {text}"
+    return Fact(text, file, "reference", "full width at half maximum of the autocovariance")
 
 
 def _measured_size(grey: Grey, region: Mask, images: CameraImages) -> str:

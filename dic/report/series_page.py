@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from dic.calibration.calibration import Calibration
 from dic.files.writing import write_text
-from dic.pictures.layout import MM_PER_IN
 from dic.pictures.maps import draw_maps
 from dic.pictures.panels import maps_of, scale_of
 from dic.pictures.settings import MapSettings
@@ -13,7 +13,7 @@ from dic.pipeline.series_result import MeasuredImage
 from dic.pipeline.series_result_file import SeriesResult
 from dic.report.numbers import micro, micro_with_std
 from dic.report.pdf import require_pdf, write_pdf
-from dic.report.style import PAGE_WIDTH_IN, plot_style, png_uri
+from dic.report.style import PICTURE_COLUMNS, PICTURE_DPI, PICTURE_WIDTH_MM, plot_style, png_uri
 from dic.report.templating import page_templates
 from dic.report.tensile_page import tensile_view
 from dic.report.tensile_test import TensileTest
@@ -21,7 +21,7 @@ from dic.strain.measurement import Measurement
 from dic.strain.strain import gauge_text
 from dic.typing import PathLike
 
-_MAPS = MapSettings(width_mm=PAGE_WIDTH_IN * MM_PER_IN)
+_MAPS = MapSettings(width_mm=PICTURE_WIDTH_MM)
 _COMPONENTS = ("exx", "eyy", "exy")
 
 
@@ -87,7 +87,7 @@ def _view(result: SeriesResult) -> SeriesView:
         if image.measurement is not None:
             measured.append(place)
             if len(measured) == 1:
-                settings += _settings(image.measurement)
+                settings += _settings(image.measurement, result.calibration)
     return SeriesView(
         Path(result.source).name,
         kinds,
@@ -122,8 +122,9 @@ def _strain(mean: dict[str, float | None], component: str, *, stated: bool) -> s
     return micro(1e6 * value) if std is None else micro_with_std(1e6 * value, 1e6 * std)
 
 
-def _settings(measurement: Measurement) -> list[tuple[str, str]]:
+def _settings(measurement: Measurement, calibration: Calibration | None) -> list[tuple[str, str]]:
     settings, strain = measurement.settings, measurement.strain_settings
+    axes_mm_per_px = None if calibration is None else calibration.axes_mm_per_px
     return [
         ("Subset", f"{settings.subset_px} px, step {settings.step_px} px, {settings.shape} shape function"),
         ("Interpolation", f"B-spline of order {settings.order}"),
@@ -132,7 +133,7 @@ def _settings(measurement: Measurement) -> list[tuple[str, str]]:
             "Strain",
             f"{strain.measure}, local strain from {strain.source}, {strain.window_points} points wide",
         ),
-        ("Gauge", gauge_text(measurement.gauge_px, measurement.gauge_mm)),
+        ("Gauge", gauge_text(measurement.gauge_px, axes_mm_per_px)),
     ]
 
 
@@ -144,6 +145,7 @@ def _pictures(result: SeriesResult, measured: Sequence[int]) -> list[tuple[str, 
         image = result.series.images[place]
         if image.measurement is not None:
             maps = maps_of(image.measurement, _MAPS, image.correction)
-            figure = draw_maps(maps, result.series.reference, "", _MAPS, scale_of([maps], _MAPS))
-            pictures.append((Path(image.label).name, png_uri(figure, dpi=90)))
+            scale = scale_of([maps], _MAPS)
+            figure = draw_maps(maps, result.series.reference, "", _MAPS, scale, columns=PICTURE_COLUMNS)
+            pictures.append((Path(image.label).name, png_uri(figure, dpi=PICTURE_DPI)))
     return pictures

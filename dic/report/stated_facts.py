@@ -2,21 +2,20 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from datetime import date
 from typing import Any
 
 from dic.errors import MeasurementError, RunFileError, joined
-from dic.files.toml import NUMBER, TEXT, is_of_kind, read_toml, wrong_values
+from dic.files.toml import DATE, NUMBER, TEXT, is_of_kind, read_toml, wrong_values
+from dic.report.fact_table import Fact
 from dic.typing import PathLike
-
-NOT_STATED = "not stated"
-"""Text in the report for a fact that is neither measured nor stated by the user."""
 
 _ABSOLUTE_ZERO_C = -273.15
 
 
 @dataclass(frozen=True)
-class Fact:
-    """A fact that the user can state.
+class FactKind:
+    """A kind of fact that the user can state.
 
     Attributes
     ----------
@@ -44,47 +43,47 @@ class Fact:
         return self.kind != NUMBER or not is_of_kind(value, NUMBER) or value > self.above  # type: ignore[operator]
 
 
-FACTS: Mapping[str, Mapping[str, Fact]] = {
+FACTS: Mapping[str, Mapping[str, FactKind]] = {
     "laboratory": {
-        "name": Fact("Name"),
-        "operator": Fact("Operator"),
-        "report_number": Fact("Number of the report"),
-        "order": Fact("Order"),
-        "date": Fact("Date of the test"),
+        "name": FactKind("Name"),
+        "operator": FactKind("Operator"),
+        "report_number": FactKind("Number of the report"),
+        "order": FactKind("Order"),
+        "date": FactKind("Date of the test", DATE),
     },
     "specimen": {
-        "name": Fact("Name"),
-        "material": Fact("Material"),
-        "condition": Fact("Condition"),
-        "orientation": Fact("Direction of the specimen in the product"),
-        "shape": Fact("Shape and standard of the specimen"),
-        "width_mm": Fact("Width", NUMBER, "mm"),
-        "thickness_mm": Fact("Thickness", NUMBER, "mm"),
-        "parallel_length_mm": Fact("Parallel length", NUMBER, "mm"),
-        "gauge_length_mm": Fact("Gauge length", NUMBER, "mm"),
-        "preparation": Fact("Preparation"),
+        "name": FactKind("Name"),
+        "material": FactKind("Material"),
+        "condition": FactKind("Condition"),
+        "orientation": FactKind("Direction of the specimen in the product"),
+        "shape": FactKind("Shape and standard of the specimen"),
+        "width_mm": FactKind("Width", NUMBER, "mm"),
+        "thickness_mm": FactKind("Thickness", NUMBER, "mm"),
+        "parallel_length_mm": FactKind("Parallel length", NUMBER, "mm"),
+        "gauge_length_mm": FactKind("Gauge length", NUMBER, "mm"),
+        "preparation": FactKind("Preparation"),
     },
     "machine": {
-        "model": Fact("Model"),
-        "load_cell": Fact("Load cell"),
-        "load_cell_class": Fact("Class of the load cell (ISO 7500-1)"),
-        "grips": Fact("Grips"),
-        "control": Fact("Control and rate of the test"),
-        "temperature_c": Fact("Temperature", NUMBER, "°C", above=_ABSOLUTE_ZERO_C),
+        "model": FactKind("Model"),
+        "load_cell": FactKind("Load cell"),
+        "load_cell_class": FactKind("Class of the load cell (ISO 7500-1)"),
+        "grips": FactKind("Grips"),
+        "control": FactKind("Control and rate of the test"),
+        "temperature_c": FactKind("Temperature", NUMBER, "°C", above=_ABSOLUTE_ZERO_C),
     },
     "pattern": {
-        "technique": Fact("Patterning technique"),
-        "feature_size_mm": Fact("Feature size as made", NUMBER, "mm"),
+        "technique": FactKind("Patterning technique"),
+        "feature_size_mm": FactKind("Feature size as made", NUMBER, "mm"),
     },
     "cameras": {
-        "model": Fact("Camera"),
-        "lens": Fact("Lens"),
-        "focal_length_mm": Fact("Focal length", NUMBER, "mm"),
-        "aperture": Fact("Aperture"),
-        "stand_off_mm": Fact("Stand-off distance", NUMBER, "mm"),
-        "frame_rate_hz": Fact("Image acquisition rate", NUMBER, "Hz"),
-        "exposure_ms": Fact("Exposure time", NUMBER, "ms"),
-        "lighting": Fact("Lighting"),
+        "model": FactKind("Camera"),
+        "lens": FactKind("Lens"),
+        "focal_length_mm": FactKind("Focal length", NUMBER, "mm"),
+        "aperture": FactKind("Aperture"),
+        "stand_off_mm": FactKind("Stand-off distance", NUMBER, "mm"),
+        "frame_rate_hz": FactKind("Image acquisition rate", NUMBER, "Hz"),
+        "exposure_ms": FactKind("Exposure time", NUMBER, "ms"),
+        "lighting": FactKind("Lighting"),
     },
 }
 """All facts, keyed by table and key in the file. A fact of `cameras` may also be in the table of a single
@@ -105,10 +104,13 @@ class StatedFacts:
         cameras.
     cameras : mapping of str to mapping
         Facts about single cameras, keyed by the camera's name.
+    source : str
+        The file of the facts; "" for facts that were given in Python.
     """
 
     tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     cameras: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    source: str = ""
 
     def given(self, table: str, key: str, camera: str = "") -> str | None:
         """Return a fact as text with its unit; None if the user did not state it."""
@@ -116,9 +118,22 @@ class StatedFacts:
         value = own.get(key, self.tables.get(table, {}).get(key))
         return None if value is None else FACTS[table][key].text(value)
 
-    def stated(self, table: str, key: str, camera: str = "") -> str:
-        """Return a fact as text with its unit, or "not stated"."""
-        return self.given(table, key, camera) or NOT_STATED
+    def stated(self, table: str, key: str, camera: str = "", known: Fact | None = None) -> Fact:
+        """Return a fact that the user states, with its place in the file; else the known fact.
+
+        Parameters
+        ----------
+        table, key : str
+        camera : str
+            The camera, for facts of the table "cameras".
+        known : Fact, optional
+            The fact from the results. Default: a fact that is not stated.
+        """
+        text = self.given(table, key, camera)
+        if text is None:
+            return known or Fact()
+        own = table == _CAMERAS and key in self.cameras.get(camera, {})
+        return Fact(text, self.source, f"[{table}.{camera}]" if own else f"[{table}]", f"stated as {key}")
 
     def require_cameras(self, names: Iterable[str]) -> None:
         """Raise an error if the user states facts about a camera that the results do not have.
@@ -181,13 +196,20 @@ def read_stated_facts(path: PathLike) -> StatedFacts:
         errors += _mistakes(f"{path}, [{_CAMERAS}.{camera}]", table, FACTS[_CAMERAS])
     if errors:
         raise joined(errors)
-    return StatedFacts(tables, cameras)
+    return StatedFacts({name: _plain(table) for name, table in tables.items()}, cameras, str(path))
 
 
-def _mistakes(place: str, table: Mapping[str, Any], facts: Mapping[str, Fact]) -> Iterator[MeasurementError]:
+def _mistakes(
+    place: str, table: Mapping[str, Any], facts: Mapping[str, FactKind]
+) -> Iterator[MeasurementError]:
     """Yield an error for each unknown key, value of a wrong type and impossible number of a table."""
     yield from wrong_values(place, table, {key: fact.kind for key, fact in facts.items()}, RunFileError)
     for key, value in table.items():
         if key in facts and not facts[key].is_possible(value):
             expected = f"a number above {facts[key].above:g}"
             yield RunFileError(place, key, expected, repr(value)[:80], "correct the value")
+
+
+def _plain(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table with dates of TOML as texts of ISO 8601, so that JSON can contain them."""
+    return {key: value.isoformat() if isinstance(value, date) else value for key, value in table.items()}

@@ -23,14 +23,22 @@ CONFIDENCE = 1.96
 """Half of the width of the 95 % interval of a normal distribution, in standard deviations."""
 
 
-PAGE_WIDTH_IN = 11.0
-_LABELS_LEFT_IN = 0.9
+PAGE_WIDTH_IN = 9.0
+"""Width of the figures. On paper they are 186 mm wide, so letters of 9 pt are printed with 7.3 pt."""
+PICTURE_WIDTH_MM = 190.0
+"""Width of pictures with maps, whose letters have 7 pt: about the width of the paper within its margins."""
+PICTURE_DPI = 150
+PICTURE_COLUMNS = 3
+"""Number of maps side by side, each of which is about 60 mm wide on paper."""
+_LABELS_LEFT_IN = 0.96
 """Space for the labels of a vertical axis: the axis' name and numbers as long as "−100000"."""
 _LABELS_BELOW_IN = 0.46
 _RIGHT_IN = 0.1
 _TOP_IN = 0.18
 _LEGEND_LINE_IN = 0.19
 _LEGEND_EDGE_IN = 0.16
+_LETTER_IN, _SAMPLE_IN = 0.075, 0.62
+"""Width of a letter of a legend, and of the sample of a line with the space around it."""
 _MARGIN_PX = 6
 # The type is Any, because matplotlib's own type for this dictionary is a long list of all possible keys.
 _RC: Any = {
@@ -86,11 +94,15 @@ def new_figure(columns: int, height_in: float = 3.6) -> tuple[Any, Any]:
 
 
 def legend_below(figure: Any, columns: int = 4) -> None:
-    """Draw one legend for all axes below them, where the legend hides no data."""
+    """Draw one legend for all axes below them, where the legend hides no data.
+
+    The legend has at most the given number of columns, and fewer if its labels are too long for this.
+    """
     drawn = [pair for axis in figure.axes for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
     named = {label: handle for handle, label in reversed(drawn)}
     labels = list(dict.fromkeys(label for _, label in drawn))
-    columns = min(columns, max(1, len(labels)))
+    longest_in = _SAMPLE_IN + _LETTER_IN * max(map(len, labels), default=0)
+    columns = max(1, min(columns, len(labels), int(PAGE_WIDTH_IN / longest_in)))
     figure.legend(
         [named[label] for label in labels],
         labels,
@@ -141,9 +153,12 @@ def draw_banded(axis: Any, x: Any, values: Float, std: Float, label: str, style:
 
 
 def svg_uri(figure: Any) -> str:
-    """Return a figure as a data URI in SVG format, for figures that consist of lines."""
+    """Return a figure as a data URI in SVG format, for figures that consist of lines.
+
+    The figure is transparent, so that it does not hide a watermark of the page.
+    """
     buffer = BytesIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    figure.savefig(buffer, format="svg", metadata={"Date": None}, transparent=True)
     return "data:image/svg+xml;base64," + b64encode(buffer.getvalue()).decode()
 
 

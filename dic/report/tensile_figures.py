@@ -47,7 +47,7 @@ def curves_figure(test: TensileTest) -> Any:
         axis.set(title=title, xlabel="engineering strain, %", ylabel="stress, MPa")
     if len(test.columns) > 1:
         _draw_differences(axes[2], test)
-    figure.subplots_adjust(top=0.93, right=0.975)
+    figure.subplots_adjust(top=0.93, right=0.965)
     legend_below(figure, columns=4)
     return figure
 
@@ -120,7 +120,7 @@ def _draw_differences(axis: Any, test: TensileTest) -> None:
         axis.set_xticks([0.0, *(tick for tick in powers if low <= tick <= high)])
         axis.set_xlim(low, high)
     axis.xaxis.set_major_formatter("{x:g}")
-    axis.set(title="difference of strain", xlabel=f"strain minus that of {main.label}, µε")
+    axis.set(title="difference of strain", xlabel="strain minus that of the best, µε")
 
 
 def _reference_line(test: TensileTest) -> dict[str, Any]:

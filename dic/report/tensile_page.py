@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,11 +12,24 @@ from dic.report.camera_images import Results, images_of
 from dic.report.conditions import Conditions, conditions_of
 from dic.report.numbers import fixed, with_std
 from dic.report.repeat import Repeat, repeat_of, result_of
-from dic.report.style import png_uri, svg_uri
+from dic.report.style import PAGE_WIDTH_IN, PICTURE_DPI, png_uri, svg_uri
 from dic.report.tensile_figures import curves_figure, gauges_figure
 from dic.report.tensile_test import TensileTest, TestColumn, symbols_of
 
 _ALWAYS = ("E_gpa", "nu", "Rp02_mpa")
+_IDENTITY = {
+    "Laboratory": ("laboratory", "Name"),
+    "Report": ("laboratory", "Number of the report"),
+    "Order": ("laboratory", "Order"),
+    "Operator": ("laboratory", "Operator"),
+    "Date of the test": ("laboratory", "Date of the test"),
+    "Specimen": ("specimen", "Name"),
+    "Material": ("specimen", "Material"),
+    "Condition": ("specimen", "Condition"),
+    "Testing machine": ("machine", "Model"),
+}
+"""Name, table and row of each fact above the values of a test."""
+_CURVE_HEIGHT_IN = 4.2
 DECIMALS = {"GPa": 2, "MPa": 1, "%": 3, "1": 4}
 
 
@@ -45,6 +59,8 @@ class TensileView:
     """The content of the report on one tensile test, in the form that the page template needs."""
 
     test: TensileTest
+    identity: list[tuple[str, str]]
+    not_counted: str
     headings: list[tuple[str, str]]
     rows: list[PropertyRow]
     remarks: list[Remarks]
@@ -68,16 +84,33 @@ def tensile_view(test: TensileTest, results: Sequence[Results]) -> TensileView:
     conditions = conditions_of(test, result, images_of(result))
     return TensileView(
         test=test,
+        identity=_identity(conditions),
+        not_counted=", ".join(
+            dict.fromkeys(part for column in test.columns for part in column.properties.not_counted)
+        ),
         headings=[(column.camera, column.kind_text) for column in test.columns],
         rows=[_row(test, name, *words) for name, words in symbols.items() if _is_shown(test, name)],
         remarks=remarks_of(test),
         about=_about(test),
         curves=svg_uri(curves_figure(test)),
-        curve=png_uri(draw_properties(test.main.properties)),
+        curve=png_uri(_properties_figure(test), PICTURE_DPI),
         gauges=svg_uri(gauges_figure(test)),
         conditions=conditions,
         repeat=repeat_of(test, result),
     )
+
+
+def _identity(conditions: Conditions) -> list[tuple[str, str]]:
+    """Return the known facts that identify a test, which stand above its values."""
+    stated = {name: dict(table.facts) for name, table in conditions.tables.stated.items()}
+    found = [(label, stated[table][row][0]) for label, (table, row) in _IDENTITY.items()]
+    return [(label, fact.text) for label, fact in found if fact.is_known]
+
+
+def _properties_figure(test: TensileTest) -> Any:
+    figure = draw_properties(test.main.properties)
+    figure.set_size_inches(PAGE_WIDTH_IN, _CURVE_HEIGHT_IN)
+    return figure
 
 
 def _is_shown(test: TensileTest, name: str) -> bool:
@@ -159,11 +192,21 @@ def _about(test: TensileTest) -> list[tuple[str, str]]:
 
 
 def _lengths(test: TensileTest, name: str) -> str:
-    """Return the gauge lengths between the measured points, in all images and cameras, as text."""
-    found = set()
+    """Return the gauge lengths between the measured points in the images of each camera, as text."""
+    found: dict[str, dict[str, list[float]]] = {}
     for image in test.series.images:
         if name in image.readings:
             _, reading = image.best(name)
             if not reading.reason and np.isfinite(reading.length):
-                found.add(f"{fixed(reading.length, 3)} {reading.unit}")
-    return ", ".join(sorted(found))
+                of_camera = found.setdefault(str(image.known.get("camera", "")), {})
+                of_camera.setdefault(reading.unit, []).append(reading.length)
+    return "; ".join(
+        f"{_range_text(lengths)} {unit}{f' ({camera})' if camera else ''}"
+        for camera, of_camera in found.items()
+        for unit, lengths in of_camera.items()
+    )
+
+
+def _range_text(values: list[float]) -> str:
+    low, high = fixed(min(values), 3), fixed(max(values), 3)
+    return low if low == high else f"{low} to {high}"

@@ -159,7 +159,7 @@ def _label_steps(axis: Any, run: Run) -> None:
     gaps if conditional steps of a test plan were not executed, or if a step could not be measured.
     """
     steps = run.steps
-    every = max(1, -(-len(steps) // 12))
+    every = max(1, -(-len(steps) // 7))
     axis.set_xticks(range(0, len(steps), every), [str(step.index) for step in steps[::every]])
     axis.set_xlim(-0.6, len(steps) - 0.4)
     axis.set_xlabel("step (shaded: load control)")

@@ -4,6 +4,7 @@ import hashlib
 import json
 import re
 import sys
+import tomllib
 
 import h5py
 import numpy as np
@@ -112,6 +113,44 @@ def test_every_number_can_be_followed_to_its_file_image_and_rule(folder, reporte
     assert {name for name, value in values.items() if value["value"] is None} >= {"ReH_mpa", "r", "n"}
 
 
+def test_every_entry_of_the_tables_can_be_followed_to_its_file_step_and_rule(folder, reported):
+    (test,) = json.loads((reported / "report.json").read_text())["tests"]
+    tables = test["tables"]
+    files = tables.pop("files")
+    assert files == {str(path): digest_of(path) for path in (folder / "r.h5", reported / "facts.toml")}
+    for name in ("laboratory", "specimen", "machine", "hardware", "analysis"):
+        for entry in tables[name]:
+            known = entry["text"] is not None
+            assert known == (entry["file"] in files) == (entry["step"] is not None), entry
+            assert entry["rule"], entry
+    shown = {(table, entry["name"]): entry for table, entries in tables.items() for entry in entries}
+    material = shown["specimen", "Material"]
+    stated = tomllib.loads((reported / "facts.toml").read_text(encoding="utf-8"))
+    key = material["rule"].removeprefix("stated as ")
+    assert material["text"] == stated[material["step"].strip("[]")][key]
+    assert shown["hardware", "Lens"]["step"] == "[cameras]"
+    assert shown["hardware", "Aperture"] == {
+        "name": "Aperture", "camera": None, "text": None, "file": None, "step": None, "rule": "not stated"
+    }  # fmt: skip
+    with h5py.File(folder / "r.h5") as file:
+        series = file["series"]
+        labels = list(series["label"].asstr()[:])
+        for row, unit in (("Subset size", " px"), ("Step size", " px"), ("Subset shape function", "")):
+            entry = shown["analysis", row]
+            assert entry["text"] == f"{series.attrs[entry['rule']]}{unit}"
+            assert entry["step"] == f"series of {labels[0]}"
+        for component in ("exx", "eyy", "exy"):
+            noise = shown["noise_floor", f"local ε{component[1:]}, raw"]
+            place, rest = labels.index(noise["step"]), [labels.index(one) for one in noise["images_at_rest"]]
+            maps = [1e6 * series[component][k] for k in rest]
+            spread = np.sqrt(np.mean([np.nanvar(each, ddof=1) for each in maps]))
+            assert noise["measured"] == pytest.approx(spread, rel=1e-6)
+            assert noise["bias"] == pytest.approx(np.mean([np.nanmean(each) for each in maps]), rel=1e-6)
+            predicted = 1e6 * np.nanmedian(series[f"{component}_std"][place])
+            # Only a strain that was read with its parts has the part of the images apart.
+            assert noise["predicted"] == pytest.approx(predicted, rel=1e-6)
+
+
 def digest_of(path):
     with open(path, "rb") as file:  # noqa: PTH123
         return hashlib.file_digest(file, "sha256").hexdigest()
@@ -175,6 +214,11 @@ def test_noise_floor_is_the_scatter_and_the_mean_in_the_images_at_rest(folder, r
                 "exposure_ms: expected a number above 0, got 0",
             ),
         ),
+        (
+            "facts",
+            '[laboratory]\ndate = "2 March 2026"',
+            ('[laboratory]: date: expected a date such as "2026-03-02"', "got '2 March 2026'"),
+        ),
         ("facts", "[specimen", ("read the stated facts: expected a TOML file, got one that cannot",)),
         (
             "facts",
@@ -203,7 +247,7 @@ def test_example_of_facts_in_the_documentation_states_every_fact(tmp_path):
     assert {name: set(table) for name, table in facts.tables.items()} == {
         name: set(known) for name, known in FACTS_KNOWN.items()
     }
-    assert facts.stated("specimen", "parallel_length_mm") == "75 mm"
+    assert facts.given("specimen", "parallel_length_mm") == "75 mm"
 
 
 @pytest.fixture(scope="module")
@@ -277,7 +321,12 @@ def test_pdf_has_every_table_whole_on_a_page(folder, tmp_path):
     assert done.status == 0, done
     document = pdfium.PdfDocument(tmp_path / "report.pdf")
     pages = [" ".join(page.get_textpage().get_text_range().split()) for page in document]
-    assert len(pages) >= 5
+    assert len(pages) >= 3
+    assert all("r.h5" in page[:60] for page in pages)  # the title stands at the top of each page
+    for number, page in enumerate(document, 1):
+        for drawn in page.get_objects(filter=[pdfium.raw.FPDF_PAGEOBJ_IMAGE]):
+            left, _, right, _ = drawn.get_pos()
+            assert (right - left) / 72 * 25.4 > 60, number
     for first, last in (
         ("Camera not stated", "Pattern feature size"),
         ("Image filtering", "Calibration none"),
@@ -286,6 +335,26 @@ def test_pdf_has_every_table_whole_on_a_page(folder, tmp_path):
         assert sum(first in page and last in page for page in pages) == 1, first
     assert all(f"{number} / {len(pages)}" in page for number, page in enumerate(pages, 1))
     assert sum("Material 2024-T3" in page for page in pages) == 1
+
+
+@pytest.mark.parametrize("written", ['"2026-03-02"', "2026-03-02", '"2026-03-02T08:30:00+01:00"'])
+def test_a_stated_date_is_a_date_of_iso_8601(tmp_path, written):
+    (tmp_path / "facts.toml").write_text(f"[laboratory]\ndate = {written}\n")
+    facts = dic.read_stated_facts(tmp_path / "facts.toml")
+    assert json.loads(json.dumps(facts.as_dict()))["laboratory"]["date"].startswith("2026-03-02")
+    dic.AboutTest("a", facts.tables)
+    said = r"\[laboratory\] date: expected a date of ISO 8601, got '2.3.26'"
+    with pytest.raises(dic.OutputError, match=said):
+        dic.AboutTest("a", {"laboratory": {"date": "2.3.26"}})
+
+
+def test_an_error_of_the_program_is_no_sentence_about_the_results(folder, tmp_path, monkeypatch):
+    def broken(*_, **__):
+        raise TypeError("a mistake of the program")
+
+    monkeypatch.setattr("dic.report.series_page.write_series_report", broken)
+    with pytest.raises(TypeError, match="a mistake of the program"):
+        run_dic("report", folder / "r.h5", "-o", tmp_path / "report.html")
 
 
 def test_pdf_without_its_library_is_one_sentence(folder, tmp_path, monkeypatch):

@@ -9,10 +9,10 @@ import dic
 from dic.out_of_plane.correct import Corrections
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.plane import Plane
-from dic.report.analysis import doubt_of_rest, noise_floor_of
 from dic.report.camera_images import images_of
 from dic.report.conditions import conditions_of
 from dic.report.hardware import hardware_table
+from dic.report.noise_floor import doubt_of_rest, noise_floor_of
 from dic.report.state_fields import state_picture
 from dic.report.states import State
 from dic.report.style import plot_style
@@ -94,7 +94,7 @@ def test_the_page_states_only_what_is_known_and_what_contradicts_it():
         found = conditions_of(test, result, images_of(result))
     specimen = dict(dict(found.stated)["Specimen"])
     assert (specimen["Parallel length"], specimen["Gauge length"]) == ("not stated", "60 mm")
-    assert dict(found.analysis.rows)["Software"] == ["not stated"]
+    assert dict(found.tables.analysis.rows)["Software"] == ["not stated"]
     # the stated thickness of 1 mm replaces 0.9 mm, and S0 is 20 mm²
     assert found.doubts == [
         "Width × thickness is 25 mm × 1 mm = 25 mm², but all stresses were computed with S0 = 20 mm²."
