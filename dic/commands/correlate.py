@@ -138,6 +138,8 @@ def correlate(
         work.draw()
         if not whole:
             correlated.stay()
+            if place is not None:
+                say("give the same command again to go on with the images that are not measured", err=True)
     end(work.record)
 
 

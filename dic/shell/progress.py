@@ -12,6 +12,12 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 _REFRESHES_PER_S = 10.0
+_ESTIMATE_S = 180.0
+"""The remaining time follows from the pieces of work that ended in this time, so each must be shorter.
+
+With Rich's default of 30 s, no remaining time would be shown for large images. A longer time would count too
+many images that were finished before an interruption, because these are read in no time.
+"""
 
 
 class Bar:
@@ -31,7 +37,7 @@ class Bar:
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
         columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-        return Progress(*columns, auto_refresh=False)
+        return Progress(*columns, auto_refresh=False, speed_estimate_period=_ESTIMATE_S)
 
     def expect(self, total: int) -> None:
         """Set the total number of pieces of work."""

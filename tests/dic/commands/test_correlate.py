@@ -152,6 +152,7 @@ def test_a_stopped_series_keeps_what_it_has_measured(folder, tmp_path):
     )  # fmt: skip
     assert result.status == 2, result
     assert "1 of 2 images not measured" in result.err
+    assert result.err.endswith("give the same command again to go on with the images that are not measured\n")
     with h5py.File(tmp_path / "r.h5") as file:
         assert [label.rsplit("/")[-1] for label in file["series/label"].asstr()] == ["moved.png"]
     content = result.report
