@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 
 from dic.errors import WorkerError
 from dic.image.threads import processors
-from dic.workers.pipes import Message, receive, send, unpacked
+from dic.workers.pipes import Message, receive, send, unpacked, widen
 from dic.workers.workers import Given, Result, Workers
 
 _ATTEMPTS = 3
@@ -159,6 +159,7 @@ class _Process:
                     # its workers.
                     start_new_session=True,
                 )
+                widen(self._process.stdout)  # type: ignore[arg-type]
                 started.pop_all()
         except OSError as error:
             raise WorkerError(
