@@ -11,6 +11,7 @@ import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
+from dic.image.stored import is_large
 from dic.strain.error_overlap import ClippedSubsets, clipped_subsets, error_overlap
 from dic.strain.sight import Sight, shared_sight
 from dic.typing import Float, Mask
@@ -180,7 +181,11 @@ def displacement_noise(field: Field, there: Float) -> Noise:
 
 def sight_of(field: Field) -> Sight | None:
     """Return the `Sight` of a field, which finds out which points see each other; None without a region."""
-    return None if field.region is None else shared_sight(Sight(field.region, field.x_px, field.y_px))
+    if field.region is None:
+        return None
+    sight = Sight(field.region, field.x_px, field.y_px)
+    # Nothing is kept of a large region, so the region is not kept either.
+    return sight if is_large(field.region.shape) else shared_sight(sight)
 
 
 def _in_axes(field: Field, here: Float, there: Float, *, gradients: bool) -> tuple[Float | None, Noise]:
