@@ -83,14 +83,22 @@ def _chosen(
     if len(sources) != 1:
         names = [source.camera for source in sources]
         expected, remedy = f"one of {', '.join(names)}", f"give --camera {names[0]}"
-        raise RunFileError("results", "choose a camera", expected, "none", remedy)
+        raise RunFileError(_name(loaded), "choose a camera", expected, "none", remedy)
     images = sources[0].images
     if image is None and len(images) == 1:
         image = 1
     if image is None or not 1 <= image <= len(images):
         expected, remedy = f"a number from 1 to {len(images)}", f"give --image {len(images)}"
-        raise RunFileError("results", "choose an image", expected, str(image or "none"), remedy)
+        got = "none" if image is None else str(image)
+        raise RunFileError(_name(loaded), "choose an image", expected, got, remedy)
     if isinstance(loaded, RunResult):
         return images[image - 1], loaded.series(sources[0].camera).reference
     series = loaded if isinstance(loaded, MeasuredSeries) else loaded.series
     return images[image - 1], series.reference
+
+
+def _name(loaded: MeasuredSeries | SeriesResult | RunResult) -> str:
+    """Return the name of a result file for error messages."""
+    if isinstance(loaded, MeasuredSeries):
+        return "results"
+    return (loaded.file or loaded.source) if isinstance(loaded, RunResult) else loaded.source

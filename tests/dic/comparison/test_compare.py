@@ -167,7 +167,8 @@ def test_bad_files_end_with_one_sentence(results, tmp_path, change, words):
 @pytest.mark.parametrize("write", [write_ncorr, write_ncorr_73])
 def test_image_that_is_not_there_ends_with_one_sentence(results, tmp_path, write):
     peer = write(tmp_path / "peer.mat")
-    assert "expected a number from 1 to 2, got none" in refusal("compare", results, peer)
+    said = refusal("compare", results, peer)
+    assert f"{results}: choose an image: expected a number from 1 to 2, got none" in said
     assert "expected a number from 1 to 2, got 3" in refusal("compare", results, peer, "--image", 3)
     assert "expected an image from 1 to 2, got 5" in refusal(
         "compare", results, peer, "--image", 2, "--peer-image", 5
