@@ -39,6 +39,7 @@ class CampaignOutputs:
     """Options that name the output files of `dic campaign`."""
 
     report: Path | None
+    pdf: Path | None
     csv_file: Path | None
     decimal_comma: bool
     plot_file: Path | None
@@ -48,7 +49,7 @@ class CampaignOutputs:
     @property
     def files(self) -> list[Path]:
         """The paths of all output files."""
-        given = (self.report, self.csv_file, self.plot_file, self.json_file)
+        given = (self.report, self.pdf, self.csv_file, self.plot_file, self.json_file)
         return [path for path in given if path is not None]
 
 
@@ -67,12 +68,13 @@ class CampaignOutputs:
     "outputs",
     CampaignOutputs,
     click.option("--report", type=_PATH, help="HTML file with all tables and the curves."),
+    click.option("--pdf", type=_PATH, help="The same report as a PDF file; needs the extra offaxis[pdf]."),
     click.option("--csv", "csv_file", type=_PATH, help="CSV table with a line per specimen, and the mean."),
     comma_option,
     click.option("--plot", "plot_file", type=_PATH, help="Picture of all curves, such as curves.png."),
     click.option("--json", "json_file", type=_PATH, help="JSON file of all values."),
     FORCE,
-    needs={"--decimal-comma": ("--csv",)},
+    needs={"--decimal-comma": ("--csv",), "--pdf": ("--report",)},
 )
 def campaign(folder: Path, tables: EqualTables, test: TestOptions, outputs: CampaignOutputs) -> None:
     """Compare tensile tests of several specimens: values, mean, scatter, outliers, r̄ and Δr.
@@ -101,7 +103,7 @@ def campaign(folder: Path, tables: EqualTables, test: TestOptions, outputs: Camp
     if outputs.plot_file is not None:
         plot_campaign(found, outputs.plot_file)
     if outputs.report is not None:
-        write_campaign_report(found, outputs.report, title=about.resolve().parent.name)
+        write_campaign_report(found, outputs.report, title=about.resolve().parent.name, pdf=outputs.pdf)
         say(f"report: {outputs.report}")
     for failed in found.failures:
         fail(f"specimen {failed.name!r}: {failed.failure}")

@@ -11,7 +11,8 @@ from dic.campaigns.scatter import Scatter
 from dic.errors import require_kind
 from dic.files.writing import write_figure, write_text
 from dic.properties.value import PropertyValue
-from dic.report.numbers import fixed
+from dic.report.numbers import fixed, with_std
+from dic.report.pdf import require_pdf, write_pdf
 from dic.report.style import OFF_AXIS_COLOURS, legend_below, new_figure, plot_style, png_uri
 from dic.report.templating import page_templates
 from dic.report.tensile_figures import beginning_of
@@ -77,7 +78,9 @@ class CampaignView:
     curves: str
 
 
-def write_campaign_report(campaign: Campaign, path: PathLike, *, title: str = "Campaign") -> None:
+def write_campaign_report(
+    campaign: Campaign, path: PathLike, *, title: str = "Campaign", pdf: PathLike | None = None
+) -> None:
     """Write the report on a campaign as one HTML file with the figure inside.
 
     Parameters
@@ -86,16 +89,25 @@ def write_campaign_report(campaign: Campaign, path: PathLike, *, title: str = "C
         From `compare_specimens` or `measure_campaign`.
     path : path
     title : str
+    pdf : path, optional
+        The same page as a PDF file. This needs the extra ``offaxis[pdf]``.
 
     Raises
     ------
     OSError
-        If the file cannot be written.
+        If a file cannot be written.
+    OutputError
+        If `pdf` is given and WeasyPrint is not installed.
     """
     require_kind("campaign", campaign, Campaign, _COMPARE_FIRST)
+    if pdf is not None:
+        require_pdf(pdf)
     with plot_style():
         view = _view(campaign, title)
-    write_text(path, page_templates().get_template("campaign.html.j2").render(view=view))
+    page: str = page_templates().get_template("campaign.html.j2").render(view=view)
+    write_text(path, page)
+    if pdf is not None:
+        write_pdf(page, pdf)
 
 
 def plot_campaign(campaign: Campaign, path: PathLike) -> None:
@@ -193,8 +205,17 @@ def _scatter_rows(group: Group) -> list[ScatterRow]:
 def statistics_cells(scatter: Scatter) -> list[str]:
     """Return the statistics of a property as text, in the order of `dic.campaigns.table.STATISTICS`."""
     digits = DECIMALS[scatter.unit]
-    numbers = (scatter.mean, scatter.std_between, scatter.standard_error, scatter.stated_std)
-    return ["–" if number is None else fixed(number, digits) for number in numbers]
+    stds = (scatter.std_between, scatter.standard_error, scatter.stated_std)
+    mean = "–" if scatter.mean is None else fixed(scatter.mean, digits)
+    return [mean, *(_std_text(std, digits) for std in stds)]
+
+
+def _std_text(std: float | None, digits: int) -> str:
+    """Return a standard deviation as text, with two significant digits if it would be rounded to zero."""
+    if std is None:
+        return "–"
+    text = fixed(std, digits)
+    return with_std(0.0, std).partition(" ± ")[2] if std > 0.0 and float(text) == 0.0 else text
 
 
 def outlier_text(scatter: Scatter) -> str:

@@ -10,6 +10,7 @@ import pytest
 import dic
 from dic.campaigns.campaign import SpecimenTest, campaign_of
 from dic.commands.campaign_text import campaign_lines
+from dic.report.campaign_page import statistics_cells
 
 NAMES = ("a", "b", "c", "d", "e")
 
@@ -42,6 +43,13 @@ def test_mean_and_scatter_are_those_of_the_textbook(one):
     assert found.standard_error == pytest.approx(math.sqrt(52 / 3) / 2)
     assert found.stated_std == pytest.approx(math.sqrt((1 + 4 + 4 + 16) / 4))
     assert (found.count, found.unit, found.outlying) == (4, "GPa", None)
+
+
+def test_a_standard_deviation_that_would_be_rounded_to_zero_has_two_digits(one):
+    values = [(400.0, 0.0123), (410.0, 0.0123)]
+    given = {n: with_values(one, Rm_mpa=pair) for n, pair in zip(NAMES, values, strict=False)}
+    cells = statistics_cells(dic.compare_specimens(given).groups[0].scatter["Rm_mpa"])
+    assert cells == ["405.0", "7.1", "5.0", "0.012"]
 
 
 def test_a_specimen_without_a_value_is_left_out_of_the_mean(one):

@@ -55,6 +55,19 @@ def test_equal_tables_need_no_toml_file(folder, tmp_path):
     assert [each["name"] for each in again.report["specimens"]] == ["s1", "s2", "s10"]
 
 
+def test_the_report_is_also_a_pdf_file_with_its_title_on_each_page(folder, tmp_path):
+    pdfium = pytest.importorskip("pypdfium2")
+    pytest.importorskip("weasyprint")
+    page, pdf = tmp_path / "r.html", tmp_path / "r.pdf"
+    assert run_dic("campaign", folder, *COLUMNS, "--report", page, "--pdf", pdf).status == 0
+    pages = [" ".join(one.get_textpage().get_text_range().split()) for one in pdfium.PdfDocument(pdf)]
+    assert all(folder.name in text for text in pages)
+    assert [text.endswith(f"{number} / {len(pages)}") for number, text in enumerate(pages, 1)] == [
+        True
+    ] * len(pages)
+    assert "--report" in refusal("campaign", folder, *COLUMNS, "--pdf", tmp_path / "alone.pdf")
+
+
 def test_a_specimen_that_fails_is_told_and_the_others_stand(folder, tmp_path):
     (folder / "s3.csv").write_text("nothing\n")
     done = run_dic(
