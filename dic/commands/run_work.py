@@ -143,7 +143,8 @@ def process_shelf(work: RunWork, sources: "Sequence[RunSource]", workers: "Worke
             say(f"run {number} of {len(sources)}: {run}")
             table[run] = NOT_PROCESSED, ""
             try:
-                what = f"correlating {run.name}, run {number} of {len(sources)}"
+                # The name of the run is in the line above. A long name would leave no room for the bar.
+                what = f"run {number} of {len(sources)}"
                 result = work.of_run(run).process(source, workers, what)
             except WorkerError:
                 raise
@@ -182,11 +183,11 @@ def _counts(result: "RunResult") -> str:
 
 
 def _closing_table(table: dict[Path, tuple[str, str]]) -> str:
-    name_width = max(len(str(path)) for path in table)
-    state_width = max(len(state) for state, _ in table.values())
+    # Long names are at the end of the lines, so that the columns stay below each other on every terminal.
+    state_width, counts_width = (max(len(cells[k]) for cells in table.values()) for k in (0, 1))
     states = [state for state, _ in table.values()]
     counted = [f"{states.count(state)} {state}" for state in dict.fromkeys(states)]
     lines = [f"{len(table)} runs: {', '.join(counted)}"]
     for path, (state, counts) in table.items():
-        lines.append(f"  {path!s:{name_width}}  {state:{state_width}}  {counts}".rstrip())
+        lines.append(f"  {state:{state_width}}  {counts:{counts_width}}  {path}")
     return "\n".join(lines)

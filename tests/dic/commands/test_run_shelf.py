@@ -34,7 +34,7 @@ def closing(done):
     """Return the closing table: its heading, and the words of each run, by the name of its file."""
     lines = done.out.splitlines()
     (at,) = [k for k, line in enumerate(lines) if " runs: " in line]
-    return lines[at], {line.split()[0]: line.split()[1:] for line in lines[at + 1 :]}
+    return lines[at], {line.split()[-1]: line.split()[:-1] for line in lines[at + 1 :]}
 
 
 def test_every_run_gets_its_result_and_finished_runs_are_not_correlated_again(shelf, correlated):
