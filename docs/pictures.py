@@ -67,7 +67,9 @@ def commands(page: str) -> list[str]:
 def report_figure(report: str, title: str) -> bytes:
     """Return the first figure of a report that has this title."""
     figures = re.findall(r'<img src="data:image/[a-z+]+;base64,([^"]+)" alt="([^"]*)"', report)
-    return next(base64.b64decode(data) for data, alt in figures if html.unescape(alt) == title)
+    figure = next(base64.b64decode(data) for data, alt in figures if html.unescape(alt) == title)
+    # Drawings of the report are transparent; on a dark page of the documentation nobody could read them.
+    return figure.replace(b"<svg ", b'<svg style="background: #fff" ', 1)
 
 
 def draw(work: Path, images: Path) -> None:

@@ -1,5 +1,6 @@
 """The gallery has seventeen pictures, each with the command that draws it; one script draws all of them."""
 
+import base64
 import importlib.util
 import re
 
@@ -29,6 +30,13 @@ def test_seventeen_pictures_are_shown_drawn_and_kept():
 
 def test_pictures_are_small():
     assert sum(path.stat().st_size for path in (DOCS / "images").iterdir()) < 2.7e6
+
+
+def test_a_drawing_of_the_report_is_white_behind_also_on_a_dark_page():
+    svg = b'<?xml version="1.0"?><svg width="5"><path/></svg>'
+    page = f'<img src="data:image/svg+xml;base64,{base64.b64encode(svg).decode()}" alt="A &amp; B">'
+    drawing = pictures.report_figure(page, "A & B")
+    assert drawing == b'<?xml version="1.0"?><svg style="background: #fff" width="5"><path/></svg>'
 
 
 def test_files_that_are_kept_are_made_by_the_commands_shown():
