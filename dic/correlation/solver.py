@@ -9,6 +9,7 @@ from dic.correlation.prepared_reference import PreparedReference
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
 from dic.correlation.working_rows import propagation_rows, strips
+from dic.image.memory import give_back_memory
 from dic.image.spline import halfway_noise_gain, slope_noise_gain
 from dic.image.threads import balanced_bands, bands_of, in_parallel
 from dic.typing import Float, Indices, Mask
@@ -117,6 +118,8 @@ class Solver:
                 bands,
                 self._reference.threads,
             )
+        if self._reference.image.in_bands:
+            give_back_memory()
         self._propagate_from_fronts(solution, pending)
 
     def _propagate_from_fronts(self, solution: kernel.Solution, pending: Mask) -> None:

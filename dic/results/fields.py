@@ -155,7 +155,7 @@ def write_points(group: Any, field: Field) -> None:
         group["subset_pixels"] = field.grid.pixels
         masks = {**masks, "usable": field.grid.usable, "subset_cut": field.grid.cut}
     for name, mask in masks.items():
-        group.create_dataset(name, data=mask.astype(np.uint8), compression="gzip")
+        group.create_dataset(name, data=mask.view(np.uint8), compression="gzip")
     for name in group:
         group[name].attrs["units"] = units_of(name)
 

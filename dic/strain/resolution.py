@@ -13,6 +13,7 @@ from functools import cache
 import numpy as np
 
 from dic.correlation.settings import CorrelationSettings
+from dic.image.threads import bands_of
 from dic.strain.strain import StrainSettings
 from dic.typing import Float, Mask
 
@@ -23,6 +24,9 @@ _SIGNIFICANT = 3.0
 
 _PHASES = np.linspace(0.0, math.pi, 1000)
 """Phase differences of neighbouring points for which the transfer functions are tabulated, radians."""
+
+_POINTS = 250_000
+"""Approximate number of points whose loss of amplitude is estimated at a time."""
 
 
 @dataclass(frozen=True)
@@ -135,9 +139,22 @@ def amplitude_kept(values: Float, std: Float, filters: Filters, *, along_x: bool
     ndarray, shape (rows, columns)
         The share, from 0.4 to 1. The share is NaN where the strain cannot be distinguished from its noise.
     """
+    reach = 2 * math.ceil(filters.strain.gauge_px(filters.correlation) / filters.correlation.step_px) + 1
+    rows, columns = values.shape
+    kept = np.empty((rows, columns))
+    for band in bands_of(rows, max(2 * reach, _POINTS // max(1, columns))):
+        # The additional rows on either side hold all points that decide about the rows of the band.
+        above = max(0, band.start - reach)
+        around = slice(above, band.stop + reach)
+        found = _kept(values[around], std[around], filters, along_x, reach)
+        kept[band] = found[band.start - above : band.stop - above]
+    return kept
+
+
+def _kept(values: Float, std: Float, filters: Filters, along_x: bool, reach: int) -> Float:
+    """Return `amplitude_kept` of some rows; the mean of products is over squares of `reach` points."""
     known = np.isfinite(values) & np.isfinite(std)
     strain, variance = np.where(known, values, 0.0), np.where(known, std, 0.0) ** 2
-    reach = 2 * math.ceil(filters.strain.gauge_px(filters.correlation) / filters.correlation.step_px) + 1
     kept = np.ones_like(strain)
     significant = known.copy()
     noise = {along: _noise_correlation(filters, along) for along in (True, False)}

@@ -113,9 +113,10 @@ class Sight:
         ndarray of bool, shape (n, window, window)
             True for points inside the grid to which the straight line stays inside the region.
         """
-        reach = window // 2
-        if is_large(self.region.shape) and rows.size:
-            return self._rows_around(rows, reach)._neighbours(rows, columns, window)
+        if not rows.size:
+            return np.empty((0, window, window), np.bool_)
+        if is_large(self.region.shape):
+            return self._rows_around(rows, window // 2)._neighbours(rows, columns, window)
         return self._neighbours(rows, columns, window)
 
     def _rows_around(self, rows: Indices, reach: int) -> "Sight":

@@ -7,16 +7,18 @@ import numpy as np
 
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError, is_whole, require_all
+from dic.image.memory import give_back_memory
 from dic.image.threads import bands_of
 from dic.strain.displacement import Displacement
 from dic.strain.fit import fitted_gradients, mean_gradient
+from dic.strain.mean_in_blocks import MANY_POINTS, mean_gradient_in_blocks
 from dic.strain.measures import COMPONENTS, MEASURES, limited, shared_std, strain_of
 from dic.typing import Float, Mask
 
 SOURCES = ("fit", "quadratic-fit", "shape")
 """Sources of local strain: a fitted plane, a fitted quadratic surface, or the subset's shape function."""
 
-_POINTS = 100_000
+_POINTS = 50_000
 """Approximate number of points whose strains are computed at a time."""
 
 STRAIN_KEYS = (*COMPONENTS, *(f"{name}_std" for name in COMPONENTS))
@@ -240,7 +242,8 @@ def mean_strain_and_bias(
     """
     use = displacement.valid if valid is None else valid
     points = int(np.count_nonzero(use))
-    fitted = mean_gradient(displacement, use)
+    fit = mean_gradient if use.size <= MANY_POINTS else mean_gradient_in_blocks
+    fitted = fit(displacement, use)
     if fitted is None:
         none = MeanStrain(rotation_deg=np.nan, points=points, **dict.fromkeys(STRAIN_KEYS, np.nan))
         return none, None if displacement.noise is None else none
@@ -305,6 +308,8 @@ def strain_field(displacement: Displacement, settings: StrainSettings | None = N
     for rows in bands_of(count, max(1, _POINTS // max(1, columns))):
         gradient, covariance = _gradients(displacement, settings, rows)
         values[:, rows] = np.concatenate(strain_of(gradient, covariance, settings.measure))
+    if values[0].size > MANY_POINTS:
+        give_back_memory()
     return StrainField(**dict(zip(STRAIN_KEYS, values, strict=True)))
 
 

@@ -1,0 +1,92 @@
+"""The mean gradient of many points, from sums over blocks of rows.
+
+`dic.strain.fit.mean_gradient` needs several hundred bytes for each point, more than all displacements and
+strains of a large image. Here only the points of one block of rows are in work at a time. The sums are those
+of `mean_gradient`, in another order of their terms.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dic.image.threads import bands_of
+from dic.strain.convolution import convolved
+from dic.strain.displacement import Displacement, Noise
+from dic.strain.error_sums import add_products, add_weighted, set_weighted
+from dic.strain.fit import MeanGradient
+from dic.typing import Float, Mask
+
+MANY_POINTS = 250_000
+"""Above this number of points the mean gradient is computed in blocks; 12 megapixels at a step of 7 px."""
+
+_BLOCK_POINTS = 50_000
+
+_ON_A_LINE = 1e-12
+"""Points lie on a line if their extents along and across it, squared, have a smaller ratio."""
+
+
+def mean_gradient_in_blocks(displacement: Displacement, use: Mask) -> MeanGradient | None:
+    """Return the result of `mean_gradient`, but compute it in blocks of rows."""
+    count = int(np.count_nonzero(use))
+    if count < 3:
+        return None
+    position, vector = displacement.position, displacement.vector
+    blocks = bands_of(len(use), max(1, _BLOCK_POINTS // use.shape[1]))
+    centre = sum(position[block][use[block]].sum(axis=0) for block in blocks) / count
+    normal, products = np.zeros((2, 2)), np.zeros((2, 2))
+    for block in blocks:
+        centred = position[block][use[block]] - centre
+        normal += centred.T @ centred
+        products += centred.T @ vector[block][use[block]]
+    across, along = np.linalg.eigvalsh(normal)
+    if across <= _ON_A_LINE * along:
+        return None
+    gradient = np.asarray(np.linalg.solve(normal, products).T, np.float64)
+    if displacement.noise is None:
+        return MeanGradient(gradient)
+    weights = _Weights(position, use, centre, np.asarray(np.linalg.inv(normal), np.float64))
+    by_noise, by_bias = np.zeros((4, 4)), np.zeros((4, 4))
+    if displacement.noise.factors.any():
+        for part in _parts_of_noise(weights, displacement.noise, blocks):
+            by_noise += part
+    if displacement.noise.bias is not None:
+        sums = np.zeros((4, 2))
+        for block in blocks:
+            bias = np.ascontiguousarray(displacement.noise.bias[block], np.float64)
+            add_weighted(bias.reshape(-1, 2, 2), weights.of(block).reshape(-1, 2, 4), sums)
+        by_bias = sums @ sums.T
+    return MeanGradient(gradient, by_noise + by_bias, by_bias)
+
+
+class _Weights:
+    """The weights of the displacements in the mean gradient; see `gradient_weights`."""
+
+    def __init__(self, position: Float, use: Mask, centre: Float, inverse: Float) -> None:
+        self._position, self._use, self._centre, self._inverse = position, use, centre, inverse
+
+    def of(self, rows: slice) -> Float:
+        """Return the weights of some rows of points, shape (rows, columns, 2, 4); 0 for unused points."""
+        use = self._use[rows]
+        weights = np.zeros((*use.shape, 2, 4))
+        slopes = (self._position[rows][use] - self._centre) @ self._inverse
+        weights[use, 0, :2] = weights[use, 1, 2:] = slopes
+        return weights
+
+
+def _parts_of_noise(weights: _Weights, noise: Noise, blocks: list[slice]) -> Iterator[Float]:
+    """Yield the part of the covariance that belongs to the points of each block and all points near them."""
+    reach = noise.overlap.shape
+    around = np.pad(noise.overlap, [(n - 1, 0) for n in reach], mode="reflect")[..., None]
+    rows = blocks[-1].stop
+    for block in blocks:
+        near = slice(max(0, block.start - reach[0] + 1), min(rows, block.stop + reach[0] - 1))
+        weight, factors = weights.of(near), np.ascontiguousarray(noise.factors[near], np.float64)
+        parts = np.empty((*weight.shape[:2], 8))
+        set_weighted(factors.reshape(-1, 2, 2), weight.reshape(-1, 2, 4), parts.reshape(-1, 4, 2))
+        own = slice(block.start - near.start, block.stop - near.start)
+        first, columns = reach[0] - 1 + own.start, parts.shape[1]
+        shared = convolved(parts, around)[first : first + own.stop - own.start, reach[1] - 1 :][:, :columns]
+        sums = np.zeros((4, 4))
+        one, other = (np.ascontiguousarray(each).reshape(-1, 4, 2) for each in (parts[own], shared))
+        add_products(one, other, sums)
+        yield sums
