@@ -27,7 +27,7 @@ def shares(scene: Scene, subset_px: int = 21) -> tuple[float, float]:
     least 40 % of its subset lie more than 5 px (the reach of a quintic spline) inside the mask, and the whole
     subset lies inside the image.
     """
-    # Affine subsets converge on the darkest scenes, where quadratic subsets of 21 px have too little contrast.
+    # On the darkest scenes, quadratic subsets of 21 px have too little contrast to converge.
     settings = CorrelationSettings(subset_px=subset_px, step_px=5, shape="affine", smoothing_px=0.0)
     field = Correlator(scene.reference, settings=settings).correlate(scene.moved)
     far = np.asarray(cv2.distanceTransform(scene.mask.astype(np.uint8), cv2.DIST_L2, 5) > 5)
