@@ -1,4 +1,4 @@
-"""Give memory that is no longer used back to the operating system."""
+"""Give freed memory back to the operating system, or keep it for the next image."""
 
 import ctypes
 from collections.abc import Callable
@@ -13,6 +13,27 @@ def give_back_memory() -> None:
     memory of a stage would be added to the memory of the next stage. The call takes some milliseconds.
     """
     _trim()(0)
+
+
+_MMAP_THRESHOLD, _TRIM_THRESHOLD = -3, -1  # numbers of the options in malloc.h of glibc
+_LARGEST_KEPT = 32 * 2**20
+
+
+@cache
+def keep_freed_memory() -> None:
+    """Let the C library keep freed blocks of up to 32 MB in this process, as it does by default.
+
+    The workers of Dask are started with the environment variable MALLOC_TRIM_THRESHOLD_. Their C library then
+    gives each freed array back to the operating system, which must clear its pages anew for the next image.
+    32 MB is the limit up to which glibc raises its thresholds by itself if no such variable is set.
+    """
+    try:
+        option = ctypes.CDLL(None).mallopt
+    except (OSError, AttributeError, TypeError):
+        # Other C libraries do not read the variable.
+        return
+    option(_MMAP_THRESHOLD, _LARGEST_KEPT)
+    option(_TRIM_THRESHOLD, 2 * _LARGEST_KEPT)
 
 
 @cache

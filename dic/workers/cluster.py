@@ -9,6 +9,7 @@ from threading import Lock
 from typing import Any
 
 from dic.errors import MeasurementError, WorkerError
+from dic.image.memory import keep_freed_memory
 from dic.image.threads import limited_to
 from dic.workers.workers import Given, Result, Workers
 
@@ -130,6 +131,7 @@ def _run(task: bytes) -> Any:
     """Run a pickled function with its arguments, on as many processors as the worker has threads."""
     from distributed import get_worker
 
+    keep_freed_memory()
     with _alone, limited_to(get_worker().state.nthreads):
         function, arguments, named = pickle.loads(task)
         return function(*arguments, **named)
