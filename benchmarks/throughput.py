@@ -35,6 +35,7 @@ from dic.image.read import read_image
 from dic.image.threads import limited_to
 
 SHORT = 4
+_START_S = 30.0
 NOISE = 2.0
 SETTINGS = CorrelationSettings(subset_px=31, step_px=10)
 WAYS = {"one processor": ["--workers", "1"], "threads": [], "two processes": ["--workers", "2"]}
@@ -64,23 +65,34 @@ class Cluster:
     """
 
     def __init__(self, folder: Path) -> None:
+        self._programs: list[subprocess.Popen[str]] = []
+        log = folder / "scheduler.log"
         words = ("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
-        self._programs = [self._start(folder, *words)]
-        lines = self._programs[0].stderr
-        assert lines is not None
-        self.address = next(
-            line.split()[-1] for line in lines if "Scheduler at:" in line and "tcp://" in line
-        )
+        self._start(log, *words)
+        self.address = self._address_in(log)
         words = ("worker", self.address, "--nworkers", "2", "--nthreads", "1", "--no-dashboard")
-        self._programs.append(self._start(folder, *words))
+        self._start(folder / "workers.log", *words)
 
-    def _start(self, folder: Path, program: str, *words: str) -> "subprocess.Popen[str]":
+    def _start(self, log: Path, program: str, *words: str) -> None:
         command = [sys.executable, "-m", f"distributed.cli.dask_{program}", *words]
-        errors = subprocess.PIPE if program == "scheduler" else subprocess.DEVNULL
         found = os.environ | {"PYTHONPATH": os.pathsep.join([str(_ROOT), *filter(None, sys.path)])}
-        return subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=errors, text=True, cwd=folder, env=found
-        )
+        with log.open("w") as lines:
+            self._programs.append(
+                subprocess.Popen(command, stdout=lines, stderr=lines, text=True, cwd=log.parent, env=found)
+            )
+
+    def _address_in(self, log: Path) -> str:
+        """Wait for the scheduler's line that contains its address."""
+        deadline_s = time.monotonic() + _START_S
+        while time.monotonic() < deadline_s and self._programs[0].poll() is None:
+            lines = log.read_text().splitlines(keepends=True)
+            for line in lines:
+                if "Scheduler at:" in line and "tcp://" in line and line.endswith("\n"):
+                    return line.split()[-1]
+            time.sleep(0.1)
+        self.close()
+        last = (log.read_text().splitlines() or ["nothing"])[-1]
+        raise SystemExit(f"no Dask scheduler: {last}; install Dask with pip install 'offaxis[cluster]'")
 
     def cpu_s(self) -> float:
         """Return the processor time that the scheduler and the workers have used so far, s."""
@@ -96,7 +108,7 @@ class Cluster:
         """End the workers, then the scheduler."""
         for program in reversed(self._programs):
             program.terminate()
-            program.communicate()
+            program.wait()
 
 
 @contextmanager

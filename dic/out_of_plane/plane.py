@@ -138,11 +138,13 @@ def moved_out_of_plane(
     position, moved = before.within(here_mm, centre_mm), after.within(there_mm, centre_mm)
     gradient, noise = calibrated.gradient, calibrated.noise
     there = after.jacobian(there_mm, centre_mm)
+    covariance: Float = np.full((*there.shape[:-2], 4, 4), np.nan)
     if gradient is not None:
         back = np.linalg.inv(before.jacobian(here_mm, centre_mm))
         gradient = there @ (gradient + np.eye(2)) @ back - np.eye(2)
         if noise is not None:
-            both = np.einsum("...ik,...lj->...ijkl", there, back).reshape(*there.shape[:-2], 4, 4)
+            both = np.einsum("...ik,...lj->...ijkl", there, back).reshape(covariance.shape)
             covariance = both @ noise.gradient @ np.swapaxes(both, -1, -2)
-            noise = noise.mapped(there, covariance)
+    if noise is not None:
+        noise = noise.mapped(there, covariance)
     return replace(calibrated, position=position, vector=moved - position, gradient=gradient, noise=noise)

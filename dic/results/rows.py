@@ -70,6 +70,9 @@ class _Group:
             if write:
                 # A row is a whole chunk without filters, so HDF5's conversions and copies are not needed.
                 row = np.ascontiguousarray(value, self.types[name])
+                if row.shape != dataset.shape[1:]:
+                    # The chunk would be written as it is, and the file would contain foreign memory.
+                    raise ValueError(f"{name}: a row has the shape {row.shape}, not {dataset.shape[1:]}")
                 dataset.id.write_direct_chunk((n, *(0 for _ in row.shape)), row)
         if full:
             self.write_pending()

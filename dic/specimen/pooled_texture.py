@@ -179,8 +179,14 @@ def _strength_at(small: Grey, ripples: Grey, subset_px: int, reduction: int) -> 
 
 
 def _bands(height: int, band_px: int, halo_px: int) -> Iterator[tuple[slice, slice]]:
-    """Yield bands of rows, and the same bands with additional rows on either side."""
-    for band in bands_of(height, band_px):
+    """Yield bands of rows, and the same bands with additional rows on either side.
+
+    A single last row belongs to the band before, because one row alone has no diagonal differences.
+    """
+    bands = list(bands_of(height, band_px))
+    if len(bands) > 1 and bands[-1].stop - bands[-1].start == 1:
+        bands[-2:] = [slice(bands[-2].start, height)]
+    for band in bands:
         yield band, slice(max(0, band.start - halo_px), min(height, band.stop + halo_px))
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
-from dic.strain.displacement import Displacement
+from dic.strain.displacement import Displacement, Noise
 from simulators.scene.pose import Pose
 from simulators.scene.scene import Surface
 from tests.dic.out_of_plane.exact_views import Blank
@@ -58,3 +58,20 @@ def test_a_material_that_only_leaves_the_plane_is_not_strained():
     assert np.abs(calibrated.vector).max() > 0.01
     moved = moved_out_of_plane(calibrated, CENTRE, Plane(), plane_of(0.3, -0.4, 0.05))
     np.testing.assert_allclose(moved.vector, 0, atol=1e-13)
+
+
+def test_errors_are_mapped_to_the_plane_also_without_gradients():
+    position = POINTS.reshape(6, 7, 2)
+    noise = Noise(
+        factors=np.broadcast_to(np.eye(2), (6, 7, 2, 2)),
+        overlap=np.ones((1, 1)),
+        gradient=np.broadcast_to(np.nan, (6, 7, 4, 4)),
+        bias=np.broadcast_to(1e-3 * np.eye(2), (6, 7, 2, 2)),
+    )
+    calibrated = Displacement(
+        position, np.zeros((6, 7, 2)), np.ones((6, 7), bool), "mm", gradient=None, noise=noise
+    )
+    plane = plane_of(20.0, 0.0, 0.0)
+    moved = moved_out_of_plane(calibrated, CENTRE, plane, plane)
+    np.testing.assert_allclose(moved.noise.factors, plane.jacobian(position, CENTRE))
+    np.testing.assert_allclose(moved.noise.bias, plane.jacobian(position, CENTRE) @ noise.bias)

@@ -49,3 +49,12 @@ def test_rows_that_are_elsewhere_take_no_space(tmp_path):
         rows.finish()
         assert len(file["U_mm"]) == 9
     assert (tmp_path / "rows.h5").stat().st_size < 20_000
+
+
+@pytest.mark.parametrize("shape", [(4, 5), (2, 3), (3, 4, 1)])
+def test_a_row_of_another_shape_is_refused(tmp_path, shape):
+    with h5py.File(tmp_path / "rows.h5", "w") as file:
+        rows = Rows()
+        rows.append(file, 0, {"U_mm": np.ones((3, 4))})
+        with pytest.raises(ValueError, match="U_mm"):
+            rows.append(file, 1, {"U_mm": np.ones(shape)})

@@ -14,6 +14,7 @@ from dic import (
     read_image,
 )
 from dic.regions.polygons import polygon_mask
+from dic.specimen.pooled_texture import pooled_texture_maps
 from tests.dic.specimen.scenes import SCENES, Scene, scene
 
 _EDGE_PX = 4
@@ -66,6 +67,17 @@ def test_the_specimen_in_a_large_image_is_found_in_pooled_maps(monkeypatch, name
     assert found.surfaces == (2 if name == "two_specimens" else 1)
     assert (found.mask & drawn.mask).sum() >= 0.97 * drawn.mask.sum()
     assert (found.mask & ~drawn.mask).sum() <= 0.04 * drawn.mask.sum()
+
+
+@pytest.mark.parametrize("more", range(1, 5))
+def test_a_low_last_band_changes_no_map(monkeypatch, more):
+    grey = scene("whole_picture", 3, (192 + more, 203)).reference
+    maps = []
+    for band_px in (96, 4096):
+        monkeypatch.setattr("dic.specimen.pooled_texture._BAND_PX", band_px)
+        maps.append(pooled_texture_maps(grey, 21))
+    for name in ("grey", "weakest", "strongest", "energy", "curvature", "spread"):
+        np.testing.assert_allclose(*(getattr(each, name) for each in maps), rtol=1e-5, atol=1e-6)
 
 
 @pytest.mark.long
