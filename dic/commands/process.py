@@ -149,12 +149,15 @@ def process(
         partial(region.source, paths[0]),
         motion.settings,
         outputs.gauges,
-        partial(outputs.require_several, paths) if several else lambda: None,
+        partial(outputs.require_several, len(paths)) if several else lambda: None,
     )
     inputs = [used_settings_file(), *motion.files, *region.files, outputs.gauges_file]
     work = RunWork(
         settings, how, correcting, incremental, plate_mm, gauges, inputs, motion.save_alignment, outputs
     )
+    if several:
+        work.require_own_places(paths)
+        outputs.make_folder_of_results()
     with chosen_workers() as workers:
         if several:
             status = process_shelf(work, [replace(source, path=run) for run in paths], workers)

@@ -40,8 +40,8 @@ class OutputOptions:
         known = tuple(path for path in inputs if path is not None)
         return ResultPlace(output, replace, anew=self.force, fields_from=self.fields_from, inputs=known)
 
-    def require_several(self, runs: Sequence[Path]) -> None:
-        """Raise an error if an option names a file of one run, or if two runs would have the same results.
+    def require_several(self, count: int) -> None:
+        """Raise an error if an option names a file of one run, because there are several runs.
 
         Raises
         ------
@@ -56,12 +56,10 @@ class OutputOptions:
         ):
             if path is not None:
                 remedy = f"leave out {option}, or process the runs one by one"
-                raise OutputError("settings", option, "one run", f"{len(runs)} runs", remedy)
-        stems: dict[str, Path] = {}
-        for run in runs if self.output is not None or self.csv_folder is not None else []:
-            if (other := stems.setdefault(run.stem, run)) != run:
-                expected, remedy = "runs with different names", "process these two one by one"
-                raise OutputError("settings", "output folder", expected, f"{other} and {run}", remedy)
+                raise OutputError("settings", option, "one run", f"{count} runs", remedy)
+
+    def make_folder_of_results(self) -> None:
+        """Make the folder of `-o` for the results of several runs."""
         if self.output is not None:
             _make_folder(self.output)
 

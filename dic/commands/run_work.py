@@ -1,12 +1,13 @@
 """The processing of one run file, or of a shelf of run files, with the options of `dic process`."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dic.commands.run_output import OutputOptions, problems, save_alignments
-from dic.errors import MeasurementError, WorkerError
+from dic.errors import MeasurementError, OutputError, WorkerError
 from dic.shell.console import COULD_NOT, fail, say, sentence_of
 
 if TYPE_CHECKING:
@@ -67,6 +68,23 @@ class RunWork:
         alignments = None if self.alignments is None else self.alignments / run.stem
         return replace(self, outputs=own, alignments=alignments, of_several=True)
 
+    def require_own_places(self, runs: Sequence[Path]) -> None:
+        """Raise an error if outputs of a run would replace another run, or outputs of another run.
+
+        Raises
+        ------
+        OutputError
+        """
+        taken = {_place(run): run for run in runs}
+        for run in runs:
+            own = self.of_run(run)
+            tables = own.outputs.csv_folder
+            for path in [_place(path) for path in (own.output(run), tables, own.alignments) if path]:
+                if (other := taken.setdefault(path, run)) != run:
+                    expected, got = "a place of its own for each run", f"one place for {other} and {run}"
+                    remedy = "process one of them alone, with another place for its outputs"
+                    raise OutputError(path, "write results", expected, got, remedy)
+
     def output(self, run: Path) -> Path:
         """Return the path of the result file of a run."""
         return self.outputs.output or run.with_suffix(_ENDING)
@@ -123,6 +141,11 @@ class RunWork:
 
 
 _ENDING = ".results.h5"
+
+
+def _place(path: Path) -> str:
+    """Return a text that is equal for all names of the same place."""
+    return os.path.normcase(os.path.realpath(path))
 
 
 def process_shelf(work: RunWork, sources: "Sequence[RunSource]", workers: "Workers | None") -> int:

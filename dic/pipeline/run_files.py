@@ -1,5 +1,6 @@
 """The run files that paths name: files, and folders of run files."""
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -16,17 +17,18 @@ def list_run_files(paths: Iterable[PathLike]) -> list[Path]:
     """Return run files: the given files in their order, and of each folder its run files in natural order.
 
     Of a folder, HDF5 files of other kinds, such as result files, are left out. A file of a folder that cannot
-    be read is returned, so that its reader gives the reason. A file that is named twice is returned once.
+    be read is returned, so that its reader gives the reason. A file that is named twice is returned
+    once, with its first name.
 
     Raises
     ------
     RunFileError
         If a folder contains no run file.
     """
-    found: dict[Path, None] = {}
+    found: dict[Path, Path] = {}
     for path in map(Path, paths):
         if not path.is_dir():
-            found[path] = None
+            found.setdefault(_at(path), path)
             continue
         inside = [file for file in path.glob(_PATTERN) if not file.name.startswith(".") and _may_be_run(file)]
         if not inside:
@@ -35,8 +37,14 @@ def list_run_files(paths: Iterable[PathLike]) -> list[Path]:
                 "name the run files, or another folder",
             )
             raise RunFileError(str(path), "list runs", expected, "none", remedy)
-        found |= dict.fromkeys(sorted(inside, key=natural_key))
-    return list(found)
+        for file in sorted(inside, key=natural_key):
+            found.setdefault(_at(file), file)
+    return list(found.values())
+
+
+def _at(path: Path) -> Path:
+    """Return the place of a file. A link to a file is not followed, because it has results of its own."""
+    return Path(os.path.realpath(path.parent), path.name)
 
 
 def _may_be_run(path: Path) -> bool:

@@ -74,14 +74,39 @@ def test_what_would_be_one_file_of_several_runs_is_refused(shelf, correlated):
             *both, option, "x"
         )
     shutil.copy(shelf / "run2.h5", "run2.h5")
-    assert "expected runs with different names, got runs/run2.h5 and run2.h5" in refusal(
-        "process", "runs/run2.h5", "run2.h5", *WORDS, "-o", "out"
-    )
     (shelf / "empty").mkdir()
     assert "list runs: expected a folder with run files (*.h5), got none" in refusal(
         "process", shelf / "empty"
     )
     assert correlated == []
+
+
+@pytest.mark.parametrize(
+    ("other", "place", "options"),
+    [
+        ("runs/run2.nxs", "runs/run2.results.h5", ()),
+        ("run2.h5", "out/run2.results.h5", ("-o", "out")),
+        ("run2.h5", "tables/run2", ("--csv", "tables")),
+        ("run2.h5", "alignments/run2", ("--save-alignment", "alignments")),
+        # The result of the first run would replace the second run.
+        ("runs/run2.results.h5", "runs/run2.results.h5", ()),
+    ],
+)
+def test_two_runs_with_one_place_are_refused_even_with_force(shelf, other, place, options, correlated):
+    shutil.copy(shelf / "run2.h5", other)
+    said = refusal("process", "runs/run2.h5", other, *WORDS, *options, "--force")
+    assert f"{place}: write results: expected a place of its own for each run, got one place for " in said
+    assert all(name in said.split("one place for")[1] for name in ("runs/run2.h5", other))
+    assert correlated == []
+    assert not (shelf.parent / "out").exists()
+
+
+def test_a_run_with_two_names_is_processed_once(shelf, correlated):
+    link = shelf.parent / "link"
+    link.symlink_to(shelf)
+    done = run_dic("process", "runs/run2.h5", shelf / "run2.h5", "link/run2.h5", "runs/run10.h5", *WORDS)
+    assert (done.status, len(correlated)) == (0, 2)
+    assert list(closing(done)[1]) == ["runs/run2.h5", "runs/run10.h5"]
 
 
 def test_an_interruption_says_how_to_go_on_and_which_runs_remain(shelf, monkeypatch):
