@@ -14,6 +14,9 @@ _AT_REST_PX = 0.1
 # Two images show the same picture if their noise is at most this multiple of the grey levels' standard
 # deviation.
 _OF_TEXTURE = 0.5
+# The contrast of two images of the specimen at rest differs by at most this factor. Without this limit, an
+# image of one grey level would be taken for the specimen with the contrast zero, without noise.
+_OF_CONTRAST = 2.0
 
 
 def noise_of_one(grey: Grey, region: Mask) -> float:
@@ -75,15 +78,17 @@ def noise_of_two(first: Grey, second: Grey, slopes: tuple[Grey, Grey], region: M
     known = np.linalg.lstsq(terms.T @ terms, terms.T @ change, rcond=None)[0]
     rest = change - terms @ known
     # The fit multiplies the grey levels of the first image, and therefore their noise, by 1 + known[1].
-    both = np.hypot(1.0, 1.0 + known[1])
+    contrast = 1.0 + float(known[1])
+    both = np.hypot(1.0, contrast)
     noise = float(rest.std() / both)
     moved = float(np.hypot(*known[2:]))
-    if moved > _AT_REST_PX or noise > _OF_TEXTURE * grey.std():
+    other = noise > _OF_TEXTURE * grey.std() or not 1.0 / _OF_CONTRAST <= contrast <= _OF_CONTRAST
+    if moved > _AT_REST_PX or other:
         raise CorrelationError(
             "second image",
             "compare with the first",
             f"the specimen at rest, within {_AT_REST_PX:g} px",
-            "another picture" if noise > _OF_TEXTURE * grey.std() else f"a motion of {moved:.2f} px",
+            "another picture" if other else f"a motion of {moved:.2f} px",
             "take two images directly one after the other, or leave out --second",
         )
     residual = np.zeros(first.shape, np.float32)

@@ -115,6 +115,10 @@ def jog(
     (axis, value) = given[0]
     if how["free"] and axis != "displacement":
         raise click.UsageError("give --free only with --displacement-mm")
+    if how["rate"] is not None and axis == "angle":
+        raise click.UsageError("give --rate only with --load-n or --displacement-mm")
+    if how["travel_max_mm"] is not None and axis != "load":
+        raise click.UsageError("give --travel-max-mm only with --load-n")
     wish = Wish(axis, value, how["relative"], how["rate"], how["travel_max_mm"], how["free"])
     _move(rig_path, wish, how["yes"], "move", json_path)
 

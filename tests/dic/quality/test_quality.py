@@ -107,6 +107,8 @@ class TestNoise:
         first, other = blobs(2.0, seed=1), blobs(2.0, seed=2)
         with pytest.raises(CorrelationError, match="another picture"):
             assess_quality(first, settings=SMALL, second=other)
+        with pytest.raises(CorrelationError, match="another picture"):
+            assess_quality(first, settings=SMALL, second=np.full_like(first, 128.0))
         shifted = (first + 0.3 * spline_image(first, 5).gradient()[0]).astype(np.float32)
         with pytest.raises(CorrelationError, match=r"a motion of 0\.30 px"):
             assess_quality(first, settings=SMALL, second=shifted)

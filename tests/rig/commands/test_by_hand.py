@@ -109,6 +109,20 @@ def test_jog_takes_exactly_one_axis(rig_file, arguments):
     assert "give exactly one of" in done.err
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--angle-deg", "1", "--rate", "1"),
+        ("--angle-deg", "1", "--travel-max-mm", "1"),
+        ("--displacement-mm", "1", "--travel-max-mm", "1"),
+    ],
+)
+def test_an_option_without_effect_on_the_axis_is_refused(rig_file, arguments):
+    done = run_rig("jog", rig_file, *arguments, "--yes")
+    assert done.status == 2
+    assert f"give {arguments[2]} only with" in done.err
+
+
 def test_a_rig_without_the_device_is_refused_in_one_sentence(rig_file):
     head, _, tail = RIG_FILE.partition("[stage]")
     rig_file.write_text(head + "[operator]" + tail.partition("[operator]")[2])
