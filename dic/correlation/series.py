@@ -11,7 +11,7 @@ can be correlated at the same time. The results do not depend on how many really
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from typing import Any, TypeVar
 
 from dic.correlation.chaining import chain, moved_region
@@ -28,7 +28,7 @@ from dic.correlation.series_state import (
 )
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
-from dic.image.given import grey_levels
+from dic.image.kept import KeptImage
 from dic.specimen.find import Specimen
 from dic.typing import Float, ImageLike, Mask, PathLike
 
@@ -173,10 +173,27 @@ class Series:
         the image `deformed` without correlating it.
         """
         hint = None if hint is None else checked_homography(hint)
-        read = cache(lambda: grey_levels(deformed, "deformed image"))
-        # Do not keep the image for the case that it becomes a reference: it would be in memory during the
-        # evaluation.
-        return self.follow(lambda attempt: attempt.correlate(read()), partial(_given, deformed), hint)
+        return self.correlate_image(partial(_given, deformed), hint)
+
+    def correlate_image(
+        self, read: Callable[[], ImageLike], hint: Float | None, state: Callable[[], object] | None = None
+    ) -> SeriesFields:
+        """Return the fields of `correlate_fields` of the image that the function `read` returns.
+
+        Parameters
+        ----------
+        read : callable
+            Function that returns the image, or its path.
+        hint : ndarray, shape (3, 3), or None
+            As for `correlate`.
+        state : callable, optional
+            Function that returns the state of the image's source; see `KeptImage`.
+        """
+        image = KeptImage(read, state, again=self._incremental != "never")
+        try:
+            return self.follow(lambda attempt: attempt.correlate(image()), image, hint)
+        finally:
+            image.correlated()
 
     @property
     def at_once(self) -> int:

@@ -10,7 +10,6 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
-from functools import cache
 from itertools import islice
 
 from dic.correlation.field import Field
@@ -172,8 +171,7 @@ def _elsewhere(error: MeasurementError) -> WorkerError:
 def _outcome(series: Series, image: SeriesImage, line: _Line | None = None) -> FinishedImage:
     try:
         if line is None:
-            read = cache(image.grey)
-            fields = series.follow(lambda attempt: attempt.correlate(read()), image.read, image.hint)
+            fields = series.correlate_image(image.read, image.hint, image.state)
         else:
             fields = series.follow(line.field, image.read, image.hint)
     except WorkerError:

@@ -4,6 +4,7 @@ import os
 import platform
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from dic.errors import ImageError, WorkerError
 from dic.files.digest import file_sha256
 from dic.files.reading import opened
 from dic.image.given import grey_levels
+from dic.image.kept import file_identity
 from dic.image.pages import split_page
 from dic.image.times import ImageTime
 from dic.results.job import content_of
@@ -69,7 +71,8 @@ class SeriesImage:
         WorkerError
             If another process made this object, and this process finds another image in the same place.
         ImageError
-            If the process that made this object could not read the image's file.
+            If the process that made this object could not read the image's file, or if the file contains
+            another image by now.
         """
         here = platform.node(), os.getpid()
         if here != self.made_in and self.digest == UNREADABLE:
@@ -83,7 +86,24 @@ class SeriesImage:
                 "none that can be read" if self._digest_here() == UNREADABLE else "another one",
                 "give all workers the same files under the same paths",
             )
+        if here == self.made_in and self._is_replaced():
+            expected, remedy = "the image whose digest was computed", "write each image to a file of its own"
+            raise ImageError(self.label, "read image", expected, "another one", remedy)
         return self.image() if callable(self.image) else self.image
+
+    def _is_replaced(self) -> bool:
+        """Return True if the image's file has been changed since its digest was computed."""
+        if not self.identity or not isinstance(self.image, str | Path):
+            return False
+        # A file that cannot be read any more is reported by the reader.
+        return self._digest_here() not in (self.digest, UNREADABLE)
+
+    @property
+    def state(self) -> Callable[[], object] | None:
+        """Function that returns the state of the image's source, for `KeptImage`; None if it has none."""
+        if isinstance(self.image, str | Path):
+            return partial(file_identity, self.image)
+        return getattr(self.image, "digest", None)
 
     def grey(self) -> NDArray[Any]:
         """Return the grey levels of the image, shape (height, width), as `grey_levels` returns them."""
@@ -130,12 +150,7 @@ def _reader(image: SeriesImage) -> Callable[[], ImageLike]:
 
 def _is_unchanged(image: Path, identity: tuple[int, ...]) -> bool:
     """Return True if the file that contains an image has the given identity."""
-    try:
-        with opened(split_page(image)[0]) as content:
-            return content.identity == identity
-    except OSError:
-        # The caller tries to compute the digest, and reports that the file cannot be read.
-        return False
+    return bool(identity) and file_identity(image) == identity
 
 
 def of_page(digest: str, image: Path) -> str:

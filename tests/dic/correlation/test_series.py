@@ -3,6 +3,7 @@
 import gc
 import tracemalloc
 
+import cv2
 import numpy as np
 import pytest
 
@@ -10,7 +11,8 @@ from dic.correlation.chaining import chain, moved_region
 from dic.correlation.correlator import Correlator
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import CorrelationError
+from dic.errors import CorrelationError, ImageError
+from dic.image.read import read_image
 
 SETTINGS = CorrelationSettings(subset_px=21, step_px=7)
 SHAPE = (90, 260)
@@ -177,3 +179,65 @@ def test_an_expected_motion_that_is_none_is_refused(speckle, hint):
         CorrelationError, match=r"hint: expect motion: expected a homography of shape \(3, 3\)"
     ):
         series.correlate(pattern.draw(), hint=hint)
+
+
+@pytest.fixture(scope="module")
+def changing(speckle):
+    """Images of 8 bit that move by 1 px each; from the second on, their pattern is more and more another."""
+    first, then = (speckle(seed=seed, shape=(90, 90), margin=12, noise=0.5) for seed in (61, 62))
+    pictures = []
+    for k in range(5):
+        share = 0.3 * max(k - 1, 0)
+        old, new = (own.draw(lambda x, y, k=k: (x - k, y), k) for own in (first, then))
+        pictures.append(np.clip(np.rint((1 - share) * old + share * new), 0, 255).astype(np.uint8))
+    return pictures
+
+
+def taken_into(place, pictures, path):
+    """Yield the pictures, of which each one replaces the one before in the same array or file."""
+    buffer = pictures[0].astype(np.float32) if place == "float buffer" else pictures[0].copy()
+    for picture in pictures:
+        if place == "file":
+            assert cv2.imwrite(str(path), picture)
+            yield path
+        else:
+            buffer[...] = picture
+            yield buffer
+
+
+@pytest.mark.parametrize(
+    ("place", "incremental"),
+    [("buffer", "auto"), *((each, "always") for each in ("buffer", "float buffer", "large buffer", "file"))],
+)
+def test_reference_is_the_correlated_image_after_its_place_has_the_next_one(
+    changing, place, incremental, tmp_path, monkeypatch
+):
+    if place.startswith("large"):
+        monkeypatch.setattr("dic.image.stored.WHOLE_PX", 0)
+    series = Series(changing[0], None, SETTINGS, incremental=incremental, threads=1)
+    for k, image in enumerate(taken_into(place, changing[1:], tmp_path / "live.png"), 1):
+        field = series.correlate(image)
+        # The other pattern disturbs a tenth of a pixel. The next image as reference would be 1 px wrong.
+        np.testing.assert_allclose(np.median(field.u_px[field.converged]), k, atol=0.2)
+    assert series.updates > 0
+
+
+@pytest.mark.parametrize("replaced", [False, True])
+def test_large_image_is_read_again_as_reference_only_from_its_own_file(
+    changing, replaced, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("dic.image.stored.WHOLE_PX", 0)
+    paths = [tmp_path / f"{k}.png" for k in range(3)]
+    for path, picture in zip(paths, changing, strict=False):
+        assert cv2.imwrite(str(path), picture)
+    series = Series(read_image(paths[0]), None, SETTINGS, incremental="always", threads=1)
+    series.correlate(paths[1])
+    if replaced:
+        assert cv2.imwrite(str(paths[1]), changing[3])
+        with pytest.raises(
+            ImageError, match=r"1\.png.*expected the image that was correlated, got another one"
+        ):
+            series.correlate(paths[2])
+        return
+    field = series.correlate(paths[2])
+    np.testing.assert_allclose(np.median(field.u_px[field.converged]), 2.0, atol=0.2)

@@ -161,6 +161,14 @@ class Doubtful:
         return self._image
 
 
+def test_image_that_becomes_a_reference_has_its_warning_once(images):
+    pictures = [images[0], *(Doubtful(image) for image in images[1:3])]
+    with pytest.warns(ImageWarning, match="a doubtful image") as given:
+        found = outcomes(pictures, None, "always")
+    assert found[1].field.updates == 1
+    assert len(given) == 2
+
+
 def test_image_that_is_correlated_twice_has_its_warning_once(images):
     # The second picture shows something else, so the attempt from the last image's field follows.
     pictures = [images[0], images[1], Doubtful(images[3]), images[2]]
@@ -192,6 +200,17 @@ def test_worker_reads_a_file_again_for_its_digest_only_if_the_file_has_changed(t
         replace(image, made_in=elsewhere).read()
     path.write_bytes(b"another")
     with pytest.raises(WorkerError, match="another one"):
+        image.read()
+
+
+def test_image_whose_file_has_changed_since_its_digest_is_refused(tmp_path):
+    path = tmp_path / "img.png"
+    path.write_bytes(b"one")
+    digest, identity = FileDigests().identified(path)
+    image = SeriesImage(path, "1", digest=digest, identity=identity)
+    assert image.read() == path
+    path.write_bytes(b"another")
+    with pytest.raises(ImageError, match="got another one; write each image to a file of its own"):
         image.read()
 
 
