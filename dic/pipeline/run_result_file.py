@@ -30,6 +30,7 @@ from dic.results.loading import Result, load_result, require_version, use_result
 from dic.results.provenance import Provenance
 from dic.results.reader import read_corrections, read_measurements, read_provenance, read_two_cameras
 from dic.results.schema import FORMAT, VERSION
+from dic.results.shapes import require_shapes
 from dic.results.writer import ResultWriter
 from dic.runfile.reader import RunInfo, RunStep
 from dic.strain.measurement import Measurement
@@ -246,6 +247,7 @@ def _read_camera(name: str, group: h5py.Group, local_strain: bool) -> CameraResu
         steps.append(RunStep(index=int(columns["index"][k]), kind=str(kind), **values))
     measurements: Sequence[Measurement] = []
     if steps:
+        require_shapes(group["series"], group["reference"], group.file.get(f"{_JOINT}/{name}"))
         measurements = read_measurements(group["series"], calibration, local_strain=local_strain)
     failures = [line for line in str(group.attrs["failures"]).split("\n") if line]
     return CameraResult(

@@ -28,6 +28,7 @@ from dic.results.loading import Result, load_result, require_version, use_result
 from dic.results.provenance import Provenance
 from dic.results.reader import read_corrections, read_measurements, read_provenance
 from dic.results.schema import FORMAT, VERSION
+from dic.results.shapes import require_shapes
 from dic.results.unfinished import FinishedImage
 from dic.results.writer import ResultWriter
 from dic.runfile.schema import FORMAT as RUN_FORMAT
@@ -191,6 +192,7 @@ def _read(path: Path, file: Any, *, local_strain: bool = True) -> SeriesResult:
     origin = read_provenance(file)
     if origin is None or "reference" not in group:
         raise _refusal(path, "a file of an earlier version, which holds no reference image")
+    require_shapes(group, group["reference"])
     calibration = read_calibration(file["calibration"]) if "calibration" in file else None
     measurements = read_measurements(group, calibration, local_strain=local_strain)
     corrections: Sequence[Correction | None] = [None] * len(measurements)

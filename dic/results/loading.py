@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from dic.errors import MeasurementError, RunFileError
 from dic.hdf5.open import NotReadable, open_hdf5
 from dic.results.schema import VERSION
+from dic.results.shapes import Contradiction
 
 Result = TypeVar("Result")
 
@@ -30,9 +31,9 @@ def load_result(
 ) -> Result:
     """Call `read` with the open file, and return the result of `read`; the file stays open.
 
-    For a damaged file, the error that `refusal` returns is raised. An `OSError` that names a file, which
-    `read` cannot write, passes unchanged. The function `read` must access every value once. Then a file that
-    lacks a value is refused now, and not in the middle of a report.
+    For a damaged file, or a file that contradicts itself, the error that `refusal` returns is raised. An
+    `OSError` that names a file, which `read` cannot write, passes unchanged. The function `read` must access
+    every value once. Then a file that lacks a value is refused now, and not in the middle of a report.
     """
     try:
         file = open_hdf5(path)
@@ -41,7 +42,7 @@ def load_result(
         except BaseException:
             file.close()
             raise
-    except NotReadable as error:
+    except (NotReadable, Contradiction) as error:
         raise refusal(path, str(error)) from error
     except MeasurementError:
         raise

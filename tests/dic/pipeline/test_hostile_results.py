@@ -83,6 +83,53 @@ def test_hostile_results_are_one_sentence(good: Path, tmp_path: Path, harm: str)
     assert not page.exists()
 
 
+def _shortened(path: str) -> Change:
+    """Return the change that removes the last row and the last column of each map of a dataset."""
+
+    def change(file: h5py.File) -> None:
+        values = file[path][:]
+        cut = values[:, :-1, :-1] if values.ndim > 2 else values[:-1, :-1]
+        del file[path]
+        file[path] = cut
+
+    return change
+
+
+MAPS = (
+    "exx", "eyy", "exy", "exx_std", "eyy_std", "exy_std", "std_u_px", "zncc",
+    "gradient", "status", "U_mm", "X_mm", "active",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_a_map_that_does_not_fit_the_points_is_named(good: Path, tmp_path: Path, name: str) -> None:
+    with pytest.raises(
+        RunFileError, match=rf"{SERIES}/{name} has 7 × 7 values for 8 × 8 points; make it with"
+    ):
+        load_run_result(changed(good, tmp_path / "r.h5", _shortened(f"{SERIES}/{name}")))
+
+
+@pytest.mark.parametrize("group", [f"{SERIES}/corrected", "both/on_axis/corrected"])
+def test_a_corrected_map_that_does_not_fit_the_points_is_named(
+    good: Path, tmp_path: Path, group: str
+) -> None:
+    def change(file: h5py.File) -> None:
+        file[f"{group}/eyy"] = np.zeros((4, 7, 8))
+
+    with pytest.raises(RunFileError, match=f"{group}/eyy has 7 × 8 values for 8 × 8 points"):
+        load_run_result(changed(good, tmp_path / "r.h5", change))
+
+
+@pytest.mark.parametrize("path", ["cameras/on_axis/reference", f"{SERIES}/region"])
+def test_a_region_of_another_size_than_the_reference_is_named(good: Path, tmp_path: Path, path: str) -> None:
+    def change(file: h5py.File) -> None:
+        file[f"{SERIES}/region"] = np.ones(file["cameras/on_axis/reference"].shape, np.uint8)
+        _shortened(path)(file)
+
+    with pytest.raises(RunFileError, match=f"{SERIES}/region has .* values for .* pixels of the reference"):
+        load_run_result(changed(good, tmp_path / "r.h5", change))
+
+
 def check_a_flipped_byte(good: Path, folder: Path, rng: random.Random) -> None:
     """Check that a result file with a changed byte is read, or refused with one sentence.
 
