@@ -69,6 +69,9 @@ class GaugeSeries:
         The run that the images belong to; None for a series of images.
     reference_digest : str
         SHA-256 of the file of the reference image; "" for a run or a series in memory.
+    contents : tuple of str
+        For each image, also if it could not be measured, a text that identifies its content; see
+        `dic.results.job.content_of`. Empty for a run, a series in memory, or a file of an earlier version.
     """
 
     source: str
@@ -77,6 +80,7 @@ class GaugeSeries:
     in_order: bool = True
     run: "RunInfo | None" = None
     reference_digest: str = ""
+    contents: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"GaugeSeries({', '.join(gauge.name for gauge in self.gauges)}; {len(self.images)} images)"

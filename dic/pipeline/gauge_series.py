@@ -15,8 +15,10 @@ from dic.gauges.placed import PlacedGauges
 from dic.gauges.series import GaugeImage, GaugeSeries
 from dic.pipeline.run_result import RunResult
 from dic.pipeline.run_result_file import use_run_result
+from dic.pipeline.series_image import of_page
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
 from dic.pipeline.series_result_file import SeriesResult, is_series_result, use_series_result
+from dic.results.job import Outcome, content_of
 from dic.results.loading import Result
 from dic.typing import PathLike
 
@@ -98,10 +100,11 @@ def measure_gauges(results: Results, gauges: Sequence[Gauge], *, camera: str | N
     source = "" if isinstance(results, MeasuredSeries) else results.source
     in_order = not isinstance(results, SeriesResult) or bool(results.outcomes)
     run = results.info if isinstance(results, RunResult) else None
-    reference = ""
+    found = GaugeSeries(source, gauges, images, in_order, run)
     if isinstance(results, SeriesResult):
         reference = results.provenance.inputs.get(results.reference_name, "")
-    return GaugeSeries(source, gauges, images, in_order, run, reference)
+        return replace(found, reference_digest=reference, contents=_contents(images, results.outcomes))
+    return found
 
 
 def write_gauge_picture(
@@ -197,6 +200,19 @@ def _images(
         for k, image in enumerate(series.images):
             about = known[k] if k < len(known) else ({"camera": name} if name else {})
             yield reader.read(image, **about)
+
+
+def _contents(images: Sequence[GaugeImage], outcomes: Sequence[Outcome]) -> tuple[str, ...]:
+    """Return the content of each image of a result file; an empty tuple for files of earlier versions.
+
+    The stored content depends on the expected motion of the specimen. So it is used only for an image that
+    could not be measured, whose digest is not stored.
+    """
+    pairs = zip(images, outcomes, strict=True) if outcomes else ()
+    return tuple(
+        content_of(of_page(image.digest, Path(image.label))) if image.digest else outcome.content
+        for image, outcome in pairs
+    )
 
 
 def _cameras(result: RunResult, gauges: Sequence[Gauge], camera: str | None) -> list[str]:

@@ -82,16 +82,17 @@ def _with_run(series: GaugeSeries, facts: Facts) -> Facts:
 def _identity(series: GaugeSeries) -> str:
     """Return a text that is the same for all results from the same images, and for no other ones.
 
-    It does not depend on the images that could be measured, which may change with the settings.
+    It depends neither on the names of the images nor on which images could be measured, which may change
+    with the settings.
     """
     if series.run is not None and series.run.run_id:
         return series.run.run_id
-    if series.reference_digest:
-        names = (image.label.replace("\\", "/").rpartition("/")[2] for image in series.images)
-        return _digest([series.reference_digest, *sorted(names)])
-    digests = [image.digest for image in series.images if image.digest]
-    # Result files of earlier versions have no digests.
-    return _digest(digests or [repr(image.known.get("load_n")) for image in series.images])
+    # Result files of earlier versions have no contents, and some of them have no digests.
+    contents = series.contents if any(series.contents) else ()
+    found = sorted(contents or (image.digest for image in series.images if image.digest))
+    if found:
+        return _digest([series.reference_digest, *found])
+    return _digest(repr(image.known.get("load_n")) for image in series.images)
 
 
 def _digest(texts: Iterable[str]) -> str:
