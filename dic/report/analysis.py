@@ -7,6 +7,7 @@ from dic.report.camera_images import CameraImages, Results
 from dic.report.fact_table import Fact, FactTable, table_of
 from dic.report.hardware import results_file
 from dic.report.tables import MEASURES, SOURCES, resolution_text
+from dic.strain.strain import length_text
 
 
 def analysis_table(images: Sequence[CameraImages], result: Results) -> FactTable:
@@ -34,8 +35,8 @@ def _settings(images: CameraImages, file: str) -> dict[str, Fact]:
     gauge, calibration, model = f"{measurement.gauge_px} px", images.calibration, "none"
     if calibration is not None:
         model = f"{calibration.model}, {calibration.grid.found} points"
-        x_mm, y_mm = (measurement.gauge_px * each for each in calibration.axes_mm_per_px)
-        gauge += f", {x_mm:#.3g} mm × {y_mm:#.3g} mm"
+        across, along = (length_text(measurement.gauge_px * each) for each in calibration.axes_mm_per_px)
+        gauge += f", {across} × {along}"
     criterion = "zero-mean normalised sum of squared differences (ZNSSD), inverse compositional Gauss–Newton;"
     rows = {
         "Image filtering": (smoothing, "smoothing_px"),

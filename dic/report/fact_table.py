@@ -77,7 +77,8 @@ class FactTable:
 
 
 def table_of(heads: Sequence[str], columns: Sequence[dict[str, Fact]]) -> FactTable:
-    """Return the table of the facts of each camera; all cameras have the facts of the first one."""
+    """Return the table of all facts that at least one camera has, in the order in which they first appear."""
     missing = Fact("–", rule="nothing was measured")
-    facts = [(name, [column.get(name, missing) for column in columns]) for name in columns[0]]
+    names = dict.fromkeys(name for column in columns for name in column)
+    facts = [(name, [column.get(name, missing) for column in columns]) for name in names]
     return FactTable(list(heads), facts)

@@ -100,8 +100,21 @@ def gauge_text(gauge_px: int, axes_mm_per_px: tuple[float, float] | None) -> str
     text = f"virtual strain gauge {gauge_px} px"
     if axes_mm_per_px is None:
         return text
-    across, along = (f"{gauge_px * each:#.3g}".rstrip(".") + " mm" for each in axes_mm_per_px)
+    across, along = (length_text(gauge_px * each) for each in axes_mm_per_px)
     return f"{text} ({across})" if across == along else f"{text} ({across} × {along})"
+
+
+def length_text(length_mm: float) -> str:
+    """Return a length with three significant digits and its unit, always without an exponent.
+
+    Examples
+    --------
+    >>> length_text(2.0), length_text(279.96), length_text(1084.0)
+    ('2.00 mm', '280 mm', '1080 mm')
+    """
+    rounded = f"{length_mm:.2e}"
+    decimals = max(0, 2 - int(rounded.partition("e")[2]))
+    return f"{float(rounded):.{decimals}f} mm"
 
 
 @dataclass(frozen=True)

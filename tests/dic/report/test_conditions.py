@@ -9,6 +9,7 @@ import dic
 from dic.out_of_plane.correct import Corrections
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.plane import Plane
+from dic.report.analysis import analysis_table
 from dic.report.camera_images import images_of
 from dic.report.conditions import conditions_of
 from dic.report.hardware import hardware_table
@@ -71,6 +72,27 @@ def test_a_declined_correction_takes_the_kind_from_the_heading_of_the_maps():
         picture = state_picture(images, states, "eyy")
     assert picture.kind == "εyy"
     assert f"load 7 was not corrected: {NECKS}; its map shows calibrated strain." in picture.missing
+
+
+def test_settings_of_a_camera_stay_in_the_table_if_the_first_camera_measured_nothing():
+    images = images_of(run())[0]
+    blind = replace(images, camera="blind", series=replace(images.series, images=[]))
+    alone = analysis_table([images], run())
+    table = analysis_table([blind, images], run())
+    assert dict(table.rows).keys() == dict(alone.rows).keys()
+    assert dict(table.rows)["Subset size"] == ["–", *dict(alone.rows)["Subset size"]]
+
+
+def test_large_lengths_of_the_table_have_neither_a_bare_point_nor_an_exponent():
+    images = images_of(run())[0]
+    gauge_px = images.series.images[0].measurement.gauge_px
+    index = np.stack(np.meshgrid(np.arange(11), np.arange(11)), axis=-1).reshape(-1, 2)
+    # the gauge is 280 mm wide and 1080 mm high
+    pitch_px = np.array([gauge_px / 280.0, gauge_px / 1080.0]) * 25.0
+    points = dic.GridPoints.on_lattice(index, index * pitch_px, (11, 11), 25.0)
+    calibration = dic.Calibration.fit(points, (SIDE_PX, SIDE_PX))
+    rows = dict(analysis_table([replace(images, calibration=calibration)], run()).rows)
+    assert rows["Virtual strain gauge size"] == [f"{gauge_px} px, 280 mm × 1080 mm"]
 
 
 def test_lengths_in_mm_use_the_scale_of_their_own_direction():

@@ -275,3 +275,4 @@ def test_size_of_the_gauge_has_the_scale_of_each_direction():
     assert gauge_text(100, (0.02 / np.cos(np.radians(30.0)), 0.02)) == (
         "virtual strain gauge 100 px (2.31 mm × 2.00 mm)"
     )
+    assert gauge_text(100, (2.8, 10.8)) == "virtual strain gauge 100 px (280 mm × 1080 mm)"
