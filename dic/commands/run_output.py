@@ -38,7 +38,7 @@ class OutputOptions:
 
         replace = self.force or output.resolve() in outputs_of(output)
         known = tuple(path for path in inputs if path is not None)
-        return ResultPlace(output, replace, anew=self.force, fields_from=self.fields_from, inputs=known)
+        return ResultPlace(output, replace, fields_from=self.fields_from, inputs=known)
 
     def require_several(self, count: int) -> None:
         """Raise an error if an option names a file of one run, because there are several runs.

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     )
     from dic.workers.workers import Workers
 
-MEASURED, KNOWN, NOT_PROCESSED, NOT_BEGUN = "measured", "known before", "not processed", "not begun"
+MEASURED, STRAIN_ANEW, KNOWN = "measured", "strain anew", "known before"
+NOT_PROCESSED, NOT_BEGUN = "not processed", "not begun"
 GOES_ON = "interrupted before the end; give the same command again to go on after the last finished image"
 
 
@@ -129,7 +130,7 @@ class RunWork:
                 raise KeyboardInterrupt(GOES_ON) from error
         if result.note:
             say(result.note)
-        if not (result.note and self.of_several):
+        if not (result.known and self.of_several):
             say(table(result))
         for line in [] if result.note else _specimens(result, source):
             say(line)
@@ -175,7 +176,8 @@ def process_shelf(work: RunWork, sources: "Sequence[RunSource]", workers: "Worke
                 fail(sentence_of(error))
                 status = COULD_NOT
                 continue
-            table[run] = KNOWN if result.note else MEASURED, _counts(result)
+            state = KNOWN if result.known else STRAIN_ANEW if result.note else MEASURED
+            table[run] = state, _counts(result)
             status = max(status, problems(str(run), result))
     finally:
         say(_closing_table(table))
@@ -210,7 +212,7 @@ def _closing_table(table: dict[Path, tuple[str, str]]) -> str:
     state_width, counts_width = (max(len(cells[k]) for cells in table.values()) for k in (0, 1))
     states = [state for state, _ in table.values()]
     counted = [f"{states.count(state)} {state}" for state in dict.fromkeys(states)]
-    lines = [f"{len(table)} runs: {', '.join(counted)}"]
+    lines = [f"{len(table)} {'run' if len(table) == 1 else 'runs'}: {', '.join(counted)}"]
     for path, (state, counts) in table.items():
         lines.append(f"  {state:{state_width}}  {counts:{counts_width}}  {path}")
     return "\n".join(lines)

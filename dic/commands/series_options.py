@@ -248,7 +248,7 @@ class OutputOptions:
         if self.output is None:
             return None
         replace = self.force or self.output.resolve() in outputs_of(self.output)
-        return ResultPlace(self.output, replace, anew=self.force, fields_from=self.fields_from)
+        return ResultPlace(self.output, replace, fields_from=self.fields_from)
 
     def gauges(self) -> "tuple[Gauge, ...]":
         """Return the gauges of `--gauges`; none without this option."""

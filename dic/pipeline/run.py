@@ -107,7 +107,7 @@ def process_run(
         job = Job.of(fields, set_up.as_dict())
         known = fields_on_file(place, load_run_result, fields, partial(_images, run))
         if known is not None and Path(known.file) == file and job_of_fields(known) == job:
-            return replace(known, note=f"{file}: {SAME}")
+            return replace(known, note=f"{file}: {SAME}", known=True)
         require_replaceable(place)
         with unfinished(file, fields, anew=place.anew) as kept:
             if known is not None:

@@ -1,5 +1,6 @@
 """The correlation of a run's images: the calibration of every camera, and the fields of every step."""
 
+import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -214,8 +215,16 @@ def _compare_with_calibration(source: str, region: Mask, area: Mask) -> None:
             "draw the region where the grid image shows the grid",
         )
     if outside:
-        share = f"{100 * outside / pixels:.2g} %"
-        warn_of_image(source, f"{share} of the region lies outside the calibrated area and is not measured")
+        warn_of_image(
+            source,
+            f"{percent(outside, pixels)} of the region lies outside the calibrated area and is not measured",
+        )
+
+
+def percent(part: int, whole: int) -> str:
+    """Return a share that is neither 0 nor 1 as a percentage; two digits of the smaller side are shown."""
+    smaller = 100 * min(part, whole - part) / whole
+    return f"{100 * part / whole:.{max(0, 1 - math.floor(math.log10(smaller)))}f} %"
 
 
 class _Turn:

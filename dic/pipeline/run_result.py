@@ -33,6 +33,8 @@ class RunResult:
         Path of the result file; "" if the results were not read from a file.
     note : str
         A sentence that says which result file `process_run` used; "" if it correlated the images.
+    known : bool
+        True if `process_run` found these results in the result file, and computed nothing.
     """
 
     source: str
@@ -44,6 +46,7 @@ class RunResult:
     provenance: Provenance | None = None
     file: str = ""
     note: str = ""
+    known: bool = False
 
     def __repr__(self) -> str:
         lines = [f"  {camera}" for camera in self.cameras]

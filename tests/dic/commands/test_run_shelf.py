@@ -33,7 +33,7 @@ def shelf(run, tmp_path, monkeypatch):
 def closing(done):
     """Return the closing table: its heading, and the words of each run, by the name of its file."""
     lines = done.out.splitlines()
-    (at,) = [k for k, line in enumerate(lines) if " runs: " in line]
+    (at,) = [k for k, line in enumerate(lines) if " runs: " in line or " run: " in line]
     return lines[at], {line.split()[-1]: line.split()[:-1] for line in lines[at + 1 :]}
 
 
@@ -57,6 +57,23 @@ def test_every_run_gets_its_result_and_finished_runs_are_not_correlated_again(sh
     again = run_dic("process", "runs", "runs/run2.h5", *WORDS)
     assert len(correlated) == 3
     assert closing(again)[0] == "3 runs: 1 known before, 1 not processed, 1 measured"
+
+
+def test_new_strains_of_a_shelf_are_printed_and_called_new(shelf, correlated):
+    (shelf / "run3.h5").unlink()
+    (shelf / "run10.h5").unlink()
+    first = run_dic("process", "runs", *WORDS)
+    assert closing(first)[0] == "1 run: 1 measured"
+    heading_of_strains = first.out.splitlines()[1]
+    assert heading_of_strains.startswith("Rotation at 30°")
+    known = run_dic("process", "runs", *WORDS)
+    assert closing(known)[0] == "1 run: 1 known before"
+    anew = run_dic("process", "runs", *WORDS, "--strain-window", 9, "--force")
+    assert closing(anew)[0] == "1 run: 1 strain anew"
+    assert closing(anew)[1]["runs/run2.h5"] == ["strain", "anew", "1", "images"]
+    assert len(correlated) == 1
+    assert heading_of_strains in anew.out
+    assert heading_of_strains not in known.out
 
 
 def test_outputs_of_several_runs_are_in_folders(shelf):
@@ -107,6 +124,21 @@ def test_a_run_with_two_names_is_processed_once(shelf, correlated):
     done = run_dic("process", "runs/run2.h5", shelf / "run2.h5", "link/run2.h5", "runs/run10.h5", *WORDS)
     assert (done.status, len(correlated)) == (0, 2)
     assert list(closing(done)[1]) == ["runs/run2.h5", "runs/run10.h5"]
+
+
+def test_the_same_command_goes_on_with_force_too(shelf, correlated, monkeypatch):
+    words = ("process", "runs/run2.h5", "runs/run10.h5", *WORDS, "--force")
+    with monkeypatch.context() as patched:
+
+        def interrupted(self, *given):
+            raise KeyboardInterrupt
+
+        patched.setattr("dic.pipeline.run.RunSetUp.write", interrupted)
+        (shelf / "run2.results.h5").write_text("an earlier result")
+        assert run_dic(*words).err.strip() == f"error: {run_work.GOES_ON}"
+    assert len(correlated) == 1
+    assert run_dic(*words).status == 0
+    assert len(correlated) == 2
 
 
 def test_an_interruption_says_how_to_go_on_and_which_runs_remain(shelf, monkeypatch):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import dic
+from dic.pipeline.run_correlation import percent
 from dic.runfile.joined import open_run
 from simulators.scene.pose import Pose
 from tests.command_line import refusal, run_dic
@@ -79,6 +80,14 @@ def test_another_region_is_another_measurement(run, place, correlated):
     assert len(correlated) == 2
     at, _ = measured(place / "r.h5")
     assert at[:, 1].max() <= 250
+
+
+@pytest.mark.parametrize(
+    ("part", "whole", "said"),
+    [(1, 8, "12 %"), (9_998, 10_000, "99.980 %"), (999, 1000, "99.90 %"), (1, 10**8, "0.0000010 %")],
+)
+def test_a_part_is_in_fixed_notation_and_never_the_whole(part, whole, said):
+    assert percent(part, whole) == said
 
 
 @pytest.mark.filterwarnings("always::dic.errors.ImageWarning")
