@@ -24,6 +24,8 @@ _COMPARE_FIRST = "compare specimens first: dic.compare_specimens(properties)"
 _DASHES, _WIDTHS = ("-", "--", ":", "-."), (1.3, 2.6)
 _MOST_NAMED = 40
 """A figure of more curves than this has no legend: no more styles of line can be told apart."""
+_ROUNDING = 1e-12
+"""Scatter of at most this part of the mean is the rounding of numbers."""
 _ANISOTROPY = {"r_mean": "r̄", "delta_r": "Δr"}
 
 
@@ -205,17 +207,22 @@ def _scatter_rows(group: Group) -> list[ScatterRow]:
 def statistics_cells(scatter: Scatter) -> list[str]:
     """Return the statistics of a property as text, in the order of `dic.campaigns.table.STATISTICS`."""
     digits = DECIMALS[scatter.unit]
-    stds = (scatter.std_between, scatter.standard_error, scatter.stated_std)
     mean = "–" if scatter.mean is None else fixed(scatter.mean, digits)
-    return [mean, *(_std_text(std, digits) for std in stds)]
+    # The values have about 16 digits. So the scatter of equal values is not always exactly zero.
+    least = _ROUNDING * abs(scatter.mean or 0.0)
+    from_scatter = [
+        0.0 if std is not None and std <= least else std
+        for std in (scatter.std_between, scatter.standard_error)
+    ]
+    return [mean, *(_std_text(std, digits) for std in (*from_scatter, scatter.stated_std))]
 
 
 def _std_text(std: float | None, digits: int) -> str:
     """Return a standard deviation as text, with two significant digits if it would be rounded to zero."""
     if std is None:
         return "–"
-    text = fixed(std, digits)
-    return with_std(0.0, std).partition(" ± ")[2] if std > 0.0 and float(text) == 0.0 else text
+    rounded_to_zero = std > 0.0 and round(std, digits) == 0.0
+    return with_std(0.0, std).partition(" ± ")[2] if rounded_to_zero else fixed(std, digits)
 
 
 def outlier_text(scatter: Scatter) -> str:

@@ -52,6 +52,26 @@ def test_a_standard_deviation_that_would_be_rounded_to_zero_has_two_digits(one):
     assert cells == ["405.0", "7.1", "5.0", "0.012"]
 
 
+def test_a_large_standard_deviation_has_its_thousands_apart(one):
+    given = {"a": with_values(one, Rm_mpa=(1e5, 2e4)), "b": with_values(one, Rm_mpa=(3e5, 2e4))}
+    cells = statistics_cells(dic.compare_specimens(given).groups[0].scatter["Rm_mpa"])
+    # the differences from the mean are 100 000 each
+    assert [cell.replace("\u202f", " ") for cell in cells] == [
+        "200 000.0",
+        "141 421.4",
+        "100 000.0",
+        "20 000.0",
+    ]
+
+
+def test_equal_specimens_do_not_scatter(one):
+    # in floating point the mean of 0.1, 0.1, 0.1 is not exactly 0.1
+    values = {name: with_values(one, Rm_mpa=(0.1, 1e-14)) for name in "abc"}
+    found = dic.compare_specimens(values).groups[0].scatter["Rm_mpa"]
+    assert found.std_between > 0.0
+    assert statistics_cells(found) == ["0.1", "0.0", "0.0", "1.0e-14"]
+
+
 def test_a_specimen_without_a_value_is_left_out_of_the_mean(one):
     values = [(400.0, 1.0), (None, None), (410.0, 1.0)]
     given = {n: with_values(one, Rm_mpa=pair) for n, pair in zip(NAMES, values, strict=False)}
