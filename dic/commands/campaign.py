@@ -46,6 +46,13 @@ class CampaignOutputs:
     json_file: Path | None
     force: bool
 
+    def require_pdf(self) -> None:
+        """Raise an error if a PDF file is wanted and cannot be written."""
+        from dic.report.pdf import require_pdf
+
+        if self.pdf is not None:
+            require_pdf(self.pdf)
+
     @property
     def files(self) -> list[Path]:
         """The paths of all output files."""
@@ -92,6 +99,7 @@ def campaign(folder: Path, tables: EqualTables, test: TestOptions, outputs: Camp
     read = [Path(specimen.file) for specimen in specimens]
     about = folder if folder.suffix.lower() == ".toml" else folder / _FILE_NAME
     require_places([about, *read], outputs.files, force=outputs.force)
+    outputs.require_pdf()
     found = measure_campaign(specimens)
     for line in _lines(found):
         say(line)

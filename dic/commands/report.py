@@ -77,6 +77,13 @@ class ReportOutputs:
     ttl_iri: str | None
     force: bool
 
+    def require_pdf(self) -> None:
+        """Raise an error if a PDF file is wanted and cannot be written."""
+        from dic.report.pdf import require_pdf
+
+        if self.pdf is not None:
+            require_pdf(self.pdf)
+
     def require_test(self, tests: "Sequence[TensileTest]") -> None:
         """Raise an error if there is no tensile test for a file of its values."""
         from dic import RunFileError
@@ -164,6 +171,7 @@ def report(
         force=outputs.force,
     )
     require_iri(outputs.ttl_iri)
+    outputs.require_pdf()
     tests = _tests(results, field, about, record, test)
     outputs.require_test(tests)
     loaded = _write(results, tests, outputs.output, outputs.pdf)

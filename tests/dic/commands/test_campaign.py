@@ -1,6 +1,7 @@
 """Tests of the command `dic campaign` and its output."""
 
 import csv
+import sys
 
 import cv2
 import numpy as np
@@ -66,6 +67,15 @@ def test_the_report_is_also_a_pdf_file_with_its_title_on_each_page(folder, tmp_p
         True
     ] * len(pages)
     assert "--report" in refusal("campaign", folder, *COLUMNS, "--pdf", tmp_path / "alone.pdf")
+
+
+def test_a_pdf_file_that_cannot_be_written_is_refused_before_any_output(folder, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "weasyprint", None)
+    outputs = {name: tmp_path / f"all.{name}" for name in ("csv", "json", "report", "pdf")}
+    options = [word for name, path in outputs.items() for word in (f"--{name}", path)]
+    said = refusal("campaign", folder, *COLUMNS, *options)
+    assert "write PDF: expected the library WeasyPrint" in said
+    assert not any(path.exists() for path in outputs.values())
 
 
 def test_a_specimen_that_fails_is_told_and_the_others_stand(folder, tmp_path):

@@ -365,6 +365,9 @@ def test_pdf_without_its_library_is_one_sentence(folder, tmp_path, monkeypatch):
     assert "write PDF: expected the library WeasyPrint" in said
     assert "pip install 'offaxis[pdf]'" in said
     assert not page.exists()
+    # the library is looked for before the results are read
+    said = refusal("report", tmp_path / "none.h5", "-o", page, "--pdf", pdf)
+    assert "write PDF: expected the library WeasyPrint" in said
 
 
 def test_modulus_of_the_report_is_the_true_one(reported):
