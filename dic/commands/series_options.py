@@ -55,7 +55,11 @@ class RegionOptions:
         """Return the region to measure for images of `shape` (height, width); None without these options."""
         from dic import read_region
 
-        return read_region(self.roi, self.polygons, shape)
+        region = read_region(self.roi, self.polygons, shape)
+        if region is not None:
+            # Nobody changes this mask, so the correlation needs no copy of it.
+            region.setflags(write=False)
+        return region
 
 
 def is_file(text: str) -> bool:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from dic.correlation.field import Field
 from dic.correlation.status import Status
+from dic.image.given import fixed
 from dic.typing import Float, Indices, Mask
 
 _CELL_REACH = 0.7
@@ -158,7 +159,7 @@ def moved_region(region: Mask, field: Field) -> Mask:
     Returns
     -------
     ndarray of bool, shape (height, width)
-        The region in the deformed image.
+        The region in the deformed image; the mask is read-only.
     """
     import cv2
 
@@ -188,7 +189,7 @@ def moved_region(region: Mask, field: Field) -> Mask:
         at_x = np.clip(np.rint(field.x_px[column] + from_x), 0, width - 1).astype(np.int64)
         at_y = np.clip(np.rint(field.y_px[row] + from_y), 0, height - 1).astype(np.int64)
         moved[line] = near & region[at_y, at_x]
-    return moved
+    return fixed(moved)
 
 
 def _step(field: Field) -> int:

@@ -19,7 +19,7 @@ from dic.correlation.solver import Solver
 from dic.correlation.status import Status
 from dic.correlation.turned_image import TurnableImage
 from dic.errors import CorrelationError, require_kind
-from dic.image.given import checked_region, grey_levels
+from dic.image.given import fixed, fixed_region, grey_levels
 from dic.image.memory import give_back_memory
 from dic.image.point_grid import PointGrid, clear_of_edges, place_points
 from dic.image.spline import edge_reach_px
@@ -56,7 +56,7 @@ class Correlator:
     Attributes
     ----------
     region : ndarray of bool, shape (height, width)
-        The region of interest: the given region or the specimen, within `within`.
+        The region of interest: the given region or the specimen, within `within`. The mask is read-only.
     specimen : Specimen or None
         The specimen that was found; None if a region was given.
     smoothing : Smoothing
@@ -87,8 +87,8 @@ class Correlator:
             self.specimen = find_specimen(grey, settings.subset_px, within)
             surface = self.specimen.mask
         else:
-            surface = checked_region(region, grey.shape)
-        self.region = surface if within is None else surface & within
+            surface = fixed_region(region, grey.shape)
+        self.region = fixed(surface if within is None else surface & within)
         self.smoothing = chosen_smoothing(grey, self.region, settings)
         image = self.smoothing.applied(grey)
         usable = np.ones(grey.shape, np.bool_)

@@ -6,10 +6,13 @@ from collections.abc import Callable
 from functools import cached_property
 from threading import Lock
 
+import numpy as np
+
 from dic.correlation.correlator import Correlator
 from dic.correlation.earlier_field import EarlierField
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
+from dic.image.given import fixed
 from dic.typing import Float, ImageLike, Mask, PathLike
 
 Region = Mask | PathLike | None
@@ -92,6 +95,9 @@ def _received(content: bytes) -> Reference:
     reference = _received_last.pop(content, None)
     if reference is None:
         read, region, settings, clip, within = pickle.loads(zlib.decompress(content))
+        if isinstance(region, np.ndarray):
+            # Nobody else has this array, so the correlator needs no copy of it.
+            fixed(region)
         reference = Reference(read, lambda: region, settings, clip=clip, within=within)
     _received_last[content] = reference
     return reference

@@ -131,6 +131,23 @@ def checked_region(region: object, shape: tuple[int, ...]) -> Mask:
     )
 
 
+def fixed_region(region: object, shape: tuple[int, ...]) -> Mask:
+    """Return the region of `checked_region` as a read-only mask; a mask that the caller can change is copied.
+
+    Measurements use the region again after the correlation. Points and strain must then have the same region.
+    """
+    mask = checked_region(region, shape)
+    if mask is region and mask.flags.writeable:
+        mask = mask.copy()
+    return fixed(mask)
+
+
+def fixed(mask: Mask) -> Mask:
+    """Return the same mask, which is read-only from now on."""
+    mask.setflags(write=False)
+    return mask
+
+
 _WHITE = (255.0, 65535.0)
 """Brightest grey levels of image files of 8 and of 16 bit."""
 

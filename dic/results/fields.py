@@ -10,6 +10,7 @@ from dic.correlation.field import Field
 from dic.correlation.series_state import SeriesFields
 from dic.correlation.settings import CorrelationSettings
 from dic.files.lazy import Computed
+from dic.image.given import fixed
 from dic.image.point_grid import PointGrid
 from dic.results.columns import Columns
 from dic.results.job import Outcome
@@ -70,7 +71,8 @@ class StoredFields:
         self.settings = CorrelationSettings(**read_settings(series, CorrelationSettings))
         self._x_px, self._y_px = series["x_px"][:], series["y_px"][:]
         self._active: Mask = series["active"][:].astype(np.bool_)
-        self.region: Mask | None = series["region"][:].astype(np.bool_) if "region" in series else None
+        region = fixed(series["region"][:].astype(np.bool_)) if "region" in series else None
+        self.region: Mask | None = region
         self.grid = _read_grid(series, self._x_px, self._y_px, self._active) if "usable" in series else None
 
     def __len__(self) -> int:

@@ -184,8 +184,9 @@ def sight_of(field: Field) -> Sight | None:
     if field.region is None:
         return None
     sight = Sight(field.region, field.x_px, field.y_px)
-    # Nothing is kept of a large region, so the region is not kept either.
-    return sight if is_large(field.region.shape) else shared_sight(sight)
+    # Nothing is kept of a large region, so the region is not kept either. A mask that can be changed may be
+    # another region the next time.
+    return sight if is_large(field.region.shape) or field.region.flags.writeable else shared_sight(sight)
 
 
 def _in_axes(field: Field, here: Float, there: Float, *, gradients: bool) -> tuple[Float | None, Noise]:

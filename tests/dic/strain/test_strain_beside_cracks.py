@@ -1,5 +1,6 @@
 """Local strain beside a crack does not contain the crack's opening, for any window, step and region."""
 
+from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
-from dic.strain.displacement import Displacement
+from dic.strain.displacement import Displacement, sight_of
 from dic.strain.measurement import measure
 from dic.strain.sight import Sight, shared_sight
 from dic.strain.strain import StrainSettings, strain_field
@@ -211,3 +212,48 @@ def test_displacements_without_a_region_use_whole_windows():
     position = np.stack([x, y], axis=-1)
     moved = Displacement(position, 1e-3 * position, np.ones((9, 9), bool), "px")
     assert np.isfinite(strain_field(moved).exx[2:-2, 2:-2]).all()
+
+
+def cracked_in_place(speckle):
+    """Return a mask, the rows of a crack that opens by 0.6 px, and a function that correlates the plate."""
+    pattern = speckle(seed=43, shape=(120, 120), noise=0.5)
+    pictures = pattern.draw(), pattern.draw(lambda x, y: (x, np.where(y < 60, y, y - 0.6)))
+    mask, crack = np.ones((120, 120), bool), slice(60, 62)
+    settings = CorrelationSettings(subset_px=21, step_px=11)
+    return mask, crack, lambda: Correlator(pictures[0], mask, settings).correlate(pictures[1])
+
+
+def eyy_of(field):
+    return measure(field, strain=StrainSettings(window_points=5)).strain.eyy
+
+
+def steepest(field):
+    return np.nanmax(np.abs(eyy_of(field)))
+
+
+def test_crack_that_is_drawn_into_the_same_mask_is_seen(speckle):
+    mask, crack, correlated = cracked_in_place(speckle)
+    # 0.6 px on windows of 40 px.
+    assert steepest(correlated()) > 0.01
+    mask[crack] = False
+    assert steepest(correlated()) < 0.003
+
+
+def test_field_keeps_its_region_when_the_mask_is_changed(speckle):
+    mask, crack, correlated = cracked_in_place(speckle)
+    mask[crack] = False
+    field = correlated()
+    mask[crack] = True
+    assert not field.region[crack].any()
+    assert steepest(field) < 0.003
+    assert sight_of(field) is sight_of(replace(field))
+
+
+def test_field_whose_region_can_be_changed_is_measured_with_what_it_contains(speckle):
+    _, crack, correlated = cracked_in_place(speckle)
+    region = np.ones((120, 120), bool)
+    field = replace(correlated(), region=region)
+    whole = eyy_of(field)
+    region[crack] = False
+    np.testing.assert_array_equal(eyy_of(field), eyy_of(replace(field, region=region.copy())))
+    assert not np.array_equal(eyy_of(field), whole, equal_nan=True)
