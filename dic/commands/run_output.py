@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dic.files.writing import write_text
-from dic.shell.output_paths import require_places
+from dic.shell.output_paths import require_places, same_or_new
 
 if TYPE_CHECKING:
     from dic import Alignment, Gauge, ResultPlace, RunResult
@@ -80,7 +80,8 @@ class OutputOptions:
         for line in gauge_lines(found):
             say(line)
         if self.csv_folder is not None:
-            write_gauge_table(found, self.csv_folder / GAUGE_FILE, decimal_comma=self.decimal_comma)
+            with same_or_new(self.csv_folder, replace=self.force or not result.known) as folder:
+                write_gauge_table(found, folder / GAUGE_FILE, decimal_comma=self.decimal_comma)
         return gauges_dict(found)
 
     def require_places(
@@ -101,7 +102,13 @@ class OutputOptions:
         # The names of the tables of points follow from the steps of the run.
         tables = [] if self.csv_folder is None else [*self.csv_folder.glob("*.csv")]
         places = [output, self.report_file, self.json_file, *written, *tables]
-        earlier = [] if output is None else outputs_of(output) + [output] * result_may_stand
+        earlier = [] if output is None else outputs_of(output)
+        if output is not None and result_may_stand:
+            if output.exists() and output.resolve() not in earlier:
+                # Either the run is known before, and `same_or_new` compares its files with those that are
+                # there, or `process_run` refuses to replace the result file.
+                earlier += [*written, *tables]
+            earlier.append(output)
         require_places(read, places, force=self.force, replaceable=earlier)
         for folder in (alignments, self.csv_folder):
             if folder is not None:
@@ -116,7 +123,8 @@ class OutputOptions:
         from dic.shell.console import say
 
         if self.csv_folder is not None:
-            write_run_tables(result, self.csv_folder, decimal_comma=self.decimal_comma)
+            with same_or_new(self.csv_folder, replace=self.force or not result.known) as folder:
+                write_run_tables(result, folder, decimal_comma=self.decimal_comma)
             say(f"tables: {self.csv_folder / STRAIN_FILE} and one of points for each image")
         if self.report_file is not None:
             write_report([result], self.report_file)
@@ -182,13 +190,16 @@ def _make_folder(folder: Path) -> None:
         ) from error
 
 
-def save_alignments(folder: Path, result: "RunResult") -> None:
+def save_alignments(folder: Path, result: "RunResult", *, replace: bool) -> None:
     """Write the alignment of each camera, if it was solved from the images of a rotation."""
     from dic import save_alignment
     from dic.shell.console import say
 
-    for camera, corrections in result.corrections.cameras.items():
-        if corrections.alignment is not None:
-            path = folder / f"{camera}.alignment.json"
-            save_alignment(corrections.alignment, path)
-            say(f"alignment: {path}")
+    solved = {f"{name}.alignment.json": own.alignment for name, own in result.corrections.cameras.items()}
+    with same_or_new(folder, replace=replace) as place:
+        for name, alignment in solved.items():
+            if alignment is not None:
+                save_alignment(alignment, place / name)
+    for name, alignment in solved.items():
+        if alignment is not None:
+            say(f"alignment: {folder / name}")

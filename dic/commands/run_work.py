@@ -136,7 +136,7 @@ class RunWork:
             say(line)
         say(f"results: {output}")
         if self.alignments is not None:
-            save_alignments(self.alignments, result)
+            save_alignments(self.alignments, result, replace=outputs.force or not result.known)
         outputs.write(result, self.gauges)
         return result
 

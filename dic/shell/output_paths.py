@@ -1,8 +1,11 @@
 """Check output paths before the work begins, so that no result is lost and no input is overwritten."""
 
+import filecmp
 import os
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import click
 
@@ -61,6 +64,38 @@ def require_places(
                 remedy,
             )
         taken[place] = "one that holds other results"
+
+
+@contextmanager
+def same_or_new(folder: Path, *, replace: bool) -> Iterator[Path]:
+    """Give a folder for files that are then moved to `folder`, where no file with other content is lost.
+
+    Parameters
+    ----------
+    folder : Path
+        A folder that exists.
+    replace : bool
+        True if files with other content may be replaced. Then the files are written to `folder` at once.
+
+    Raises
+    ------
+    OutputError
+        If a file with other content is there. Then no file of the folder has changed.
+    """
+    if replace:
+        yield folder
+        return
+    with TemporaryDirectory(dir=folder, prefix=".") as temporary:
+        yield Path(temporary)
+        written = sorted(Path(temporary).iterdir())
+        for file in written:
+            standing = folder / file.name
+            if standing.exists() and not filecmp.cmp(file, standing, shallow=False):
+                expected, got = "no file, or one with the same content", "one with other content"
+                remedy = "name another place, or replace it with --force"
+                raise OutputError(str(standing), "write results", expected, got, remedy)
+        for file in written:
+            file.replace(folder / file.name)
 
 
 def _resolved(path: Path) -> Path:

@@ -141,6 +141,27 @@ def test_the_same_command_goes_on_with_force_too(shelf, correlated, monkeypatch)
     assert len(correlated) == 2
 
 
+def test_the_same_command_goes_on_with_tables(shelf, correlated):
+    words = ("process", "runs/run2.h5", "runs/run10.h5", *WORDS, "--csv", "tables", "--save-alignment", "al")
+    assert run_dic(*words).status == 0
+    tables = sorted((shelf.parent / "tables").rglob("*.csv"))
+    whole = [table.read_bytes() for table in tables]
+    (shelf / "run10.results.h5").unlink()
+    for table in (shelf.parent / "tables/run10").iterdir():
+        table.unlink()
+    tables[-1].unlink()
+    assert run_dic(*words).status == 0
+    assert [table.read_bytes() for table in tables] == whole
+    assert len(correlated) == 3
+    tables[0].unlink()
+    tables[-1].write_text("notes of the user")
+    done = run_dic(*words)
+    assert (done.status, tables[-1].read_text()) == (2, "notes of the user")
+    assert "got one with other content; name another place, or replace it with --force" in done.err
+    assert run_dic(*words, "--force").status == 0
+    assert [table.read_bytes() for table in tables] == whole
+
+
 def test_an_interruption_says_how_to_go_on_and_which_runs_remain(shelf, monkeypatch):
     def interrupted(self, **named):
         raise KeyboardInterrupt
