@@ -28,6 +28,7 @@ from dic.commands.run_output import OutputOptions, problems, read_alignment
 from dic.commands.run_regions import RegionOptions, region_options
 from dic.commands.settings_file import settings_option, used_settings_file
 from dic.commands.worker_options import chosen_workers, worker_options
+from dic.shell.console import say
 from dic.shell.output_paths import FORCE
 
 if TYPE_CHECKING:
@@ -140,7 +141,10 @@ def process(
     from dic.commands.run_work import RunWork, process_shelf
     from dic.pipeline.run_files import list_run_files
 
-    paths = list_run_files(runs)
+    listed = list_run_files(runs)
+    for earlier, later in listed.continued.items():
+        say(f"{earlier} is left out, because {later} continues it and contains its steps")
+    paths = listed.paths
     several = len(paths) > 1 or any(run.is_dir() for run in runs)
     settings, _, how, source, correcting, gauges, _ = all_of(
         correlation.settings,

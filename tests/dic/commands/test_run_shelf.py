@@ -5,9 +5,11 @@ import shutil
 import pytest
 
 from dic.commands import run_work
+from dic.pipeline.run_files import list_run_files
 from tests.command_line import refusal, run_dic
 from tests.dic.pipeline.rendered_run import slid, write_rendered_run
 from tests.dic.result_values import results
+from tests.run_files import write_continued_run
 
 WORDS = ("--step", 40, "--subset", 31)
 
@@ -74,6 +76,20 @@ def test_new_strains_of_a_shelf_are_printed_and_called_new(shelf, correlated):
     assert len(correlated) == 1
     assert heading_of_strains in anew.out
     assert heading_of_strains not in known.out
+
+
+def test_a_run_that_another_run_of_the_folder_continues_is_left_out(tmp_path):
+    later = write_continued_run(tmp_path)
+    earlier = tmp_path / "run.h5"
+    listed = list_run_files([tmp_path])
+    assert listed.paths == [later]
+    assert listed.continued == {earlier: later}
+    named = list_run_files([tmp_path, earlier])
+    assert named.paths == [later, earlier]
+    assert named.continued == {}
+    done = run_dic("process", tmp_path, *WORDS)
+    assert f"{earlier} is left out, because {later} continues it and contains its steps" in done.out
+    assert list(closing(done)[1]) == [str(later)]
 
 
 def test_outputs_of_several_runs_are_in_folders(shelf):
