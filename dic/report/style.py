@@ -39,6 +39,9 @@ _LEGEND_LINE_IN = 0.19
 _LEGEND_EDGE_IN = 0.16
 _LETTER_IN, _SAMPLE_IN = 0.075, 0.62
 """Width of a letter of a legend, and of the sample of a line with the space around it."""
+_MOST_LETTERS = 64
+"""So many of the widest letters of 9 pt fit into the page's width beside the sample of a line."""
+_LEAST_AXES_IN = 2.0
 _MARGIN_PX = 6
 # The type is Any, because matplotlib's own type for this dictionary is a long list of all possible keys.
 _RC: Any = {
@@ -96,21 +99,34 @@ def new_figure(columns: int, height_in: float = 3.6) -> tuple[Any, Any]:
 def legend_below(figure: Any, columns: int = 4) -> None:
     """Draw one legend for all axes below them, where the legend hides no data.
 
-    The legend has at most the given number of columns, and fewer if its labels are too long for this.
+    The legend has at most the given number of columns, and fewer if its labels are too long for this. Labels
+    that are longer than the page is wide are shortened. The figure grows if the legend leaves too little
+    height for the axes.
     """
     drawn = [pair for axis in figure.axes for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
     named = {label: handle for handle, label in reversed(drawn)}
     labels = list(dict.fromkeys(label for _, label in drawn))
-    longest_in = _SAMPLE_IN + _LETTER_IN * max(map(len, labels), default=0)
+    shown = [_shortened(label) for label in labels]
+    longest_in = _SAMPLE_IN + _LETTER_IN * max(map(len, shown), default=0)
     columns = max(1, min(columns, len(labels), int(PAGE_WIDTH_IN / longest_in)))
     figure.legend(
         [named[label] for label in labels],
-        labels,
+        shown,
         loc="lower center",
         ncols=columns,
     )
     legend_in = _LEGEND_EDGE_IN + _LEGEND_LINE_IN * -(-len(labels) // columns)
-    figure.subplots_adjust(bottom=(_LABELS_BELOW_IN + legend_in) / figure.get_figheight())
+    bottom_in = _LABELS_BELOW_IN + legend_in
+    above_in = (1.0 - figure.subplotpars.top) * figure.get_figheight()
+    height_in = max(figure.get_figheight(), bottom_in + _LEAST_AXES_IN + above_in)
+    figure.set_figheight(height_in)
+    figure.subplots_adjust(bottom=bottom_in / height_in, top=1.0 - above_in / height_in)
+
+
+def _shortened(label: str) -> str:
+    """Return a label without its middle if it is too long for a line, because names differ at their ends."""
+    half = _MOST_LETTERS // 2
+    return label if len(label) <= _MOST_LETTERS else f"{label[: half - 1]}…{label[-half:]}"
 
 
 def line_style(series: CameraSeries, order: int, kind: Kind) -> dict[str, Any]:
