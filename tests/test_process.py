@@ -84,7 +84,8 @@ def test_report_reads_the_images_and_the_cameras_of_a_run_from_its_file(result, 
                 height, width = image.shape
             identity = run.identity(images.camera)
             assert rows["Camera"][k].startswith(f"{identity['vendor']}, {identity['model']}")
-            assert rows["Image resolution"][k] == f"{width} px × {height} px, {identity['bits']} bit"
+            assert rows["Image resolution"][k] == f"{width} px × {height} px"
+            assert rows["Bit depth"][k] == f"{identity['bits']} bit"
             exposure_us = run.columns(f"instrument/{images.camera}")["exposure_us"][0]
             assert rows["Exposure time"][k] == f"{exposure_us / 1000:g} ms"
             # A camera aside sees more millimetres in one direction than in the other.

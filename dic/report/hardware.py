@@ -27,8 +27,8 @@ _AT = "(x × y, in the middle of the grid)"
 
 def hardware_table(result: Results, images: Sequence[CameraImages], facts: StatedFacts) -> FactTable:
     """Return the facts about cameras, lenses and patterns; a fact that is not known is "not stated"."""
-    recorded, doubts = _recorded(result)
-    columns = [_facts_of(each, facts, result, recorded.get(each.camera, {})) for each in images]
+    path, recorded, doubts = _recorded(result)
+    columns = [_facts_of(each, facts, result, path, recorded.get(each.camera, {})) for each in images]
     return replace(table_of([each.camera for each in images], columns), doubts=doubts)
 
 
@@ -46,48 +46,53 @@ def results_file(result: Results) -> str:
     return result.file if isinstance(result, RunResult) else result.source
 
 
-def _recorded(result: Results) -> tuple[dict[str, dict[str, Any]], list[str]]:
-    """Return the run file's data about each camera, and a sentence if the run file cannot be read.
+def _recorded(result: Results) -> tuple[str, dict[str, dict[str, Any]], list[str]]:
+    """Return the path of the run file, its data about each camera, and a sentence if it cannot be read.
 
     The report also works without the run file. If the file is not there, its facts are "not stated".
     """
     if not isinstance(result, RunResult):
-        return {}, []
+        return "", {}, []
     path = beside(result.source, result.file)
     if not path.exists():
-        return {}, []
+        return "", {}, []
     try:
         with open_run(path) as run:
             if run.info.run_id != result.info.run_id:
                 said = f"{path} is the file of another run, so it gives no facts about the cameras."
-                return {}, [said]
-            return {
-                camera: run.identity(camera) | {"exposure_us": float(np.median(exposures_us(run, camera)))}
-                for camera in run.cameras
-            }, []
+                return "", {}, [said]
+            return (
+                str(path),
+                {
+                    camera: run.identity(camera)
+                    | {"exposure_us": float(np.median(exposures_us(run, camera)))}
+                    for camera in run.cameras
+                },
+                [],
+            )
     except (MeasurementError, OSError, KeyError) as error:
         reason = error if isinstance(error, MeasurementError) else f"{path}: {error}"
-        return {}, [f"The run file gives no facts about the cameras, because it cannot be read: {reason}."]
+        said = f"The run file gives no facts about the cameras, because it cannot be read: {reason}."
+        return "", {}, [said]
 
 
 def _facts_of(
-    images: CameraImages, facts: StatedFacts, result: Results, recorded: Mapping[str, Any]
+    images: CameraImages, facts: StatedFacts, result: Results, run_file: str, recorded: Mapping[str, Any]
 ) -> dict[str, Fact]:
     camera = images.camera
 
     def stated(key: str, measured: Fact | None = None) -> Fact:
         return facts.stated("cameras", key, camera, measured)
 
-    of_run = partial(_recorded_fact, result.source, f"/entry/instrument/{camera}", recorded)
+    of_run = partial(_recorded_fact, run_file, f"/entry/instrument/{camera}", recorded)
     height, width = images.series.reference.shape
-    bits = f", {recorded['bits']} bit" if "bits" in recorded else ""
+    bits = f"{recorded['bits']} bit" if "bits" in recorded else ""
     optics = _optics(images, results_file(result))
-    size = Fact(
-        f"{width} px × {height} px{bits}", results_file(result), "reference", "size of the reference image"
-    )
+    size = Fact(f"{width} px × {height} px", results_file(result), "reference", "size of the reference image")
     return {
         "Camera": stated("model", of_run(_identity(recorded), "vendor, model and serial of the camera")),
         "Image resolution": size,
+        "Bit depth": of_run(bits, "bits of the camera's pixels"),
         "Lens": stated("lens"),
         "Focal length": stated("focal_length_mm", optics.get("focal")),
         "Aperture": stated("aperture"),
@@ -99,7 +104,8 @@ def _facts_of(
         "Exposure time": stated("exposure_ms", of_run(_exposure(recorded), "median of exposure_us")),
         "Lighting": stated("lighting"),
         "Patterning technique": facts.stated("pattern", "technique"),
-        "Pattern feature size": _feature_size(images, facts, results_file(result)),
+        "Pattern feature size as made": facts.stated("pattern", "feature_size_mm"),
+        "Pattern feature size": _feature_size(images, results_file(result)),
     }
 
 
@@ -170,17 +176,14 @@ def _interval(images: CameraImages, file: str) -> Fact:
     return Fact(text, file, "times of the images", "median of the differences")
 
 
-def _feature_size(images: CameraImages, facts: StatedFacts, file: str) -> Fact:
+def _feature_size(images: CameraImages, file: str) -> Fact:
     """Return the size of the speckles, measured in the reference image within the region of interest."""
-    made = facts.stated("pattern", "feature_size_mm")
     found = next((one.measurement for one in images.series.images if one.measurement is not None), None)
     if found is None:
-        return replace(made, text=f"{made.text} as made") if made.is_known else made
+        return Fact()
     field, grey = found.field, images.series.reference
     region = np.ones(grey.shape, np.bool_) if field.region is None else field.region
     text = _measured_size(grey, region, images)
-    if made.is_known:
-        text = f"{made.text} as made; {text}"
     return Fact(text, file, "reference", "full width at half maximum of the autocovariance")
 
 

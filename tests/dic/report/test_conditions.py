@@ -17,8 +17,10 @@ from dic.report.noise_floor import doubt_of_rest, noise_floor_of
 from dic.report.state_fields import state_picture
 from dic.report.states import State
 from dic.report.style import plot_style
+from dic.runfile.joined import open_run
 from dic.runfile.reader import RunStep
 from tests.dic.report.runs import INFO, SIDE_PX, affine, camera, correction, given, stretch, uncorrected
+from tests.run_files import write_run
 
 STEPS = 12
 NECKS = "it necks"
@@ -93,6 +95,29 @@ def test_large_lengths_of_the_table_have_neither_a_bare_point_nor_an_exponent():
     calibration = dic.Calibration.fit(points, (SIDE_PX, SIDE_PX))
     rows = dict(analysis_table([replace(images, calibration=calibration)], run()).rows)
     assert rows["Virtual strain gauge size"] == [f"{gauge_px} px, 280 mm × 1080 mm"]
+
+
+def test_the_size_of_the_pattern_as_made_and_as_measured_have_their_own_origins():
+    facts = dic.StatedFacts({"pattern": {"feature_size_mm": 0.2}}, source="facts.toml")
+    result = replace(run(), file="r.h5")
+    table = hardware_table(result, images_of(result), facts)
+    entries = {entry["name"]: entry for entry in table.as_list()}
+    made, measured = entries["Pattern feature size as made"], entries["Pattern feature size"]
+    assert (made["text"], made["file"], made["step"]) == ("0.2 mm", "facts.toml", "[pattern]")
+    assert (measured["file"], measured["step"]) == ("r.h5", "reference")
+    assert "0.2 mm" not in measured["text"]
+
+
+def test_facts_of_a_moved_run_name_the_file_that_was_opened(tmp_path):
+    moved = write_run(tmp_path / "t.h5")
+    with open_run(moved) as opened:
+        name, info = opened.cameras[0], opened.info
+    result = replace(run(info=info), source="gone/t.h5", file=str(tmp_path / "r.h5"))
+    images = [replace(images_of(result)[0], camera=name)]
+    entries = {entry["name"]: entry for entry in hardware_table(result, images, dic.StatedFacts()).as_list()}
+    assert {entries[row]["file"] for row in ("Camera", "Bit depth", "Exposure time")} == {str(moved)}
+    assert entries["Image resolution"]["text"] == f"{SIDE_PX} px × {SIDE_PX} px"
+    assert entries["Image resolution"]["file"] == str(tmp_path / "r.h5")
 
 
 def test_lengths_in_mm_use_the_scale_of_their_own_direction():
