@@ -1,10 +1,9 @@
 """If the disk is full or a file too large, the run ends with a one-sentence error and a closed file."""
 
 import random
-import resource
 import subprocess
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -20,6 +19,7 @@ from rig.protocol.step import ProtocolStep, Reading
 from rig.recorder import Recorder, StepRecord
 from rig.recorder.file import OpenRunFile
 from rig.recorder.space import CLOSING_BYTES
+from tests.full_disk import full_disk
 from tests.run_files import HEADER, START, take
 
 STEPS = 5
@@ -90,23 +90,13 @@ def check_digest(path: Path) -> None:
     assert not path.exists() or verify_run(path).digest == "right"
 
 
-@contextmanager
-def no_file_larger_than(size: int) -> Iterator[None]:
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
 def check_limit(path: Path, size: int) -> int | None:
     """Record with a limited file size, and check the file; return the number of acknowledged steps.
 
     The result is None if the limit was too small to create the file.
     """
     path.unlink(missing_ok=True)
-    with no_file_larger_than(size):
+    with full_disk(size):
         steps, reason = record(path)
     check_recording(path, steps, reason)
     if size % 64 == 0:
@@ -121,7 +111,7 @@ def enough(tmp_path_factory) -> int:
     low, high = CLOSING_BYTES, 4 * CLOSING_BYTES
     while low < high:
         middle = (low + high) // 2
-        with no_file_larger_than(middle):
+        with full_disk(middle):
             _, reason = record(folder / f"{middle}.h5")
         low, high = (middle + 1, high) if reason else (low, middle)
     return low
@@ -161,7 +151,7 @@ def test_file_whose_writes_failed_is_left_as_it_is(tmp_path):
     """Here a write fails and not the reservation, as on a broken disk."""
     path = tmp_path / "run.h5"
     file = OpenRunFile(path, HEADER, CAMERAS, {})
-    with no_file_larger_than(path.stat().st_size):
+    with full_disk(path.stat().st_size):
         with pytest.raises(OSError, match="write failed"):
             file.add_frame("left", frame_of(CAMERAS["left"], 0), 0, "0" * 64, 0)
         file.abandon()
