@@ -14,6 +14,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
+import numpy as np
+
 from dic.correlation.chaining import chain, moved_region
 from dic.correlation.field import Field
 from dic.correlation.initial_guess import checked_homography
@@ -29,6 +31,7 @@ from dic.correlation.series_state import (
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
 from dic.image.kept import KeptImage
+from dic.image.stored import is_large
 from dic.specimen.find import Specimen
 from dic.typing import Float, ImageLike, Mask, PathLike
 
@@ -80,6 +83,9 @@ class Series:
     ) -> None:
         self.require_incremental(incremental)
         self._incremental, self._threads, self._images = incremental, threads, 0
+        if isinstance(reference, np.ndarray) and reference.ndim == 2 and is_large(reference.shape):
+            # Bands of a large image are prepared later, and the caller may change the array before that.
+            reference = reference.copy()
         read = reference if callable(reference) else partial(_given, reference)
         image = Reference(
             read, partial(_given, region), settings, clip=clip is not False, within=within, threads=threads

@@ -222,6 +222,17 @@ def test_reference_is_the_correlated_image_after_its_place_has_the_next_one(
     assert series.updates > 0
 
 
+@pytest.mark.parametrize("large", [False, True])
+def test_first_reference_is_kept_although_its_array_gets_the_next_image(changing, large, monkeypatch):
+    if large:
+        monkeypatch.setattr("dic.image.stored.WHOLE_PX", 0)
+    buffer = changing[0].copy()
+    series = Series(buffer, None, SETTINGS, incremental="never", threads=1)
+    buffer[:] = changing[1]
+    field = series.correlate(buffer)
+    np.testing.assert_allclose(np.median(field.u_px[field.converged]), 1.0, atol=0.2)
+
+
 @pytest.mark.parametrize("replaced", [False, True])
 def test_large_image_is_read_again_as_reference_only_from_its_own_file(
     changing, replaced, tmp_path, monkeypatch
