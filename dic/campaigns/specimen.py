@@ -119,7 +119,7 @@ class GaugeChoice:
             series, _ = join_record(series, record, self.join, clock=clock, gauge=gauge)
         read = gauge_curve(series, gauge, transverse, kind=self.kind, camera=self.camera)
         found = material_properties(read.curve, settings)
-        found = with_shared_error(found, read.shared_std, read.shared_transverse)
+        found = with_shared_error(found, read.shared_std, read.shared_transverse, read.followed)
         return Evaluated(found, read.kind, read.left_out)
 
 

@@ -177,7 +177,7 @@ def properties(
         across = field.transverse_gauge
         read = gauge_curve(series, gauge, across, kind=choice.strain_kind, camera=choice.camera)
         found = material_properties(read.curve, settings)
-        found = with_shared_error(found, read.shared_std, read.shared_transverse)
+        found = with_shared_error(found, read.shared_std, read.shared_transverse, read.followed)
         images = read.curve.measured
         content |= {"strain_kind": read.kind, "images": images, "left_out": read.left_out}
         content |= {} if joined is None else {"record": joined.as_dict()}

@@ -1,6 +1,6 @@
 """The displacement fields of one image that gauges read: raw, calibrated and corrected, with errors."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -30,12 +30,16 @@ class GaugeField:
         calibration, and motion out of the grid's plane.
     measure : str
         The strain measure.
+    mounting : ndarray, shape (3, causes)
+        The part of `shared` that follows the measured motion; see `Correction.mounting`. No causes if it is
+        not known.
     """
 
     displacement: Displacement
     common_noise: Float
     shared: Float
     measure: str
+    mounting: Float = field(default_factory=lambda: np.zeros((3, 0)))
 
 
 def fields_of(
@@ -70,7 +74,8 @@ def fields_of(
     if correction is not None and correction.declined is None and correction.method != "none":
         corrected = replace(correction.displacement, noise=calibrated.noise)
         noise = _common_noise(correction, measurement.by_images)
-        fields["corrected"] = GaugeField(corrected, noise, correction.shared_errors, measure)
+        mounting = np.zeros((3, 0)) if correction.mounting is None else correction.mounting
+        fields["corrected"] = GaugeField(corrected, noise, correction.shared_errors, measure, mounting)
     return fields
 
 

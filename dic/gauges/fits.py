@@ -118,7 +118,7 @@ class PlacedFit:
             strain_std_images=float(np.sqrt(images)),
             points=points,
             values=values,
-            shared=SharedPart(field.shared, np.sqrt(size) * along_weights(self.direction)),
+            shared=SharedPart(field.shared, np.sqrt(size) * along_weights(self.direction), field.mounting),
         )
 
 

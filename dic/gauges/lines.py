@@ -122,7 +122,9 @@ class PlacedLines:
             extension_std=float(np.sqrt(images[1] + (common + shared) * length**2)),
             length=length,
             shared=SharedPart(
-                field.shared, engineering(1.0 + strain, field.measure) * along_weights(direction)
+                field.shared,
+                engineering(1.0 + strain, field.measure) * along_weights(direction),
+                field.mounting,
             ),
         )
 

@@ -21,10 +21,14 @@ class SharedPart:
         Covariance of the errors of exx, eyy, exy.
     weights : ndarray, shape (3,)
         Derivatives of the gauge's strain with respect to exx, eyy, exy.
+    mounting : ndarray, shape (3, causes)
+        The errors of exx, eyy, exy in `covariance` that follow the measured motion; see
+        `Correction.mounting`.
     """
 
     covariance: Float
     weights: Float
+    mounting: Float
 
 
 @dataclass(frozen=True)

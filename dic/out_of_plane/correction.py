@@ -62,6 +62,11 @@ class Correction:
     shared : ndarray, shape (3, 3), or None
         Covariance of the errors of exx, eyy, exy that all points share: all errors except the noise and
         interpolation errors of the images. If the attribute is None, `shared_errors` derives it from `mean`.
+    mounting : ndarray, shape (3, 3), or None
+        Errors of exx, eyy, exy (rows) if slope x, slope y or the distance of the specimen's surface in the
+        reference (columns) differs by one standard deviation from the grid's plane. These errors are part of
+        `shared`. The mounting is the same in all images of a test, so each error follows the measured motion.
+        None if the method has no such error, or if the image was not corrected.
     """
 
     method: str
@@ -74,6 +79,7 @@ class Correction:
     stored_strain: StrainField | None = None
     uncertainty: Mapping[str, float] | None = None
     shared: Float | None = None
+    mounting: Float | None = None
 
     def __repr__(self) -> str:
         what = f"{self.mean}" if self.declined is None else f"declined: {self.declined}"

@@ -42,6 +42,9 @@ class Outcome:
         Corrected mean displacement gradient, elements xx, xy, yx, yy.
     parts : mapping of str to ndarray, shape (4, 4)
         Covariances of the gradient by their cause: "images" and the names in `PARTS`.
+    mounting : ndarray, shape (4, 3)
+        Errors of the gradient if the two slopes and the distance of the specimen in the reference each differ
+        by one standard deviation from the grid's plane. The part "mounting" is their sum of squares.
     relative_gradient : float
         Gradient of the strain as a fraction of the strain, 1/mm.
     """
@@ -55,6 +58,7 @@ class Outcome:
     curvatures: Float
     gradient: Float
     parts: Mapping[str, Float]
+    mounting: Float
     relative_gradient: float
 
     def stretched_along(self, along: Float) -> bool:
@@ -163,6 +167,7 @@ class Linearised:
             model.estimate[at["curvature"]],
             self.data[GRADIENT] - false @ model.estimate[out],
             parts,
+            np.hstack([-false @ missed[out][:, at[name]] for name in PARTS["mounting"]]),
             float(model.estimate[at["gradient"]][0]) / max(abs(self.strain), _NO_STRAIN),
         )
 

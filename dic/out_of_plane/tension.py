@@ -22,6 +22,7 @@ from dic.out_of_plane.uncertainty import Points
 from dic.strain.displacement import Displacement
 from dic.strain.fit import slopes_of
 from dic.strain.measurement import Measurement
+from dic.strain.measures import strain_by_gradient
 from dic.strain.strain import MeanStrain, strain_of_gradient
 from dic.typing import Float
 
@@ -140,6 +141,7 @@ def _corrected(measurement: Measurement, points: Points, fit: TiltFit, centre_mm
         fit.plane_std,
         uncertainty=numbers,
         shared=parts.shared,
+        mounting=strain_by_gradient(fit.gradient, settings.measure) @ fit.mounting,
     )
 
 

@@ -52,6 +52,8 @@ class TiltFit:
     parts : mapping of str to ndarray, shape (4, 4)
         Covariances of the gradient's elements xx, xy, yx, yy by their cause: "images" and the names in
         `PARTS`.
+    mounting : ndarray, shape (4, 3)
+        Errors of the gradient's elements by the mounting; see `Outcome.mounting`.
     curved, graded : float
         Probability that the specimen bent out of its plane, and that its strain has a gradient.
     misfit : float
@@ -65,6 +67,7 @@ class TiltFit:
     curvatures: Float
     gradient: Float
     parts: Mapping[str, Float]
+    mounting: Float
     curved: float
     graded: float
     misfit: float
@@ -203,9 +206,9 @@ def _mean_plane(outcomes: Sequence[Outcome], shift: Shift) -> Plane:
 def _averaged(outcomes: Sequence[Outcome], shift: Shift, residual_mm: Float) -> TiltFit:
     """Return the average of all outcomes, weighted by their evidence."""
     share = probabilities(np.array([o.log_evidence for o in outcomes]))
-    slopes, slope_std, curvatures, gradient = (
+    slopes, slope_std, curvatures, gradient, mounting = (
         np.array([getattr(o, name) for o in outcomes])
-        for name in ("slopes", "slope_std", "curvatures", "gradient")
+        for name in ("slopes", "slope_std", "curvatures", "gradient", "mounting")
     )
     plane, mean = _mean_plane(outcomes, shift), share @ gradient
     parts = {
@@ -221,6 +224,7 @@ def _averaged(outcomes: Sequence[Outcome], shift: Shift, residual_mm: Float) -> 
         share @ curvatures,
         mean.reshape(2, 2),
         parts,
+        np.einsum("k,kij->ij", share, mounting),
         float(share @ [o.curved for o in outcomes]),
         float(share @ [o.graded for o in outcomes]),
         min(o.misfit for o in outcomes),

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dic.errors import CurveError, GaugeError, is_number
-from dic.gauges.reading import Reading
+from dic.gauges.reading import Reading, SharedPart
 from dic.gauges.series import GaugeImage, GaugeSeries
 from dic.gauges.strains import covariance_along
 from dic.properties.curve import Curve
@@ -149,12 +149,16 @@ class GaugeCurve:
         Load and engineering strain at each image that has a reading, and the loads after the last reading.
         `Curve.passed_n` has the loads of other images without a reading.
     shared_std : ndarray, shape (n,)
-        Standard deviation of the strain due to the calibration and to motion out of the plane; NaN if it is
-        not known.
+        Standard deviation of the strain due to the calibration and to motion out of the plane, without the
+        errors in `followed`; NaN if it is not known.
     shared_transverse : ndarray, shape (n, 2), or None
         The error of the transverse strain. The first column is the change of the transverse strain, with its
         sign, when the error of the axial strain is one standard deviation. The second column is the standard
         deviation of the independent part. None without a transverse gauge.
+    followed : ndarray, shape (n, 2, causes)
+        Errors of the axial and the transverse strain that follow the measured motion, because their causes
+        are the same in all images: the mounting of the specimen. Each cause differs by one standard deviation
+        from its expected value. The transverse errors are 0 without a transverse gauge.
     kind : str
         "raw", "calibrated" or "corrected".
     left_out : int
@@ -166,6 +170,7 @@ class GaugeCurve:
     curve: Curve
     shared_std: Float
     shared_transverse: Float | None
+    followed: Float
     kind: str
     left_out: int
     labels: tuple[str, ...]
@@ -223,11 +228,17 @@ def gauge_curve(
         _passed(load_n, use),
     )
     # For raw strain, only the errors that the images cause are known.
-    shared = np.full(len(use), np.nan) if chosen == "raw" else _shared_std(series, gauge, chosen)
-    beside = None if transverse is None else _shared_transverse(series, gauge, transverse, chosen)[use]
+    followed = _followed(series, gauge, transverse, chosen)
+    shared = np.full(len(use), np.nan)
+    if chosen != "raw":
+        shared = _shared_std(series, gauge, chosen, followed)
+    beside = None
+    if transverse is not None:
+        beside = _shared_transverse(series, gauge, transverse, chosen, followed)[use]
     labels = tuple(str(image.known.get("step", image.label)) for image in series.images)
     kept = tuple(label for label, used in zip(labels, use, strict=True) if used)
-    return GaugeCurve(curve, shared[use], beside, chosen, int(np.count_nonzero(~read)), kept)
+    left_out = int(np.count_nonzero(~read))
+    return GaugeCurve(curve, shared[use], beside, followed[use], chosen, left_out, kept)
 
 
 def _passed(load_n: Float, use: Mask) -> Float | None:
@@ -240,32 +251,63 @@ def _passed(load_n: Float, use: Mask) -> Float | None:
     return passed if np.isfinite(passed).any() else None
 
 
-def _shared_std(series: GaugeSeries, gauge: str, kind: str) -> Float:
+def _followed(series: GaugeSeries, gauge: str, transverse: str | None, kind: str) -> Float:
+    """Return `GaugeCurve.followed` for all images; NaN for images without a reading."""
+    pairs = [
+        [
+            _shared_part(image, gauge, kind),
+            None if transverse is None else _shared_part(image, transverse, kind),
+        ]
+        for image in series.images
+    ]
+    causes = {part.mounting.shape[1] for pair in pairs for part in pair if part is not None}
+    # If some images do not know their mounting's errors, all these errors stay in the other part.
+    found = np.full((len(pairs), 2, causes.pop() if len(causes) == 1 else 0), np.nan)
+    for k, pair in enumerate(pairs):
+        for row, part in enumerate(pair):
+            if part is not None:
+                found[k, row] = part.weights @ part.mounting if found.shape[2] else 0.0
+    if transverse is None:
+        found[:, 1] = 0.0
+    return found
+
+
+def _shared_part(image: GaugeImage, gauge: str, kind: str) -> SharedPart | None:
+    reading = image.readings.get(gauge, {}).get(kind)
+    return reading.shared if isinstance(reading, Reading) else None
+
+
+def _shared_std(series: GaugeSeries, gauge: str, kind: str, followed: Float) -> Float:
     found = [image.readings.get(gauge, {}).get(kind) for image in series.images]
     stds = [
         (one.strain_std, one.strain_std_images) if isinstance(one, Reading) else (np.nan, np.nan)
         for one in found
     ]
     whole, images = np.array(stds).reshape(-1, 2).T
-    return np.asarray(np.sqrt(np.maximum(whole**2 - images**2, 0.0)))
+    counted = np.nan_to_num((followed[:, 0] ** 2).sum(axis=1))
+    return np.asarray(np.sqrt(np.maximum(whole**2 - images**2 - counted, 0.0)))
 
 
-def _shared_transverse(series: GaugeSeries, gauge: str, transverse: str, kind: str) -> Float:
+def _shared_transverse(series: GaugeSeries, gauge: str, transverse: str, kind: str, followed: Float) -> Float:
     """Return `GaugeCurve.shared_transverse` for all images, shape (images, 2); NaN if it is not known."""
     found = np.full((len(series.images), 2), np.nan)
     for k, image in enumerate(series.images):
-        readings = [image.readings.get(name, {}).get(kind) for name in (gauge, transverse)]
-        parts = [one.shared if isinstance(one, Reading) else None for one in readings]
-        if parts[0] is None or parts[1] is None:
+        own, across = (_shared_part(image, name, kind) for name in (gauge, transverse))
+        if own is None or across is None:
             # If the covariance of both errors is not known, they count as independent.
-            if isinstance(readings[1], Reading):
-                whole, images = readings[1].strain_std, readings[1].strain_std_images
+            reading = image.readings.get(transverse, {}).get(kind)
+            if isinstance(reading, Reading):
+                whole, images = reading.strain_std, reading.strain_std_images
                 found[k] = 0.0, np.sqrt(max(whole**2 - images**2, 0.0))
             continue
-        own, across = parts[0], parts[1]
+        counted = np.nan_to_num(followed[k] @ followed[k].T)
         variance, both, other = (
-            covariance_along(own.covariance, one, two)
-            for one, two in ((own.weights, own.weights), (own.weights, across.weights), (across.weights,) * 2)
+            covariance_along(own.covariance, one, two) - part
+            for one, two, part in (
+                (own.weights, own.weights, counted[0, 0]),
+                (own.weights, across.weights, counted[0, 1]),
+                (across.weights, across.weights, counted[1, 1]),
+            )
         )
         with_strain = both / np.sqrt(variance) if variance > 0.0 else 0.0
         found[k] = with_strain, np.sqrt(max(other - with_strain**2, 0.0))

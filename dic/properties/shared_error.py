@@ -1,9 +1,14 @@
 """The effect of strain errors common to all points: errors of the calibration and of out-of-plane motion.
 
 Such an error does not average out over the points of a curve. In the reference image the strain is exactly
-zero and has no error, so the error grows during the test. This module assumes that the error grows in
-proportion to the load up to the end of the elastic window, where it reaches its stated standard deviation. No
-other assumption about the growth gives a larger change of the elastic slope.
+zero and has no error, so the error grows during the test. There are two kinds of such errors:
+
+- If the cause was not measured, it is not known how the error grows. An example is the shift of the specimen
+  towards the camera. This module assumes that the error grows in proportion to the load up to the end of the
+  elastic window, where it reaches its stated standard deviation.
+- If the cause is the same in all images, the error follows the measured motion of the specimen. An example is
+  a specimen whose surface is not exactly parallel to the grid. The error is then known for each image, but
+  for a factor that is the same in all images.
 """
 
 from dataclasses import replace
@@ -18,7 +23,10 @@ NECKING = "necking"
 
 
 def with_shared_error(
-    found: Properties, shared_std: Float, shared_transverse: Float | None = None
+    found: Properties,
+    shared_std: Float,
+    shared_transverse: Float | None = None,
+    followed: Float | None = None,
 ) -> Properties:
     """Return properties whose deviations contain a strain error that does not average out over the curve.
 
@@ -29,31 +37,24 @@ def with_shared_error(
     ----------
     found : Properties
     shared_std : ndarray, shape (n,)
-        Standard deviation of the error at each point of the curve.
+        Standard deviation, at each point of the curve, of the error whose growth is not known.
     shared_transverse : ndarray, shape (n, 2), optional
         Error of the transverse strain. The first column is the change of the transverse strain, with its
         sign, when the error of the axial strain is one standard deviation. The second column is the standard
         deviation of the independent part. Without this argument, the transverse strain has no such error.
         Example: a shift towards the camera adds the same error to both strains. The shift changes Poisson's
         ratio by (1 + ν) times the relative error of the axial strain.
+    followed : ndarray, shape (n, 2, causes), optional
+        Errors of the axial and of the transverse strain at each point that follow the measured motion. Each
+        cause differs by one standard deviation from its expected value. The causes are independent.
     """
     elastic = found.elastic
     curve = found.record.curve
     if elastic is None or not np.isfinite(shared_std[np.isfinite(curve.strain)]).all():
         return found
-    shared_std = np.asarray(np.nan_to_num(shared_std), np.float64)
-    known = np.zeros(len(shared_std), np.bool_) if curve.transverse is None else np.isfinite(curve.transverse)
-    modes: list[tuple[Float, Float]]
-    if shared_transverse is None or not np.isfinite(shared_transverse[known]).all():
-        modes = [(shared_std, np.zeros(len(shared_std)))]
-    else:
-        # Points without a transverse strain get an interpolated error from the points around them.
-        points = np.arange(len(known))
-        beside: list[Float] = [np.zeros(len(points))] * 2
-        if known.any():
-            beside = [np.interp(points, points[known], part[known]) for part in shared_transverse.T]
-        modes = [(shared_std, beside[0]), (np.zeros(len(shared_std)), beside[1])]
-    changes = [_changes(found, elastic, *mode) for mode in modes]
+    changes = [
+        _changes(found, elastic, error) for error in _errors(found, shared_std, shared_transverse, followed)
+    ]
     values, parts = {}, {}
     for name, value in (found.values | {NECKING: found.necking}).items():
         values[name] = value
@@ -65,21 +66,45 @@ def with_shared_error(
     return replace(found, values=values, necking=neck, strain_parts=parts)
 
 
-def _changes(found: Properties, elastic: Elastic, along: Float, across: Float) -> dict[str, float]:
+def _errors(
+    found: Properties, shared_std: Float, shared_transverse: Float | None, followed: Float | None
+) -> list[Float]:
+    """Return independent errors of axial and transverse strain, each of shape (2, n), at all points."""
+    elastic, curve = found.elastic, found.record.curve
+    if elastic is None:
+        raise ValueError("only a curve with an elastic line can be judged")
+    points, none = np.arange(len(shared_std)), np.zeros(len(shared_std))
+    along = np.asarray(np.nan_to_num(shared_std), np.float64)
+    known = none > 0.0 if curve.transverse is None else np.isfinite(curve.transverse)
+    grown = [np.array([along, none])]
+    if shared_transverse is not None and np.isfinite(shared_transverse[known]).all():
+        # Points without a transverse strain get an interpolated error from the points around them.
+        beside = [none, none]
+        if known.any():
+            beside = [np.interp(points, points[known], part[known]) for part in shared_transverse.T]
+        grown = [np.array([along, beside[0]]), np.array([none, beside[1]])]
+    end = elastic.line.stop
+    for error in grown:
+        error[:, :end] = error[:, end - 1 : end] * curve.load_n[:end] / curve.load_n[end - 1]
+    causes = np.zeros((0, len(points), 2)) if followed is None else np.moveaxis(followed, 2, 0)
+    return grown + [np.array([_filled(row) for row in cause.T]) for cause in causes]
+
+
+def _filled(values: Float) -> Float:
+    """Return values whose NaN are interpolated from the values around them; 0 if all are NaN."""
+    points, known = np.arange(len(values)), np.isfinite(values)
+    return np.interp(points, points[known], values[known]) if known.any() else np.zeros(len(values))
+
+
+def _changes(found: Properties, elastic: Elastic, error: Float) -> dict[str, float]:
     """Return by how much the given errors of axial and transverse strain change each property."""
-    record = found.record
-    curve, end = record.curve, elastic.line.stop
-    errors = []
-    for part in (along, across):
-        error = np.array(part, np.float64)
-        error[:end] = error[end - 1] * curve.load_n[:end] / curve.load_n[end - 1]
-        errors.append(error)
+    curve = found.record.curve
     # Use the same window for both curves, so that the difference does not contain the choice of a window.
     window = elastic.line.first, elastic.line.stop
     sides = []
     for sign in (1.0, -1.0):
-        beside = None if curve.transverse is None else curve.transverse + sign * errors[1]
-        moved = replace(curve, strain=curve.strain + sign * errors[0], transverse=beside)
+        beside = None if curve.transverse is None else curve.transverse + sign * error[1]
+        moved = replace(curve, strain=curve.strain + sign * error[0], transverse=beside)
         side = material_properties(moved, found.settings, window)
         sides.append(side.values | {NECKING: side.necking})
     changes = {}

@@ -246,7 +246,7 @@ def _column(
 ) -> TestColumn:
     read = gauge_curve(series, gauge, transverse, kind=kind)
     plain = material_properties(read.curve, settings)
-    found = with_shared_error(plain, read.shared_std, read.shared_transverse)
+    found = with_shared_error(plain, read.shared_std, read.shared_transverse, read.followed)
     known = {str(image.known.get("step", image.label)): image.digest for image in series.images}
     digests = tuple(known[label] for label in read.labels)
     return TestColumn(camera, read, read.labels, digests, found)

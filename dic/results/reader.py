@@ -21,7 +21,7 @@ from dic.results.columns import Columns
 from dic.results.fields import StoredFields, plain, read_settings
 from dic.results.job import Job
 from dic.results.provenance import Provenance
-from dic.results.schema import MEAN_KEYS, SHARED_KEY
+from dic.results.schema import MEAN_KEYS, MOUNTING_KEY, SHARED_KEY
 from dic.strain.displacement import NOWHERE, Displacement, raw_displacement
 from dic.strain.measurement import Measurement, measure
 from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField, StrainSettings
@@ -218,12 +218,19 @@ def _read_correction(group: Columns, k: int, measurement: Measurement, anew: Cor
         stored_strain=strain,
         uncertainty=_read_uncertainty(table, k),
         shared=_read_shared(table, k) if anew is None else anew.shared,
+        mounting=_read_mounting(table, k) if anew is None else anew.mounting,
     )
 
 
 def _read_shared(table: Columns, k: int) -> Float | None:
     """Return the covariance of errors that are equal at all points; None for files of earlier versions."""
     return np.asarray(table[SHARED_KEY][k], np.float64) if SHARED_KEY in table else None
+
+
+def _read_mounting(table: Columns, k: int) -> Float | None:
+    """Return `Correction.mounting`; None for images and files without it."""
+    found = np.asarray(table[MOUNTING_KEY][k], np.float64) if MOUNTING_KEY in table else np.full(1, np.nan)
+    return found if np.isfinite(found).all() else None
 
 
 def _read_uncertainty(table: Columns, k: int) -> dict[str, float] | None:

@@ -13,6 +13,8 @@ PLANE_KEYS = (
 """Names, in `Correction.as_dict`, of the slopes and the shift of the specimen's plane."""
 SHARED_KEY = "shared_covariance"
 """Name of the covariance of errors of exx, eyy, exy that are equal at all points."""
+MOUNTING_KEY = "mounting_errors"
+"""Name of the errors of exx, eyy, exy that an unknown mounting of the specimen causes."""
 
 
 def units_of(name: str) -> str:

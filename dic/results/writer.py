@@ -20,7 +20,7 @@ from dic.out_of_plane.two_cameras import TwoCameraStep
 from dic.results.fields import write_points
 from dic.results.provenance import Provenance
 from dic.results.rows import Rows
-from dic.results.schema import FORMAT, MEAN_KEYS, PLANE_KEYS, SHARED_KEY, VERSION, units_of
+from dic.results.schema import FORMAT, MEAN_KEYS, MOUNTING_KEY, PLANE_KEYS, SHARED_KEY, VERSION, units_of
 from dic.strain.displacement import Displacement
 from dic.strain.measurement import Measurement
 from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField
@@ -142,6 +142,9 @@ class ResultWriter:
         )
         table |= _known_rows({name: summary.get(name) for name in PLANE_KEYS})
         table[SHARED_KEY] = correction.shared_errors
+        if correction.mounting is not None or self._rows.holds(means, MOUNTING_KEY):
+            unknown = np.full((3, 3), np.nan)
+            table[MOUNTING_KEY] = unknown if correction.mounting is None else correction.mounting
         # Leave out parts that no image of the series has.
         parts = [name for name in UNCERTAINTY_KEYS if name in summary or self._rows.holds(means, name)]
         self._rows.append(means, n, table | _known_rows({name: summary.get(name) for name in parts}))

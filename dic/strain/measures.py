@@ -93,12 +93,16 @@ def shared_std(tensor: Float, covariance: Float) -> Float:
 
 def strain_covariance(gradient: Float, covariance: Float, measure: str) -> Float:
     """Return the covariance (3, 3) of exx, eyy, exy from the covariance (4, 4) of a gradient (2, 2)."""
+    by_gradient = strain_by_gradient(gradient, measure)
+    return np.asarray(by_gradient @ covariance @ by_gradient.T)
+
+
+def strain_by_gradient(gradient: Float, measure: str) -> Float:
+    """Return the derivatives (3, 4) of exx, eyy, exy with respect to the elements of a gradient (2, 2)."""
     derivative = np.empty((4, 6))
     set_derivative(_kind(measure), np.ascontiguousarray(gradient, np.float64), derivative)
     by_gradient, (_, by_strain) = derivative[:, :3].T, _tensor(gradient, measure)
-    if by_strain.size:
-        by_gradient = by_strain @ by_gradient
-    return np.asarray(by_gradient @ covariance @ by_gradient.T)
+    return np.asarray(by_strain @ by_gradient if by_strain.size else by_gradient)
 
 
 def limited(std: Float) -> Float:

@@ -73,6 +73,15 @@ def test_saved_run_gives_the_readings_of_the_run_in_memory(tension, tmp_path):
     ]
     assert set(saved.kinds) == {"raw", "calibrated", "corrected"}
     assert_equal(live.as_dict()["images"], saved.as_dict()["images"])
+    # One camera alone knows how a wrong mounting would change its corrected strain. Two cameras measure it.
+    known = [
+        [one.readings["axial"]["corrected"].shared.mounting for one in found.images if one.readings]
+        for found in (live, saved)
+        if "corrected" in found.kinds
+    ]
+    assert {part.shape for part in known[0]} == {(3, 0), (3, 3)}
+    for one, other in zip(*known, strict=True):
+        np.testing.assert_array_equal(one, other)
     # Files of earlier versions have the standard deviations alone, which are enough along the axes.
     with h5py.File(tmp_path / "results.h5", "a") as file:
         del file["cameras/aside/series/calibrated_mean/shared_covariance"]

@@ -67,6 +67,26 @@ def test_tilt_is_taken_away_whatever_the_specimen_does_within_its_plane(slope_de
     np.testing.assert_allclose(slopes_deg, slope_deg, atol=0.006)
 
 
+@pytest.mark.parametrize(
+    ("mounted", "cause"), [((0.1, 0.0, 0.0), 0), ((0.0, 0.1, 0.0), 1), ((0.0, 0.0, 0.3), 2)]
+)
+@pytest.mark.parametrize("motion_deg", [(0.05, 0.2), (0.2, -0.1)])
+def test_stated_error_of_the_mounting_is_the_error_that_a_mounted_specimen_has(mounted, cause, motion_deg):
+    view = replace(VIEW, noise_px=1e-4, grid_noise_px=1e-4)
+    calibration, F = view.calibration(), np.diag([1 - NU * 0.002, 1.002])
+    found = []
+    for slope_x, slope_y, gap_mm in ((0.0, 0.0, 0.0), mounted):
+        reference = State(Pose.sloped(slope_x, slope_y, gap_mm))
+        moved = State(Pose.sloped(slope_x + motion_deg[0], slope_y + motion_deg[1], gap_mm), F)
+        (measurement,) = view.measurements([moved], calibration, reference)
+        found.append(correct_tilt(measurement, calibration, NU, Shift(1.0)))
+    stated_mounting = 1e6 * found[0].mounting[:, cause]
+    assert np.abs(stated_mounting).max() > 1.5
+    np.testing.assert_allclose(strains(found[1]) - strains(found[0]), stated_mounting, rtol=0.05, atol=0.1)
+    parts = np.array([found[0].uncertainty[f"{name}_std_mounting"] for name in NAMES])
+    np.testing.assert_allclose(np.linalg.norm(found[0].mounting, axis=1), parts, rtol=0.02)
+
+
 def test_uncorrected_strain_is_off_by_the_slope_times_the_tangent_of_the_angle():
     measurement, _ = corrected(State(Pose.sloped(0.0, 0.15)))
     false = np.radians(0.15) * np.tan(np.radians(30)) * 1e6

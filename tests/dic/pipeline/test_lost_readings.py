@@ -41,7 +41,7 @@ def properties(lost=None, lost_across=None, std=1e-5):
         images.append(GaugeImage(f"i{k}", readings, {"load_n": AREA_MM2 * STRESS[k]}))
     read = gauge_curve(GaugeSeries("r", GAUGES, tuple(images)), "along", "across")
     found = material_properties(read.curve, PropertySettings(AREA_MM2))
-    return read, with_shared_error(found, read.shared_std, read.shared_transverse)
+    return read, with_shared_error(found, read.shared_std, read.shared_transverse, read.followed)
 
 
 @pytest.mark.parametrize(

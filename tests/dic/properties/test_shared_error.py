@@ -54,6 +54,30 @@ def test_a_shift_towards_the_camera_changes_poissons_ratio_by_both_strains():
     assert apart.strain_parts["nu"] == pytest.approx(share * np.hypot(0.3, 1.0), rel=0.03)
 
 
+def test_an_error_that_follows_the_motion_changes_the_slope_by_its_own_growth():
+    curve, share = record(), 0.01
+    found = material_properties(curve, PropertySettings(AREA_MM2))
+    none, strain = np.zeros(400), share * curve.strain
+
+    def part(along, across, name="E_gpa"):
+        followed = np.stack([along, across])[..., None].transpose(1, 0, 2)
+        return with_shared_error(found, none, followed=followed).strain_parts[name]
+
+    e_gpa = found.values["E_gpa"].value
+    assert part(strain, none) == pytest.approx(share * e_gpa, rel=0.03)
+    assert part(-strain, none) == pytest.approx(part(strain, none), rel=1e-9)
+    # The same offset of all points changes no slope, although its size at the end of the window is the same.
+    end = np.full(400, strain[found.elastic.line.stop - 1])
+    assert part(end, none) < 1e-3 * part(strain, none)
+    assert part(strain, strain, "nu") == pytest.approx(share * (1 + 0.3), rel=0.03)
+    # Errors of one cause in both strains may compensate each other: both strains larger by the same share.
+    assert part(strain, -0.3 * strain, "nu") < 1e-3
+    # Independent causes add up as squares.
+    both = np.stack([np.stack([strain, none], axis=1), np.stack([strain, none], axis=1)], axis=2)
+    twice = with_shared_error(found, none, followed=both).strain_parts["E_gpa"]
+    assert twice == pytest.approx(np.sqrt(2) * part(strain, none), rel=1e-9)
+
+
 def test_error_that_is_declared_as_a_share_gives_the_same_deviation():
     curve, share = record(), 0.01
     declared = material_properties(curve, PropertySettings(AREA_MM2, strain_std_percent=100 * share))
