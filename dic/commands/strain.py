@@ -178,6 +178,7 @@ def _of_series(
     from dic.pipeline.series_set_up import SeriesSetUp
     from dic.pipeline.strain_anew import job_of_fields, origin_anew
     from dic.results.job import Job, as_text
+    from dic.results.unfinished import alone
 
     result = load_series_result(results)
     job = job_of_fields(result)
@@ -196,7 +197,8 @@ def _of_series(
     places = SeriesPlaces(files, MapSettings(), outputs.decimal_comma)
     work = SeriesEvaluation(result.series.reference, labels, result.fields.settings, set_up, places)
     images = result.correlated
-    work.run(images, images.__getitem__, origin, "computing strain")
+    with alone(outputs.output):
+        work.run(images, images.__getitem__, origin, "computing strain")
     if outputs.json_file is not None:
         work.write_json(outputs.json_file, result.reference_name, None)
     end(work.record)
@@ -213,6 +215,7 @@ def _of_run(
     from dic.commands.run_table import table
     from dic.pipeline.run_set_up import strain_of_job
     from dic.pipeline.strain_anew import job_of_fields
+    from dic.results.unfinished import alone
     from dic.shell.console import say
     from dic.shell.progress import progress
 
@@ -229,7 +232,7 @@ def _of_run(
         outputs.force,
     )
     places.require_places(read, outputs.output)
-    with progress("computing strain") as bar:
+    with alone(outputs.output), progress("computing strain") as bar:
         bar.expect(sum(len(camera.measurements) for camera in result.cameras))
         found = strain_of_run(
             result,

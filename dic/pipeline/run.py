@@ -109,7 +109,7 @@ def process_run(
         if known is not None and Path(known.file) == file and job_of_fields(known) == job:
             return replace(known, note=f"{file}: {SAME}", known=True)
         require_replaceable(place)
-        with unfinished(file, fields, anew=place.anew) as kept:
+        with unfinished(file, fields) as kept:
             if known is not None:
                 found = strain_with(known, set_up, file, done, place.inputs)
                 return replace(found, note=f"{known.file}: {FIELDS}")

@@ -26,7 +26,7 @@ from dic.pipeline.run_result import RunResult
 from dic.results.alignment import read_alignment, write_alignment
 from dic.results.fields import NOT_SMOOTHED, StoredFields, plain, read_reference
 from dic.results.job import read_outcomes, write_outcomes
-from dic.results.loading import Result, load_result, require_version, use_result
+from dic.results.loading import Result, load_result, require_known, use_result
 from dic.results.provenance import Provenance
 from dic.results.reader import read_corrections, read_measurements, read_provenance, read_two_cameras
 from dic.results.schema import FORMAT, VERSION
@@ -199,7 +199,7 @@ def _write_texts(group: Any, name: str, texts: list[str]) -> None:
 
 def _read_run(path: Path, file: h5py.File, *, local_strain: bool = True) -> RunResult:
     if file.attrs.get("file_format") == FORMAT:
-        require_version(path, file)
+        require_known(path, file)
     if file.attrs.get("file_format") != FORMAT or "run" not in file:
         raise _refusal(path, "an HDF5 file of another kind")
     run = dict(file["run"].attrs)

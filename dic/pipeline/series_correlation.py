@@ -111,10 +111,10 @@ class SeriesCorrelation:
         written : iterable of Path or None
             All files that the measurement writes.
         """
-        others, anew = [path for path in written if path is not None], place is not None and place.anew
+        others = [path for path in written if path is not None]
         with (
             result_place(None if place is None else place.path) as result,
-            unfinished(result, self.job, others, anew=anew) as self.kept,
+            unfinished(result, self.job, others) as self.kept,
         ):
             yield
 

@@ -24,7 +24,7 @@ from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
 from dic.results.alignment import read_alignment, write_alignment
 from dic.results.fields import StoredFields, read_reference
 from dic.results.job import Outcome, read_outcomes, write_outcomes
-from dic.results.loading import Result, load_result, require_version, use_result
+from dic.results.loading import Result, load_result, require_known, use_result
 from dic.results.provenance import Provenance
 from dic.results.reader import read_corrections, read_measurements, read_provenance
 from dic.results.schema import FORMAT, VERSION
@@ -185,7 +185,7 @@ def use_series_result(
 
 def _read(path: Path, file: Any, *, local_strain: bool = True) -> SeriesResult:
     if file.attrs.get("file_format") == FORMAT:
-        require_version(path, file)
+        require_known(path, file)
     group = file.get(_SERIES)
     if file.attrs.get("file_format") != FORMAT or group is None:
         raise _refusal(path, "an HDF5 file of another kind")

@@ -1,19 +1,16 @@
 """Open and read result files, and refuse a damaged file in one sentence."""
 
-import re
 from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
-from dic.errors import MeasurementError, RunFileError
+from dic.errors import MeasurementError
 from dic.hdf5.open import NotReadable, open_hdf5
+from dic.hdf5.version import require_version
 from dic.results.schema import VERSION
 from dic.results.shapes import Contradiction
 
 Result = TypeVar("Result")
-
-_WRITER = re.compile(r"\boffaxis [\w.+!]+")
 
 
 def use_result(path: Path, use: Callable[[Any], Result], refusal: Callable[[Path, str], Exception]) -> Result:
@@ -54,25 +51,8 @@ def load_result(
         raise refusal(path, f"a result file that lacks some of its data ({type(error).__name__})") from error
 
 
-def require_version(path: Path, file: Any) -> None:
-    """Raise an error if the open result file has a format that this program does not know.
-
-    Raises
-    ------
-    RunFileError
-        Names the version of offaxis that wrote the file.
-    """
-    found = file.attrs["file_format_version"]
-    if found == VERSION:
-        return
+def require_known(path: Path, file: Any) -> None:
+    """Refuse an open result file of an unknown format, and name the program that wrote it."""
     origin = file.get("provenance")
-    said = _WRITER.search("" if origin is None else str(origin.attrs.get("versions", "")))
-    writer = said[0] if said else "an unknown version of offaxis"
-    raise RunFileError(
-        str(path),
-        "read results",
-        f"format {VERSION} of result files, which offaxis {version('offaxis')} reads",
-        f"format {found}, written by {writer}",
-        f"read it with {said[0] if said else 'that version'} or a newer one, or measure again into another"
-        " file",
-    )
+    written_by = "" if origin is None else str(origin.attrs.get("versions", ""))
+    require_version(path, "result", file.attrs["file_format_version"], VERSION, written_by)

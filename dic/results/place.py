@@ -14,8 +14,6 @@ class ResultPlace:
         The result file. If it already contains the same results, it is not written again.
     replace : bool
         True if other results at this place may be replaced.
-    anew : bool
-        True to remove, and not use, the images that the same measurement finished before it was interrupted.
     fields_from : Path, optional
         A result file whose fields are used instead of a correlation. Default: `path`, if it contains the
         fields of this measurement.
@@ -26,6 +24,5 @@ class ResultPlace:
 
     path: Path
     replace: bool = True
-    anew: bool = False
     fields_from: Path | None = None
     inputs: tuple[Path, ...] = ()

@@ -218,9 +218,7 @@ class Unfinished:
 
 
 @contextmanager
-def unfinished(
-    result: Path, job: Mapping[str, Any], outputs: Iterable[Path] = (), *, anew: bool = False
-) -> Iterator[Unfinished]:
+def unfinished(result: Path, job: Mapping[str, Any], outputs: Iterable[Path] = ()) -> Iterator[Unfinished]:
     """Give the folder of a measurement's finished images, and lock the result file against other programs.
 
     The folder stays if the `with` block raises an error, so that the measurement can go on later. At the end
@@ -235,8 +233,6 @@ def unfinished(
         Everything except the images that determines the results, as values for JSON.
     outputs : iterable of Path
         The other files that the measurement writes.
-    anew : bool
-        True to remove first the images that the same measurement finished before it was interrupted.
 
     Raises
     ------
@@ -244,8 +240,40 @@ def unfinished(
         If another program measures into the same result file, or the folder cannot be made.
     """
     text = as_text(job)
+    folder = _folder(result) / hashlib.sha256(text.encode()).hexdigest()[:16]
+    with alone(result):
+        try:
+            try:
+                folder.mkdir(exist_ok=True)
+                write_text(folder / _JOB, text)
+                paths = [os.path.realpath(path) for path in (result, *outputs)]
+                write_text(folder / _OUTPUTS, json.dumps(paths, indent=1))
+            except OSError as error:
+                raise _not_written(folder, error) from error
+            work = Unfinished(folder)
+            yield work
+            if not work.stays:
+                shutil.rmtree(folder)
+        finally:
+            if folder.exists() and not any(path.is_dir() for path in folder.iterdir()):
+                shutil.rmtree(folder)
+
+
+@contextmanager
+def alone(result: Path | None) -> Iterator[None]:
+    """Lock a result file against other programs that write it; without a result file, do nothing.
+
+    The lock is a file in the folder of finished images, which is removed at the end if it has no images.
+
+    Raises
+    ------
+    OutputError
+        If another program writes this result file, or the folder cannot be made.
+    """
+    if result is None:
+        yield
+        return
     every = _folder(result)
-    folder = every / hashlib.sha256(text.encode()).hexdigest()[:16]
     try:
         every.mkdir(exist_ok=True)
         lock = lock_file(every / _LOCK)
@@ -256,30 +284,11 @@ def unfinished(
     except OSError as error:
         raise _not_written(every, error) from error
     try:
-        try:
-            if anew and folder.exists():
-                shutil.rmtree(folder)
-            folder.mkdir(exist_ok=True)
-            write_text(folder / _JOB, text)
-            paths = [os.path.realpath(path) for path in (result, *outputs)]
-            write_text(folder / _OUTPUTS, json.dumps(paths, indent=1))
-        except OSError as error:
-            raise _not_written(folder, error) from error
-        work = Unfinished(folder)
-        yield work
-        if not work.stays:
-            shutil.rmtree(folder)
+        yield
     finally:
-        _tidy(every, folder)
+        if [path.name for path in every.iterdir()] == [_LOCK]:
+            shutil.rmtree(every)
         os.close(lock)
-
-
-def _tidy(every: Path, folder: Path) -> None:
-    """Remove the folder of a job without finished images, and the folder of all jobs if no job is left."""
-    if folder.exists() and not any(path.is_dir() for path in folder.iterdir()):
-        shutil.rmtree(folder)
-    if [path.name for path in every.iterdir()] == [_LOCK]:
-        shutil.rmtree(every)
 
 
 def outputs_of(result: Path) -> list[Path]:

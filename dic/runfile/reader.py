@@ -19,7 +19,7 @@ from dic.runfile.interlocks import RANGE, read_interlocks
 from dic.runfile.layout import Unlike, camera_names, require_layout
 from dic.runfile.mounting import read_mounting
 from dic.runfile.settings import Setting, settings_of
-from dic.runfile.values import read_object, read_scalars, read_text, require_version
+from dic.runfile.values import read_object, read_scalars, read_text, require_known
 
 
 @dataclass(frozen=True)
@@ -312,7 +312,7 @@ class RunFile:
         attributes = self._file.attrs
         if attributes.get("file_format") != schema.FORMAT:
             raise self._damaged("an HDF5 file of another kind")
-        require_version(self.path, self._file)
+        require_known(self.path, self._file)
         require_layout(self._file)
         entry = self._file["entry"]
         run, sample = read_scalars(entry, schema.ENTRY), read_scalars(entry["sample"], schema.SAMPLE)

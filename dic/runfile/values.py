@@ -1,16 +1,12 @@
 """Read single values of a run file: its format, texts, numbers and JSON objects."""
 
 import json
-import re
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from dic.errors import RunFileError
+from dic.hdf5.version import require_version
 from dic.runfile import schema
 from dic.runfile.layout import Unlike
-
-_WRITER = re.compile(r"\boffaxis [\w.+!]+")
 
 
 def read_scalars(group: Any, layout: schema.Group) -> dict[str, Any]:
@@ -37,23 +33,7 @@ def read_text(dataset: Any, place: int | tuple[()] = ()) -> str:
     return str(bytes(dataset[place]).rstrip(b"\0").decode())
 
 
-def require_version(path: Path, file: Any) -> None:
-    """Raise an error if an open run file has a format that this program does not know.
-
-    Raises
-    ------
-    RunFileError
-        Names the version of offaxis that wrote the file.
-    """
-    found = file.attrs["file_format_version"]
-    if found == schema.VERSION:
-        return
-    said = _WRITER.search(read_text(file["entry"]["versions"]) if "entry/versions" in file else "")
-    writer = said[0] if said else "an unknown version of offaxis"
-    raise RunFileError(
-        str(path),
-        "read run",
-        f"format {schema.VERSION} of run files, which offaxis {version('offaxis')} reads",
-        f"format {found}, written by {writer}",
-        f"read it with {said[0] if said else 'that version'} or a newer one",
-    )
+def require_known(path: Path, file: Any) -> None:
+    """Refuse an open run file of an unknown format, and name the program that wrote it."""
+    written_by = read_text(file["entry"]["versions"]) if "entry/versions" in file else ""
+    require_version(path, "run", file.attrs["file_format_version"], schema.VERSION, written_by)

@@ -208,8 +208,10 @@ main()
 
 def test_second_program_on_a_result_is_refused_and_the_first_loses_nothing(pattern, tmp_path, correlated):
     images = write_series(pattern, tmp_path / "images", range(4))
-    result = tmp_path / "r.h5"
+    result, whole = tmp_path / "r.h5", tmp_path / "whole.h5"
     words = ("correlate", images, *SETTINGS, "-o", result)
+    assert run_dic(*words[:-1], whole).status == 0
+    correlated.clear()
     script = WAITING.format(argv=["dic", *map(str, words)])
     with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as first:
         try:
@@ -220,6 +222,8 @@ def test_second_program_on_a_result_is_refused_and_the_first_loses_nothing(patte
                 said = refusal(*words, *forced)
                 assert f"{result}: write results: expected a result file of its own" in said
                 assert "got one that another program is measuring into; wait until that program" in said
+            # Strain from the fields of another file would be overwritten, or would overwrite.
+            assert "got one that another program is measuring into" in refusal("strain", whole, "-o", result)
         finally:
             os.kill(first.pid, signal.SIGKILL)
     assert correlated == []
