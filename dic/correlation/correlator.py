@@ -52,6 +52,9 @@ class Correlator:
         specimen.
     threads : int
         Number of threads. 0 means one thread for each processor.
+    copy : bool
+        False if the array `reference` is never changed later. This saves the memory of a copy, which matters
+        for large images.
 
     Attributes
     ----------
@@ -77,10 +80,14 @@ class Correlator:
         clip: bool = True,
         within: Mask | None = None,
         threads: int = 0,
+        copy: bool = True,
     ) -> None:
         require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
         self.settings = settings = settings or CorrelationSettings()
         grey = _checked_reference(reference, settings.subset_px)
+        if copy and isinstance(reference, np.ndarray) and np.shares_memory(grey, reference):
+            # Parts of the image are prepared when they are used, and the array may have another image then.
+            grey = grey.copy()
         threads = threads or processors()
         self.specimen: Specimen | None = None
         if region is None:

@@ -68,7 +68,7 @@ class Reference:
         """The correlator of the reference."""
         return Correlator(
             self._read(), self._region, self._settings,
-            clip=self._clip, within=self._within, threads=self._threads,
+            clip=self._clip, within=self._within, threads=self._threads, copy=False,
         )  # fmt: skip
 
     def correlate(self, deformed: ImageLike, earlier: EarlierField | None, hint: Float | None) -> Field:

@@ -31,7 +31,6 @@ from dic.correlation.series_state import (
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
 from dic.image.kept import KeptImage
-from dic.image.stored import is_large
 from dic.specimen.find import Specimen
 from dic.typing import Float, ImageLike, Mask, PathLike
 
@@ -83,8 +82,8 @@ class Series:
     ) -> None:
         self.require_incremental(incremental)
         self._incremental, self._threads, self._images = incremental, threads, 0
-        if isinstance(reference, np.ndarray) and reference.ndim == 2 and is_large(reference.shape):
-            # Bands of a large image are prepared later, and the caller may change the array before that.
+        if isinstance(reference, np.ndarray) and reference.ndim == 2:
+            # Parts of an image are prepared when they are used, and the caller may change the array before.
             reference = reference.copy()
         read = reference if callable(reference) else partial(_given, reference)
         image = Reference(

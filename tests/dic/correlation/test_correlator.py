@@ -107,6 +107,24 @@ def test_a_change_of_light_changes_nothing(speckle):
     np.testing.assert_allclose(dimmed.warps, plain.warps, atol=1e-4)
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.uint8, np.uint16])
+@pytest.mark.parametrize("large", [False, True])
+def test_reference_whose_array_gets_the_next_image_stays_the_reference(speckle, dtype, large, monkeypatch):
+    if large:
+        monkeypatch.setattr("dic.image.stored.WHOLE_PX", 0)
+    pattern = speckle(seed=7)
+    buffer, moved = (
+        image.clip(0.0, 255.0).round().astype(dtype)
+        for image in (pattern.draw(), pattern.draw(lambda x, y: (x - 0.4, y + 0.7)))
+    )
+    correlator = Correlator(buffer, settings=SMALL)
+    buffer[:] = moved
+    field = correlator.correlate(buffer)
+    assert field.converged.mean() > 0.9
+    np.testing.assert_allclose(np.nanmedian(field.u_px), 0.4, atol=0.02)
+    np.testing.assert_allclose(np.nanmedian(field.v_px), -0.7, atol=0.02)
+
+
 def test_points_that_leave_the_view_are_told_apart_from_failures(speckle):
     pattern = speckle(seed=8)
     field = Correlator(pattern.draw(), settings=SMALL).correlate(pattern.draw(lambda x, y: (x - 40, y)))
