@@ -42,7 +42,7 @@ def export(
     FORMAT is one of: csv (tables), tiff (one picture of floating point per value and image), vtk (ParaView),
     mat (MATLAB), npz (NumPy), netcdf (xarray), dice (text in the columns of DICe).
 
-    Exit status: 0 if everything is written, 2 if not.
+    Exit status: 0 if everything that was measured is written, 2 if not.
     """
     from dic import export_results
     from dic.shell.progress import progress

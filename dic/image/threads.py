@@ -1,4 +1,4 @@
-"""Work on bands of rows in parallel threads.
+"""Work in parallel threads, above all on bands of rows.
 
 The division into bands never depends on the number of threads. So the results are the same for any number of
 threads.
@@ -9,10 +9,13 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from typing import TypeVar
 
 import numpy as np
 
 from dic.typing import Indices
+
+Item = TypeVar("Item")
 
 _limit: int | None = None
 """Largest number of processors that `limited_to` allows; None for no limit."""
@@ -55,6 +58,18 @@ def in_parallel(work: Callable[[slice], None], bands: Sequence[slice], threads: 
     with ThreadPoolExecutor(min(threads, len(bands))) as pool:
         # Read the results, because this raises any errors that occurred in the threads.
         list(pool.map(work, bands))
+
+
+def one_ahead(items: Iterator[Item]) -> Iterator[Item]:
+    """Yield the items; with several processors, another thread makes the next item while the caller works."""
+    if processors() < 2:
+        yield from items
+        return
+    with ThreadPoolExecutor(1) as pool:
+        following = pool.submit(next, items, None)
+        while (item := following.result()) is not None:
+            following = pool.submit(next, items, None)
+            yield item
 
 
 def bands_of(rows: int, height: int) -> list[slice]:

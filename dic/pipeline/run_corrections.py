@@ -215,6 +215,17 @@ class CorrectedStep:
     means: dict[str, MeanStrain | None]
     joint: TwoCameraStep | None = None
 
+    def evaluated(self) -> "CorrectedStep":
+        """Return this step after the computation of its local strains, which are otherwise computed later."""
+        joint, corrections = self.joint, list(self.corrections.values())
+        if joint is not None and joint.declined is None:
+            # The strains of these corrections are written instead of those of each camera alone.
+            corrections = list(joint.corrections)
+        measured: list[Measurement | Correction] = list(self.measurements.values())
+        for each in measured + [found for found in corrections if found.declined is None]:
+            each.strain  # noqa: B018
+        return self
+
     @property
     def outline(self) -> "CorrectedStep":
         """This step without measurements, displacements and local strains, which need most of the memory."""

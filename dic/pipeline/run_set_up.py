@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.correlation.settings import CorrelationSettings
+from dic.image.threads import one_ahead
 from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.run_corrections import CorrectionSettings, RunCorrector
 from dic.pipeline.run_result_file import RunResultWriter
@@ -51,7 +52,7 @@ class RunSetUp:
         corrector = RunCorrector(cameras, self.correcting)
         outlines = []
         with RunResultWriter(path, cameras, origin, corrector.pair) as writer:
-            for step in corrector.steps():
+            for step in one_ahead(step.evaluated() for step in corrector.steps()):
                 writer.add(step)
                 outlines.append(step.outline)
             corrections = corrector.corrections(outlines)

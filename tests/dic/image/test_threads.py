@@ -1,11 +1,12 @@
 """Tests of the number of threads, and of the division of rows into bands for the threads."""
 
 import os
+import threading
 
 import numpy as np
 import pytest
 
-from dic.image.threads import balanced_bands, bands_of, in_parallel, processors
+from dic.image.threads import balanced_bands, bands_of, in_parallel, limited_to, one_ahead, processors
 
 
 def test_processors_are_those_that_the_program_may_use():
@@ -50,3 +51,35 @@ def test_an_error_in_a_thread_is_seen():
 
     with pytest.raises(ValueError, match="0"):
         in_parallel(fail, bands_of(200, 64), 3)
+
+
+@pytest.mark.parametrize("limit", [1, 2])
+def test_next_item_is_made_while_the_caller_works_only_with_a_second_processor(limit):
+    made, asked = [], threading.Event()
+
+    def items():
+        for k in range(4):
+            made.append((k, threading.get_ident()))
+            if k == 1:
+                asked.set()
+            yield k
+
+    with limited_to(limit):
+        following = one_ahead(items())
+        assert next(following) == 0
+        if limit == 2 and processors() == 2:
+            assert asked.wait(10.0)
+        assert asked.is_set() == (processors() == 2)
+        assert list(following) == [1, 2, 3]
+        assert (made[0][1] == threading.get_ident()) == (processors() == 1)
+
+
+def test_error_of_an_item_reaches_the_caller_after_the_items_before():
+    def items():
+        yield 0
+        raise ValueError("second")
+
+    following = one_ahead(items())
+    assert next(following) == 0
+    with pytest.raises(ValueError, match="second"):
+        next(following)
