@@ -2,7 +2,7 @@
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -31,6 +31,16 @@ from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from dic.correlation.settings import CorrelationSettings
+    from dic.pipeline.series_correlation import SeriesCorrelation
+    from dic.pipeline.series_result_file import SeriesResult
+    from dic.pipeline.series_set_up import SeriesSetUp
+    from dic.pipeline.series_sources import SeriesSources
+    from dic.results.provenance import Provenance
+    from dic.workers.workers import Workers
 
 _FILE = click.Path(path_type=Path)
 
@@ -69,14 +79,9 @@ def correlate(
     the series after the current image and keeps its results. Exit status: 0 if all images are measured well,
     1 if an image is measured poorly, 2 if an image cannot be measured.
     """
-    from dic import Series, SeriesImage, read_image, write_region
+    from dic import read_image, write_region
     from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
-    from dic.pipeline.reuse import FIELDS, SAME
-    from dic.pipeline.series_correlation import SeriesCorrelation
-    from dic.pipeline.series_image import FileDigests, KnownImage
     from dic.pipeline.series_sources import SeriesSources
-    from dic.results.job import Job
-    from dic.results.provenance import Provenance
     from dic.shell.console import say
 
     settings, how, _, known, _, drawn, gauges = all_of(
@@ -99,38 +104,24 @@ def correlate(
         say(note)
     with ExitStack() as stack:
         image = read_image(sources.reference, stored=True)
-        digests = FileDigests()
-        digest = digests.of(sources.reference)
-        source = SeriesImage(sources.reference, str(sources.reference), digest=digest)
         workers = stack.enter_context(chosen_workers())
-        known_image = KnownImage(source, image)
-        series = Series(known_image, region.read(image.shape), settings, incremental=start.incremental)
+        correlated = _correlation(image, sources, region, start, settings, workers)
+        series = correlated.series
         set_up.require_use(series.shape)
         if series.specimen is not None and not series.specimen.is_whole:
             say(str(series.specimen))
-        hint = start.hint(image.shape)
-        correlated = SeriesCorrelation(series, sources, start.incremental, hint, workers, digests=digests)
         places = SeriesPlaces(files, drawn, outputs.decimal_comma)
         work = SeriesEvaluation(image, [str(path) for path in sources.images], settings, set_up, places)
-        place, origin, same = outputs.place(), None, None
-        if place is not None:
-            same = correlated.look_up(place, set_up)
-            job = Job.of(correlated.job, set_up.as_dict())
-            inputs = [sources.files[0], outputs.fields_from, *known_files]
-            origin = Provenance.of(inputs, job, digests.of_file)
-        if correlated.known is not None:
-            say(f"{correlated.known.source}: {FIELDS if same is None else SAME}")
-        elif place is not None or known.kind == "rigid":
-            if correlated.begun_text:
-                say(correlated.begun_text)
-            stack.enter_context(correlated.keeping(place, written))
+        found = _known_results(correlated, set_up, outputs, known_files)
+        if correlated.known is None and (outputs.output is not None or known.kind == "rigid"):
+            stack.enter_context(correlated.keeping(outputs.place(), written))
         files.make_folders()
         if region.write_mask is not None:
             write_region(series.region, image, region.write_mask)
-        if same is not None:
-            whole = work.show(same.series)
+        if found.same is not None:
+            whole = work.show(found.same.series)
         else:
-            whole = work.run(correlated.images(), correlated.again, origin)
+            whole = work.run(correlated.images(), correlated.again, found.origin)
         if outputs.json_file is not None:
             work.write_json(outputs.json_file, str(sources.reference), series.specimen)
         motion.save(work.alignment)
@@ -138,9 +129,64 @@ def correlate(
         work.draw()
         if not whole:
             correlated.stay()
-            if place is not None:
+            if outputs.output is not None:
                 say("give the same command again to go on with the images that are not measured", err=True)
     end(work.record)
+
+
+def _correlation(
+    image: "NDArray[Any]",
+    sources: "SeriesSources",
+    region: RegionOptions,
+    start: StartOptions,
+    settings: "CorrelationSettings",
+    workers: "Workers | None",
+) -> "SeriesCorrelation":
+    """Prepare the correlation of the series with its reference `image`."""
+    from dic import Series, SeriesImage
+    from dic.pipeline.series_correlation import SeriesCorrelation
+    from dic.pipeline.series_image import FileDigests, KnownImage
+
+    digests = FileDigests()
+    digest = digests.of(sources.reference)
+    source = SeriesImage(sources.reference, str(sources.reference), digest=digest)
+    known_image = KnownImage(source, image)
+    series = Series(known_image, region.read(image.shape), settings, incremental=start.incremental)
+    hint = start.hint(image.shape)
+    return SeriesCorrelation(series, sources, start.incremental, hint, workers, digests=digests)
+
+
+class _Known(NamedTuple):
+    """What an earlier measurement left: the same results or None, and the origin of the results to write."""
+
+    same: "SeriesResult | None"
+    origin: "Provenance | None"
+
+
+def _known_results(
+    correlated: "SeriesCorrelation",
+    set_up: "SeriesSetUp",
+    outputs: OutputOptions,
+    known_files: "Sequence[Path | None]",
+) -> _Known:
+    """Search for the results of an earlier measurement, and say which of them are used."""
+    from dic.pipeline.reuse import FIELDS, SAME
+    from dic.results.job import Job
+    from dic.results.provenance import Provenance
+    from dic.shell.console import say
+
+    place = outputs.place()
+    if place is None:
+        return _Known(None, None)
+    same = correlated.look_up(place, set_up)
+    inputs = [correlated.sources.files[0], outputs.fields_from, *known_files]
+    job = Job.of(correlated.job, set_up.as_dict())
+    origin = Provenance.of(inputs, job, correlated.digests.of_file)
+    if correlated.known is not None:
+        say(f"{correlated.known.source}: {FIELDS if same is None else SAME}")
+    elif correlated.begun_text:
+        say(correlated.begun_text)
+    return _Known(same, origin)
 
 
 def _require_places(
