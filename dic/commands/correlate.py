@@ -82,6 +82,7 @@ def correlate(
     from dic import read_image, write_region
     from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
     from dic.pipeline.series_sources import SeriesSources
+    from dic.results.unfinished import alone
     from dic.shell.console import say
 
     settings, how, _, known, _, drawn, gauges = all_of(
@@ -113,7 +114,9 @@ def correlate(
         places = SeriesPlaces(files, drawn, outputs.decimal_comma)
         work = SeriesEvaluation(image, [str(path) for path in sources.images], settings, set_up, places)
         found = _known_results(correlated, set_up, outputs, known_files)
-        if correlated.known is None and (outputs.output is not None or known.kind == "rigid"):
+        if correlated.known is not None and found.same is None:
+            stack.enter_context(alone(outputs.output))
+        elif correlated.known is None and (outputs.output is not None or known.kind == "rigid"):
             stack.enter_context(correlated.keeping(outputs.place(), written))
         files.make_folders()
         if region.write_mask is not None:

@@ -193,11 +193,11 @@ def _of_series(
     written = [outputs.json_file, *files.all()]
     require_places(read, written, force=outputs.force, new_folders=files.folders)
     files.make_folders()
-    origin = origin_anew(result, read, Job(job.fields, as_text(set_up.as_dict())))
     places = SeriesPlaces(files, MapSettings(), outputs.decimal_comma)
     work = SeriesEvaluation(result.series.reference, labels, result.fields.settings, set_up, places)
     images = result.correlated
     with alone(outputs.output):
+        origin = origin_anew(result, read, Job(job.fields, as_text(set_up.as_dict())))
         work.run(images, images.__getitem__, origin, "computing strain")
     if outputs.json_file is not None:
         work.write_json(outputs.json_file, result.reference_name, None)
@@ -215,7 +215,6 @@ def _of_run(
     from dic.commands.run_table import table
     from dic.pipeline.run_set_up import strain_of_job
     from dic.pipeline.strain_anew import job_of_fields
-    from dic.results.unfinished import alone
     from dic.shell.console import say
     from dic.shell.progress import progress
 
@@ -232,7 +231,7 @@ def _of_run(
         outputs.force,
     )
     places.require_places(read, outputs.output)
-    with alone(outputs.output), progress("computing strain") as bar:
+    with progress("computing strain") as bar:
         bar.expect(sum(len(camera.measurements) for camera in result.cameras))
         found = strain_of_run(
             result,

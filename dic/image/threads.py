@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -62,13 +62,14 @@ def in_parallel(work: Callable[[slice], None], bands: Sequence[slice], threads: 
 
 def one_ahead(items: Iterator[Item]) -> Iterator[Item]:
     """Yield the items; with several processors, another thread makes the next item while the caller works."""
+    end: Any = object()
     if processors() < 2:
         yield from items
         return
     with ThreadPoolExecutor(1) as pool:
-        following = pool.submit(next, items, None)
-        while (item := following.result()) is not None:
-            following = pool.submit(next, items, None)
+        following = pool.submit(next, items, end)
+        while (item := following.result()) is not end:
+            following = pool.submit(next, items, end)
             yield item
 
 

@@ -227,8 +227,8 @@ def gauge_curve(
         time_s if np.isfinite(time_s).all() else None,
         _passed(load_n, use),
     )
-    # For raw strain, only the errors that the images cause are known.
     followed = _followed(series, gauge, transverse, chosen)
+    # For raw strain, only the errors that the images cause are known.
     shared = np.full(len(use), np.nan)
     if chosen != "raw":
         shared = _shared_std(series, gauge, chosen, followed)

@@ -79,7 +79,10 @@ def measure_images(
     reference, several = _sources(reference, images)
     with each_warning_once():
         grey = grey_image(reference, "reference image")
-        series = Series(grey, region, settings, incremental=incremental)
+        if grey is reference:
+            # The caller may write the next image into the array.
+            grey = grey.copy()
+        series = Series(lambda: grey, region, settings, incremental=incremental)
         timed = _timed(reference, several)
         found: Sequence[MeasuredImage] = list(measure_series(series, timed, calibration, strain, motion))
     if calibration is None:

@@ -26,7 +26,7 @@ def match_references(first: CameraResult, second: CameraResult) -> ReferenceSurf
     pixels = np.column_stack([x.ravel(), y.ravel()]).astype(np.float64)
     region = first.calibration.inside(pixels).reshape(height, width)
     try:
-        correlator = Correlator(first.reference, region, _SETTINGS, clip=False)
+        correlator = Correlator(first.reference, region, _SETTINGS, clip=False, copy=False)
         hint = _homography(first.calibration, second.calibration)
         field = correlator.correlate(_of_shape(second.reference, (height, width)), hint=hint)
     except CorrelationError as error:

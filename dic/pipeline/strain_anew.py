@@ -22,7 +22,7 @@ from dic.pipeline.series_result_file import SeriesResult
 from dic.pipeline.series_set_up import SeriesSetUp
 from dic.results.job import Job, as_text
 from dic.results.provenance import Provenance
-from dic.results.unfinished import result_place
+from dic.results.unfinished import alone, result_place
 from dic.strain.measurement import Measurement
 from dic.strain.strain import StrainSettings
 from dic.typing import PathLike
@@ -126,7 +126,7 @@ def strain_of_run(
         Distance of the specimen's surface behind the grid's lines. The default of each setting is the value
         with which `result` was computed.
     on_image : callable, optional
-        Function that is called after each image.
+        Function that is called after each image; another thread may call it.
     inputs : sequence of path
         Files from which the caller took settings, for the provenance of the new results.
 
@@ -146,7 +146,7 @@ def strain_of_run(
         kinds = {step.kind for camera in result.cameras for step in camera.steps}
         correcting.require_use(result.source, [camera.camera for camera in result.cameras], kinds)
     set_up = RunSetUp(result.source, result.info, result.settings, strain, correcting, plate_mm)
-    with result_place(output) as place:
+    with result_place(output) as place, alone(None if output is None else place):
         return strain_with(result, set_up, place, on_image, [Path(path) for path in inputs])
 
 

@@ -21,6 +21,8 @@ from dic.typing import Float
 
 NECKING = "necking"
 
+_LOST = "strain error: the value does not exist if the strain is wrong by one standard deviation"
+
 
 def with_shared_error(
     found: Properties,
@@ -30,14 +32,17 @@ def with_shared_error(
 ) -> Properties:
     """Return properties whose deviations contain a strain error that does not average out over the curve.
 
-    Each property is computed two more times: with the error added to the strain, and with the error
-    subtracted. Half of the difference of the two values is the error of the property.
+    For each independent error, each property is computed two more times: with the error added to the strain,
+    and with the error subtracted. Half of the difference of the two values is the error of the property. If
+    one of them does not exist, the difference from the property itself is used. If none exists, the standard
+    deviation of the property is not known, and becomes None.
 
     Parameters
     ----------
     found : Properties
     shared_std : ndarray, shape (n,)
-        Standard deviation, at each point of the curve, of the error whose growth is not known.
+        Standard deviation, at each point of the curve, of the error whose growth is not known. If it comes
+        from a `GaugeCurve`, give `followed` as well, because `GaugeCurve.shared_std` does not contain it.
     shared_transverse : ndarray, shape (n, 2), optional
         Error of the transverse strain. The first column is the change of the transverse strain, with its
         sign, when the error of the axial strain is one standard deviation. The second column is the standard
@@ -52,14 +57,15 @@ def with_shared_error(
     curve = found.record.curve
     if elastic is None or not np.isfinite(shared_std[np.isfinite(curve.strain)]).all():
         return found
-    changes = [
-        _changes(found, elastic, error) for error in _errors(found, shared_std, shared_transverse, followed)
-    ]
+    errors = _errors(found, elastic, shared_std, shared_transverse, followed)
+    changes = [_changes(found, elastic, error) for error in errors]
     values, parts = {}, {}
     for name, value in (found.values | {NECKING: found.necking}).items():
         values[name] = value
         own = [each[name] for each in changes if name in each]
-        if len(own) == len(changes):
+        if own and not np.isfinite(own).all():
+            values[name] = replace(value, std=None, flags=(*value.flags, _LOST))
+        elif own:
             parts[name] = float(np.linalg.norm(own))
             values[name] = replace(value, std=float(np.hypot(value.std or 0.0, parts[name])))
     neck = values.pop(NECKING)
@@ -67,12 +73,14 @@ def with_shared_error(
 
 
 def _errors(
-    found: Properties, shared_std: Float, shared_transverse: Float | None, followed: Float | None
+    found: Properties,
+    elastic: Elastic,
+    shared_std: Float,
+    shared_transverse: Float | None,
+    followed: Float | None,
 ) -> list[Float]:
     """Return independent errors of axial and transverse strain, each of shape (2, n), at all points."""
-    elastic, curve = found.elastic, found.record.curve
-    if elastic is None:
-        raise ValueError("only a curve with an elastic line can be judged")
+    curve = found.record.curve
     points, none = np.arange(len(shared_std)), np.zeros(len(shared_std))
     along = np.asarray(np.nan_to_num(shared_std), np.float64)
     known = none > 0.0 if curve.transverse is None else np.isfinite(curve.transverse)
@@ -109,7 +117,12 @@ def _changes(found: Properties, elastic: Elastic, error: Float) -> dict[str, flo
         sides.append(side.values | {NECKING: side.necking})
     changes = {}
     for name, value in (found.values | {NECKING: found.necking}).items():
-        ahead, behind = (side[name].value if name in side else None for side in sides)
-        if value.value is not None and value.std is not None and ahead is not None and behind is not None:
-            changes[name] = 0.5 * abs(ahead - behind)
+        if value.value is None or value.std is None:
+            continue
+        ends = [side[name].value for side in sides if name in side]
+        there = [end for end in ends if end is not None]
+        changes[name] = np.nan
+        if there:
+            opposite = there[-1] if len(there) == 2 else 2.0 * value.value - there[0]
+            changes[name] = 0.5 * abs(there[0] - opposite)
     return changes

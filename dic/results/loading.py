@@ -55,4 +55,5 @@ def require_known(path: Path, file: Any) -> None:
     """Refuse an open result file of an unknown format, and name the program that wrote it."""
     origin = file.get("provenance")
     written_by = "" if origin is None else str(origin.attrs.get("versions", ""))
-    require_version(path, "result", file.attrs["file_format_version"], VERSION, written_by)
+    found, otherwise = file.attrs["file_format_version"], ", or measure again into another file"
+    require_version(path, "read results", "result", found, VERSION, written_by, otherwise)

@@ -282,7 +282,8 @@ def alone(result: Path | None) -> Iterator[None]:
         remedy = "wait until that program has ended, or name another file"
         raise OutputError(str(result), "write results", expected, got, remedy) from error
     except OSError as error:
-        raise _not_written(every, error) from error
+        expected, remedy = "a folder that can be written to", "name another file"
+        raise OutputError(str(result), "lock results", expected, reason(error), remedy) from error
     try:
         yield
     finally:

@@ -113,7 +113,9 @@ class ResultWriter:
             for rows in _measured_rows(measurement):
                 self._rows.append(group, n, rows)
             if correction is not None:
-                self._add_correction(group, n, correction, elsewhere=elsewhere)
+                # Strains that are not written are not computed either. Names and shapes are the same.
+                strain = measurement.strain if elsewhere else None
+                self._add_correction(group, n, correction, strain)
 
     def add_two_cameras(self, place: str, cameras: tuple[str, str], index: int, found: TwoCameraStep) -> None:
         """Append the results that two cameras give together for a step; `index` is the step's number."""
@@ -134,8 +136,13 @@ class ResultWriter:
         self._counts[place] = n + 1
         return n
 
-    def _add_correction(self, group: Any, n: int, correction: Correction, *, elsewhere: bool = False) -> None:
-        """Write the correction of the image with the index `n` of a series."""
+    def _add_correction(
+        self, group: Any, n: int, correction: Correction, unwritten: StrainField | None = None
+    ) -> None:
+        """Write the correction of the image with the index `n` of a series.
+
+        If `unwritten` is given, displacements and local strains get an empty row. Its arrays have the shapes.
+        """
         summary, means = correction.as_dict(), group.require_group("corrected_mean")
         table = (
             _mean_rows(correction.mean) | _reason_rows(correction.declined) | {"method": correction.method}
@@ -152,8 +159,9 @@ class ResultWriter:
             if "corrected" not in group:
                 # All images of a series have the same points, so their reference positions are stored once.
                 _write_position(group.create_group("corrected"), correction.displacement)
-            rows = _displacement_rows(correction.displacement) | _strain_rows(correction.strain)
-            self._rows.append(group["corrected"], n, rows, write=not elsewhere)
+            rows = _displacement_rows(correction.displacement)
+            rows |= _strain_rows(correction.strain if unwritten is None else unwritten)
+            self._rows.append(group["corrected"], n, rows, write=unwritten is None)
 
 
 def _write_provenance(group: Any, origin: Provenance) -> None:

@@ -36,4 +36,5 @@ def read_text(dataset: Any, place: int | tuple[()] = ()) -> str:
 def require_known(path: Path, file: Any) -> None:
     """Refuse an open run file of an unknown format, and name the program that wrote it."""
     written_by = read_text(file["entry"]["versions"]) if "entry/versions" in file else ""
-    require_version(path, "run", file.attrs["file_format_version"], schema.VERSION, written_by)
+    found = file.attrs["file_format_version"]
+    require_version(path, "read run", "run", found, schema.VERSION, written_by)

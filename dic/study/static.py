@@ -96,7 +96,7 @@ def motion_between(grey: Grey, other: Grey, region: Mask, settings: CorrelationS
     """Correlate two images with the default subset; the field shows whether the specimen is at rest."""
     step_px = max(10, 2 * round(math.sqrt(np.count_nonzero(region) / 5000) / 2))
     used = CorrelationSettings(step_px=step_px, order=settings.order, smoothing_px=settings.smoothing_px)
-    return Correlator(grey, region, used).correlate(other)
+    return Correlator(grey, region, used, copy=False).correlate(other)
 
 
 def require_rest(motion: Motion, label: str) -> None:
@@ -133,7 +133,7 @@ def wave_of(grey: Grey, deformed: Grey, region: Mask, settings: CorrelationSetti
     used = CorrelationSettings(order=settings.order, smoothing_px=settings.smoothing_px)
     strain = StrainSettings()
     filters = Filters(used, strain)
-    local = measure(Correlator(grey, region, used).correlate(deformed), strain=strain).strain
+    local = measure(Correlator(grey, region, used, copy=False).correlate(deformed), strain=strain).strain
     found = [
         each
         for values, std, axis in ((local.exx, local.exx_std, 1), (local.eyy, local.eyy_std, 0))

@@ -184,7 +184,7 @@ def rms(parts: Sequence[Float]) -> tuple[float, float]:
 def _correlated(pair: tuple[Grey, Grey], region: Mask, settings: CorrelationSettings) -> tuple[Field, Mask]:
     """Return the field of two images, and a mask of points with whole subsets far from the part's edge."""
     reference, deformed = pair
-    correlator = Correlator(reference, region, settings)
+    correlator = Correlator(reference, region, settings, copy=False)
     field, grid = correlator.correlate(deformed), correlator.grid
     whole = grid.active & (grid.pixels == settings.subset_px**2)
     reach = settings.radius_px + EDGE_PX

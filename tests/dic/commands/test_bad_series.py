@@ -223,7 +223,8 @@ def test_second_program_on_a_result_is_refused_and_the_first_loses_nothing(patte
                 assert f"{result}: write results: expected a result file of its own" in said
                 assert "got one that another program is measuring into; wait until that program" in said
             # Strain from the fields of another file would be overwritten, or would overwrite.
-            assert "got one that another program is measuring into" in refusal("strain", whole, "-o", result)
+            for others in (("strain", whole), (*words[:-2], "--fields-from", whole, "--strain-window", 7)):
+                assert "got one that another program is measuring into" in refusal(*others, "-o", result)
         finally:
             os.kill(first.pid, signal.SIGKILL)
     assert correlated == []

@@ -19,6 +19,7 @@ from dic import (
     save_run_result,
     with_shared_error,
 )
+from dic.gauges.reading import SharedPart
 from dic.runfile.reader import RunStep
 from simulators.scene.pose import Pose
 from tests.command_line import refusal
@@ -55,6 +56,49 @@ def test_best_strain_of_a_run_stands_beside_its_load():
     # 5² = 3² + 4²
     np.testing.assert_allclose(found.shared_std, 4e-6)
     assert (found.kind, found.left_out) == ("corrected", 0)
+
+
+def shared_of(k, causes):
+    """Return made-up errors of exx, eyy, exy of image `k`: their covariance, and those by three causes."""
+    mounting = 1e-6 * k * np.array([[1.0, -2.0, 0.5], [3.0, 1.0, -1.0], [0.4, 0.2, 0.3]])
+    shift = np.outer([4e-6, 4e-6, 0.0], [4e-6, 4e-6, 0.0]) + np.diag([1e-12, 2e-12, 3e-12])
+    return mounting @ mounting.T + shift, mounting[:, :causes]
+
+
+def image_with_shared(k, *, causes=3, lost=()):
+    covariance, mounting = shared_of(k, causes)
+    strains = {"axial": (1e-4 * k, [0.1, 0.8, 0.6]), "width": (-3e-5 * k, [0.9, 0.1, -0.6])}
+    readings = {}
+    for name, (strain, weights) in strains.items():
+        weights = np.array(weights)
+        part = SharedPart(covariance, weights, mounting)
+        std = np.sqrt(weights @ covariance @ weights + 9e-12)
+        read = Reading("mm", strain=strain, strain_std=std, strain_std_images=3e-6, shared=part)
+        readings[name] = {"corrected": Reading("mm", reason="lost") if name in lost else read}
+    return GaugeImage(f"step {k}", readings, {"load_n": 200.0 * k})
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_errors_of_mounting_and_of_other_causes_add_up_to_the_covariance(mixed):
+    images = [image_with_shared(k, lost=("width",) if k == 6 else ()) for k in range(COUNT)]
+    images[3] = GaugeImage("step 3", failure="dark", known={"load_n": 600.0})
+    if mixed:
+        # One image was corrected by a method that has no such errors.
+        images[9] = image_with_shared(9, causes=0)
+    found = gauge_curve(series_of(*images), "axial", "width")
+    assert found.followed.shape == (COUNT - 1, 2, 0 if mixed else 3)
+    for row, k in enumerate(k for k in range(COUNT) if k != 3):
+        covariance, mounting = shared_of(k, 3)
+        weights = np.array([[0.1, 0.8, 0.6], [0.9, 0.1, -0.6]])
+        total = weights @ covariance @ weights.T
+        followed = found.followed[row]
+        if k == 6:
+            assert np.isnan(followed[1]).all()
+            followed, total = followed[:1], total[:1, :1]
+        if not mixed:
+            np.testing.assert_allclose(followed, (weights @ mounting)[: len(followed)], atol=1e-18)
+        grown = np.array([[found.shared_std[row], 0.0], [*found.shared_transverse[row]]])[: len(followed)]
+        np.testing.assert_allclose(grown @ grown.T + followed @ followed.T, total, rtol=1e-9, atol=1e-20)
 
 
 def test_raw_strain_can_be_chosen_and_states_no_shared_error():

@@ -116,3 +116,43 @@ def test_a_record_with_a_loop_keeps_its_window_when_the_error_is_added():
     # The error grows with the load to its size at the end of the window, and divides the slope by 1 ± share.
     error = share * found.record.curve.strain[line.stop - 1] / stress[line.stop - 1] * line.slope
     assert judged.strain_parts["E_gpa"] == pytest.approx(error * found.values["E_gpa"].value, rel=0.02)
+
+
+def test_a_strength_that_an_error_of_strain_takes_away_keeps_its_error_from_the_other_side():
+    whole = record(4000)
+    keep = whole.strain <= 0.00405
+    curve = Curve("made", whole.load_n[keep], whole.strain[keep])
+    # Beyond the elastic window, strains that are smaller by 2 % end before the shifted elastic line. Without
+    # this end, both sides are known, and the curve is the same up to the strength.
+    sides = {}
+    for end, record_of in (("near", curve), ("far", Curve("made", whole.load_n, whole.strain))):
+        plain = material_properties(record_of, PropertySettings(AREA_MM2))
+        error = np.zeros((len(record_of.strain), 2, 1))
+        beyond = record_of.strain > 0.003
+        error[beyond, 0, 0] = 0.02 * record_of.strain[beyond]
+        sides[end] = with_shared_error(plain, np.zeros(len(error)), followed=error)
+    near = sides["near"].values["Rp02_mpa"]
+    assert near.value == pytest.approx(400.0, abs=0.01)
+    assert "strain error" not in " ".join(near.flags)
+    assert sides["near"].strain_parts["Rp02_mpa"] == pytest.approx(
+        sides["far"].strain_parts["Rp02_mpa"], rel=0.25
+    )
+    assert near.std > 0.5
+
+
+def test_a_strength_that_an_error_of_strain_takes_away_on_both_sides_has_no_deviation(monkeypatch):
+    curve = record(400)
+    found = material_properties(curve, PropertySettings(AREA_MM2))
+
+    def lost(*given):
+        side = material_properties(*given)
+        none = replace(side.values["Rp02_mpa"], value=None, std=None)
+        return replace(side, values={**side.values, "Rp02_mpa": none})
+
+    monkeypatch.setattr("dic.properties.shared_error.material_properties", lost)
+    judged = with_shared_error(found, 0.01 * curve.strain)
+    strength = judged.values["Rp02_mpa"]
+    assert (strength.value, strength.std) == (found.values["Rp02_mpa"].value, None)
+    assert strength.flags[-1].startswith("strain error: the value does not exist")
+    assert "Rp02_mpa" not in judged.strain_parts
+    assert judged.values["E_gpa"].std > found.values["E_gpa"].std
