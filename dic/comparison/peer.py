@@ -32,7 +32,7 @@ class PeerField:
         The strains "exx", "eyy" and "exy", if the file has them, in axes with y upwards; NaN at points
         without strain.
     measure : str
-        Strain measure of `strains`: "green-lagrange" or "small".
+        Strain measure of `strains`: "green-lagrange", "small", or "hencky" in an export of offaxis.
     image : str
         Name of the deformed image; empty if the file does not name it.
     """

@@ -23,6 +23,8 @@ _DICE = {
     "VSG_STRAIN_XX": "exx", "VSG_STRAIN_YY": "eyy", "VSG_STRAIN_XY": "exy",
 }  # fmt: skip
 _DICE_FAILED = ("SIGMA", "GAMMA", "MATCH")
+_OFFAXIS_STRAIN = re.compile(r"^\*\*\* Strain: ([\w-]+), (\w+);", re.MULTILINE)
+"""The comment in which an export of offaxis names the measure and the kind of its strain."""
 _OPENCORR = {name: name for name in ("x", "y", "u", "v", "exx", "eyy", "exy")}
 _SEPARATORS = (",", ";", "\t", "|", " ")
 _REMEDY = "give a result file of DICe, Ncorr or OpenCorr"
@@ -34,7 +36,8 @@ def read_dice(path: Path) -> PeerField:
     Raises
     ------
     RunFileError
-        If the file cannot be read, lacks a column, or gives displacements relative to the previous image.
+        If the file cannot be read, lacks a column, gives displacements relative to the previous image, or is
+        an export of offaxis with calibrated strain.
     """
     lines = _lines(path)
     comments = [line for line in lines if line.startswith("***")]
@@ -47,7 +50,12 @@ def read_dice(path: Path) -> PeerField:
     for name in _DICE_FAILED:
         use &= ~(columns.get(name, np.zeros(1)) < 0.0)
     images = [line.partition("Deformed image:")[2].strip() for line in comments if "Deformed image:" in line]
-    return field_of("DICe", path, known, use, "green-lagrange", images[0] if images else "")
+    own = _OFFAXIS_STRAIN.search("\n".join(comments))
+    measure, kind = ("green-lagrange", "raw") if own is None else own.groups()
+    if kind != "raw":
+        remedy = "export the results again with --raw-strain"
+        raise wrong(path, "raw strain, in the axes of the image", f"{kind} strain", remedy)
+    return field_of("DICe", path, known, use, measure, images[0] if images else "")
 
 
 def read_opencorr(path: Path, measure: str = "small") -> PeerField:

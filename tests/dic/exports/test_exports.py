@@ -239,6 +239,19 @@ def test_raw_strain_beside_the_calibrated_one_is_that_of_planes_through_the_disp
     assert any("green-lagrange, raw" in each for each in lines)
 
 
+def test_own_export_in_dices_format_is_compared_only_if_its_strain_is_raw(folder, tmp_path):
+    calibrated = folder / "run" / "dice" / "aside" / "DICe_solution_1.txt"
+    assert (
+        "expected raw strain, in the axes of the image, got calibrated strain; export the results again"
+        in (refusal("compare", folder / "run.h5", calibrated, "--image", 1, "--camera", "aside"))
+    )
+    hencky = tmp_path / "hencky.h5"
+    # The series has an image that could not be measured.
+    assert run_dic("strain", folder / "series.h5", "--strain", "hencky", "-o", hencky).status == 2
+    assert run_dic("export", hencky, "dice", "-o", tmp_path).status == 0
+    assert dic.read_peer(tmp_path / "dice" / "DICe_solution_3.txt").measure == "hencky"
+
+
 def test_table_names_the_failures_of_a_camera_that_measured_nothing(folder, tmp_path):
     run = dic.load_run_result(folder / "run.h5")
     blind = replace(run.cameras[1], steps=[], measurements=[], failures=["straight: step 2 failed"])
