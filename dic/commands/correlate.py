@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from dic.correlation.settings import CorrelationSettings
+    from dic import CorrelationSettings
     from dic.pipeline.series_correlation import SeriesCorrelation
     from dic.pipeline.series_result_file import SeriesResult
     from dic.pipeline.series_set_up import SeriesSetUp
