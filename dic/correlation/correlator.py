@@ -19,7 +19,7 @@ from dic.correlation.solver import Solver
 from dic.correlation.status import Status
 from dic.correlation.turned_image import TurnableImage
 from dic.errors import CorrelationError, require_kind
-from dic.image.given import fixed, fixed_region, grey_levels
+from dic.image.given import fixed, fixed_region, grey_levels, kept
 from dic.image.memory import give_back_memory
 from dic.image.point_grid import PointGrid, clear_of_edges, place_points
 from dic.image.spline import edge_reach_px
@@ -85,9 +85,9 @@ class Correlator:
         require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
         self.settings = settings = settings or CorrelationSettings()
         grey = _checked_reference(reference, settings.subset_px)
-        if copy and isinstance(reference, np.ndarray) and np.shares_memory(grey, reference):
+        if copy:
             # Parts of the image are prepared when they are used, and the array may have another image then.
-            grey = grey.copy()
+            grey = kept(grey, reference)
         threads = threads or processors()
         self.specimen: Specimen | None = None
         if region is None:

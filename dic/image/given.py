@@ -65,6 +65,15 @@ def grey_levels(image: object, name: str) -> NDArray[Any]:
     return grey_image(found, name)
 
 
+def kept(grey: NDArray[Any], given: object) -> NDArray[Any]:
+    """Return the grey levels of `given` so that they stay: a copy if they share the memory of an array.
+
+    The caller of the library may write the next image into its array.
+    """
+    shared = isinstance(given, np.ndarray) and np.shares_memory(grey, given)
+    return grey.copy() if shared else grey
+
+
 def name_of(image: ImageLike, otherwise: str) -> str:
     """Return the path of an image file; for an array return the text `otherwise`."""
     return str(image) if isinstance(image, str | Path) else otherwise

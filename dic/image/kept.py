@@ -4,12 +4,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from dic.errors import ImageError, collected_warnings
 from dic.files.reading import opened
-from dic.image.given import grey_levels, name_of
+from dic.image.given import grey_levels, kept, name_of
 from dic.image.pages import split_page
 from dic.image.stored import is_large
 from dic.typing import ImageLike
@@ -81,9 +80,7 @@ class KeptImage:
             state = file_identity(given)
         grey = grey_levels(given, self._name)
         self._known, self._name = state, name_of(given, self._name)
-        if self._again and state is None and isinstance(given, np.ndarray) and np.shares_memory(grey, given):
-            return grey.copy()
-        return grey
+        return kept(grey, given) if self._again and state is None else grey
 
     def _second(self) -> NDArray[Any]:
         with collected_warnings():

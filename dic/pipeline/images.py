@@ -9,7 +9,7 @@ from dic.calibration.file import load_calibration
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError, each_warning_once, require_kind
-from dic.image.given import grey_image, one_by_one
+from dic.image.given import grey_image, kept, one_by_one
 from dic.image.pages import list_images
 from dic.image.times import SeriesTimes
 from dic.out_of_plane.correct import Motion
@@ -78,10 +78,7 @@ def measure_images(
     settings = settings or CorrelationSettings()
     reference, several = _sources(reference, images)
     with each_warning_once():
-        grey = grey_image(reference, "reference image")
-        if grey is reference:
-            # The caller may write the next image into the array.
-            grey = grey.copy()
+        grey = kept(grey_image(reference, "reference image"), reference)
         series = Series(lambda: grey, region, settings, incremental=incremental)
         timed = _timed(reference, several)
         found: Sequence[MeasuredImage] = list(measure_series(series, timed, calibration, strain, motion))
