@@ -15,8 +15,21 @@ def give_back_memory() -> None:
     _trim()(0)
 
 
-_MMAP_THRESHOLD, _TRIM_THRESHOLD = -3, -1  # numbers of the options in malloc.h of glibc
+_MMAP_THRESHOLD, _TRIM_THRESHOLD, _ARENA_MAX = -3, -1, -8  # numbers of the options in malloc.h of glibc
 _LARGEST_KEPT = 32 * 2**20
+
+
+@cache
+def share_one_heap() -> None:
+    """Let all threads that start from now on take their memory from one heap.
+
+    glibc gives each thread a heap of its own. What a thread has freed there is of no use to other threads.
+    For images of 100 megapixels this is almost 0.1 GB. The threads of this program allocate few and large
+    arrays, so they hardly ever wait for each other.
+    """
+    option = _options()
+    if option is not None:
+        option(_ARENA_MAX, 1)
 
 
 @cache
@@ -27,13 +40,18 @@ def keep_freed_memory() -> None:
     gives each freed array back to the operating system, which must clear its pages anew for the next image.
     32 MB is the limit up to which glibc raises its thresholds by itself if no such variable is set.
     """
+    option = _options()
+    if option is not None:
+        option(_MMAP_THRESHOLD, _LARGEST_KEPT)
+        option(_TRIM_THRESHOLD, 2 * _LARGEST_KEPT)
+
+
+def _options() -> Callable[[int, int], int] | None:
+    """Return the function that sets options of the C library's memory; None if there is none."""
     try:
-        option = ctypes.CDLL(None).mallopt
+        return ctypes.CDLL(None).mallopt
     except (OSError, AttributeError, TypeError):
-        # Other C libraries do not read the variable.
-        return
-    option(_MMAP_THRESHOLD, _LARGEST_KEPT)
-    option(_TRIM_THRESHOLD, 2 * _LARGEST_KEPT)
+        return None
 
 
 @cache

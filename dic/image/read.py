@@ -14,11 +14,13 @@ from dic.image.container import Container, Damage, read_bmp, require_bounded
 from dic.image.decoding import decode, to_grey
 from dic.image.jpeg import SIGNATURE as JPEG
 from dic.image.jpeg import read_jpeg
+from dic.image.memory import give_back_memory, share_one_heap
 from dic.image.netpbm import SIGNATURES as NETPBM
 from dic.image.netpbm import read_netpbm
 from dic.image.pages import page_name, split_page
 from dic.image.png import SIGNATURE as PNG
 from dic.image.png import read_png
+from dic.image.stored import is_large
 from dic.image.tiff import read_tiff
 from dic.image.tiff_directory import SIGNATURES as TIFFS
 from dic.image.video import is_video, read_frame, read_video
@@ -104,6 +106,11 @@ def read_image(path: str | Path, *, stored: bool = False) -> NDArray[Any]:
     if min(grey.shape) < MINIMUM_SIDE_PX:
         got = f"{grey.shape[1]} × {grey.shape[0]} px"
         raise _refusal(path, got, f"use images of at least {MINIMUM_SIDE_PX} px on each side")
+    if is_large(grey.shape):
+        share_one_heap()
+        del decoded
+        # The strips of the file are small blocks, which the C library would keep.
+        give_back_memory()
     return grey
 
 

@@ -1,4 +1,4 @@
-"""The C library keeps freed memory for the next image where its environment forbids this."""
+"""Where the C library takes memory from, and when it keeps freed memory for the next image."""
 
 import subprocess
 import sys
@@ -37,3 +37,42 @@ def test_freed_arrays_are_kept_where_the_environment_of_a_dask_worker_forbids_it
     before, after = map(int, done.stdout.split())
     assert before > 20 * 100
     assert after < 20
+
+
+# `malloc_info` writes an element <heap> for each heap to an open file of C.
+_HEAPS = """
+import ctypes, os, sys, tempfile
+from threading import Thread
+from dic.image.memory import share_one_heap
+
+c = ctypes.CDLL(None)
+c.fdopen.restype = c.malloc.restype = ctypes.c_void_p
+
+
+def heaps():
+    with tempfile.TemporaryFile() as told:
+        stream = ctypes.c_void_p(c.fdopen(os.dup(told.fileno()), b"w"))
+        c.malloc_info(0, stream)
+        c.fclose(stream)
+        told.seek(0)
+        return told.read().count(b"<heap nr")
+
+
+if sys.argv[1] == "shared":
+    share_one_heap()
+before = heaps()
+threads = [Thread(target=lambda: c.free(ctypes.c_void_p(c.malloc(100_000)))) for _ in range(3)]
+for thread in threads:
+    thread.start()
+    thread.join()
+print(heaps() - before)
+"""
+
+
+@pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="only the C library of Linux has heaps of threads"
+)
+@pytest.mark.parametrize("kind", ["shared", "own"])
+def test_threads_take_their_memory_from_one_heap_if_they_shall(kind):
+    done = subprocess.run([sys.executable, "-c", _HEAPS, kind], capture_output=True, text=True, check=True)
+    assert (int(done.stdout) == 0) == (kind == "shared")
