@@ -78,6 +78,11 @@ def bands_of(rows: int, height: int) -> list[slice]:
     return [slice(first, min(first + height, rows)) for first in range(0, rows, height)]
 
 
+def with_neighbours(band: slice, rows: int, halo: int) -> slice:
+    """Return a band with up to `halo` more rows on either side, of an array that has `rows` rows."""
+    return slice(max(0, band.start - halo), min(rows, band.stop + halo))
+
+
 def balanced_bands(weights: Indices, count: int) -> list[slice]:
     """Cut rows into at most `count` bands of about equal weight, and leave out bands without weight.
 

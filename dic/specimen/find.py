@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.errors import CorrelationError, is_whole
-from dic.image.given import checked_region, grey_levels, name_of
+from dic.image.given import checked_region, fixed, grey_levels, name_of
 from dic.image.memory import give_back_memory
 from dic.image.stored import is_large
-from dic.specimen.outline import at_full_resolution, outline
+from dic.specimen.outline import at_full_resolution, edges_of_speckles, outline
 from dic.specimen.pooled_texture import pooled_texture_maps
 from dic.specimen.surfaces import FirstLook, find_surfaces, first_look
 from dic.specimen.texture import TextureMaps, texture_maps
@@ -100,15 +100,17 @@ def find_specimen(image: ImageLike, subset_px: int = 41, within: Mask | PathLike
     if large:
         give_back_memory()
     surfaces = find_surfaces(maps, look)
-    found = None if surfaces is None else outline(maps, surfaces)
-    reduction, reasons = maps.reduction, _possible_reasons(maps, look)
-    # The maps are no longer needed, and the mask takes as much memory as the image.
+    reduction, window, reasons = maps.reduction, maps.window, _possible_reasons(maps, look)
+    edges = None if surfaces is None else edges_of_speckles(maps, surfaces)
+    parts = None if surfaces is None else (surfaces.windows, surfaces.inside)
+    # The maps are no longer needed, and take several times as much memory as the image.
     del maps, look, surfaces
     if large:
         give_back_memory()
-    mask = (
-        np.zeros(grey.shape, np.bool_) if found is None else at_full_resolution(found, reduction, grey.shape)
-    )
+    if edges is None or parts is None:
+        mask = np.zeros(grey.shape, np.bool_)
+    else:
+        mask = at_full_resolution(outline(edges, *parts, window), reduction, grey.shape)
     left_out = _left_out(reasons, _reduced(mask, inner.shape), inner)
     inside = mask if part is None else mask & part
     if not inside.any():
@@ -121,7 +123,8 @@ def find_specimen(image: ImageLike, subset_px: int = 41, within: Mask | PathLike
         )
     counted = _reduced(inside, inner.shape) if large else inside
     searched = mask.size if part is None else np.count_nonzero(part)
-    return Specimen(mask, _count(counted), float(np.count_nonzero(inside) / searched), left_out)
+    share = float(np.count_nonzero(inside) / searched)
+    return Specimen(fixed(mask) if large else mask, _count(counted), share, left_out)
 
 
 def _require_subset(subset_px: int) -> None:

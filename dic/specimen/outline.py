@@ -29,27 +29,42 @@ _NO_SUBSET_PX = 4
 """No subset uses the outermost pixels of the image, so the image's dark border does not matter there."""
 
 
-def outline(maps: TextureMaps, surfaces: Surfaces) -> Bits:
-    """Return the mask of the specimen, in reduced pixels."""
+def edges_of_speckles(maps: TextureMaps, surfaces: Surfaces) -> Bits:
+    """Return the pixels at the edges of the specimen's speckles, in reduced pixels."""
     import cv2
 
     near = cv2.dilate(surfaces.windows, _disc(max(2, round(_NEAR * maps.window))))
-    edges = (maps.energy > np.float32(_EDGE) * surfaces.energy) & (
-        maps.energy > np.float32(_EDGE_ABOVE_NOISE) * maps.noise
-    )
-    edge = edges.view(np.uint8) & near
-    gap = _widest_gap(edge, surfaces.inside, maps.window)
-    margin = 2 * maps.window
+    edges = maps.energy > np.float32(_EDGE) * surfaces.energy
+    edges &= maps.energy > np.float32(_EDGE_ABOVE_NOISE) * maps.noise
+    return np.asarray(edges.view(np.uint8) & near, np.uint8)
+
+
+def outline(edge: Bits, windows: Bits, inside: Bits, window: int) -> Bits:
+    """Return the mask of the specimen, in reduced pixels.
+
+    Parameters
+    ----------
+    edge : ndarray of uint8
+        The result of `edges_of_speckles`.
+    windows, inside : ndarray of uint8
+        As in `Surfaces`.
+    window : int
+        Width of the windows, in reduced pixels.
+    """
+    import cv2
+
+    gap = _widest_gap(edge, inside, window)
+    margin = 2 * window
     around = (margin,) * 4
     # The specimen continues beyond the image's edge, so close the gaps between speckles and this edge too.
     edge = cv2.copyMakeBorder(edge, *around, cv2.BORDER_CONSTANT, value=1)
-    inside = cv2.copyMakeBorder(surfaces.inside, *around, cv2.BORDER_REPLICATE)
+    surrounded = np.asarray(cv2.copyMakeBorder(inside, *around, cv2.BORDER_REPLICATE), np.uint8)
     closed = cv2.morphologyEx(edge, cv2.MORPH_CLOSE, square(2 * gap + 1))[margin:-margin, margin:-margin]
     full = np.asarray(cv2.copyMakeBorder(closed, *around, cv2.BORDER_REPLICATE), np.uint8)
     whole = _without_holes(full)
     holes = cv2.morphologyEx(whole & (1 - full), cv2.MORPH_OPEN, _disc(gap))
-    radius = _ROUND * float(cv2.distanceTransform(surfaces.windows, cv2.DIST_L2, 3).max())
-    smooth = _smoothed(whole, inside, int(np.clip(radius, 3, maps.window)))
+    radius = _ROUND * float(cv2.distanceTransform(windows, cv2.DIST_L2, 3).max())
+    smooth = _smoothed(whole, surrounded, int(np.clip(radius, 3, window)))
     return np.asarray(smooth & (1 - holes), np.uint8)[margin:-margin, margin:-margin]
 
 

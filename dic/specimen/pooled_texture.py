@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.image.threads import bands_of
+from dic.image.threads import bands_of, with_neighbours
 from dic.specimen.texture import (
     NARROWEST,
     TextureMaps,
@@ -48,6 +48,10 @@ class PooledProducts(NamedTuple):
     xx: Grey
     yy: Grey
     xy: Grey
+
+    def of_rows(self, rows: slice) -> "PooledProducts":
+        """Return the products of some rows."""
+        return PooledProducts(self.xx[rows], self.yy[rows], self.xy[rows])
 
     def weighted(self, weight: Grey) -> Iterator[Grey]:
         """Yield the means times a weight for each pixel."""
@@ -97,6 +101,8 @@ def pooled_texture_maps(grey: NDArray[Any], subset_px: int) -> TextureMaps:
         found = _strength_at(small, ripples, subset_px, reduction)
         if found <= best:
             break
+        # The maps so far would take twice as much memory as the image.
+        del maps
         best, maps = found, maps_at(small, ripples, subset_px, reduction)
         small, reduction = np.asarray(cv2.pyrDown(small), np.float32), 2 * reduction
     return maps
@@ -187,7 +193,7 @@ def _bands(height: int, band_px: int, halo_px: int) -> Iterator[tuple[slice, sli
     if len(bands) > 1 and bands[-1].stop - bands[-1].start == 1:
         bands[-2:] = [slice(bands[-2].start, height)]
     for band in bands:
-        yield band, slice(max(0, band.start - halo_px), min(height, band.stop + halo_px))
+        yield band, with_neighbours(band, height, halo_px)
 
 
 def _pool(of: Grey) -> Grey:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.image.threads import bands_of, with_neighbours
 from dic.specimen.texture import EVERY_DIRECTION, TextureMaps, eigenvalues
 from dic.typing import Float, Grey, Mask
 
@@ -34,6 +35,9 @@ _SPARSE = 4
 
 _SAMPLE = 1000
 """Number of values that is enough for a median."""
+
+_BAND_PX = 256
+"""Height of the bands of rows in which windows are compared, reduced pixels."""
 
 
 @dataclass(frozen=True)
@@ -104,19 +108,16 @@ def find_surfaces(maps: TextureMaps, look: FirstLook) -> Surfaces | None:
         return None
     inside = cv2.erode(core, square(maps.window))
     inside = np.asarray(inside if inside.any() else core, np.uint8)
-    weakest, light, bend = _around(
-        maps.window, inside, [maps.weakest, look.light, _mean(maps, maps.curvature)]
-    )
+    # One map after another, because each takes a quarter of the memory of the image.
+    energy = _around(maps.window, inside, maps.weakest, far=np.inf)
     # Compare windows with the sharpness of the specimen nearby, because one side of the specimen may be
     # blurred.
-    energy, sharpness = np.float32(_AS_FULL_ENERGY) * weakest, bend / weakest
-    del weakest, bend
+    sharpness = _around(maps.window, inside, _mean(maps, maps.curvature))
+    sharpness /= energy
+    energy *= np.float32(_AS_FULL_ENERGY)
     windows = _resembling(maps, inside, energy, sharpness)
-    # The brightness of a window at the edge is a mean of the specimen and the background. So it is enough if
-    # a neighbouring window has the right brightness.
-    tone = np.abs(np.log(look.light / light))
-    same = tone < max(_TONE, _TONE_SPREADS * _median(tone, inside > 0))
-    windows &= cv2.dilate(windows & same.view(np.uint8), square(maps.window + 2))
+    del sharpness
+    windows &= cv2.dilate(windows & _as_bright(maps, look, inside), square(maps.window + 2))
     half = square(maps.window // 2 | 1)
     windows = cv2.morphologyEx(cv2.morphologyEx(windows, cv2.MORPH_CLOSE, half), cv2.MORPH_OPEN, half)
     windows = _large_parts(np.asarray(windows, np.uint8), inside)
@@ -164,31 +165,40 @@ def _median(values: Grey | Float, own: Mask) -> float:
     return float(np.median(sample if sample.size >= _SAMPLE else values[own]))
 
 
-def _around(window: int, inside: Bits, values: list[Grey]) -> list[Grey]:
-    """Return the usual value of each map on the specimen around every pixel, also outside the specimen.
+def _as_bright(maps: TextureMaps, look: FirstLook, inside: Bits) -> Bits:
+    """Return the windows that are about as bright as the specimen around them.
 
-    The usual value is a weighted geometric mean over the pixels in `inside`. Far from these pixels, the usual
-    value of the first map is infinity.
+    The brightness of a window at the edge is a mean of the specimen and the background. So it is enough if a
+    neighbouring window has the right brightness.
+    """
+    tone = np.divide(look.light, _around(maps.window, inside, look.light))
+    np.abs(np.log(tone, out=tone), out=tone)
+    same = tone < max(_TONE, _TONE_SPREADS * _median(tone, inside > 0))
+    return np.asarray(same).view(np.uint8)
+
+
+def _around(window: int, inside: Bits, of: Grey, far: float = 1.0) -> Grey:
+    """Return the usual value of a map on the specimen around every pixel, also outside the specimen.
+
+    The usual value is a weighted geometric mean over the pixels in `inside`. Far from these pixels it is
+    `far`.
     """
     import cv2
 
     sparse = (slice(None, None, _SPARSE), slice(None, None, _SPARSE))
     shape, known = inside.shape[::-1], inside[sparse].astype(np.float32)
     if not known.any():
-        return [np.full(inside.shape, np.median(of[inside > 0]), np.float32) for of in values]
+        return np.full(inside.shape, np.median(of[inside > 0]), np.float32)
     side = (window + 2 | 1,) * 2
 
     def smooth(of: Grey) -> Grey:
         return np.asarray(cv2.blur(cv2.blur(of, side), side), np.float32)
 
     weight = smooth(known)
-    fields = []
-    for far, of in zip((np.inf, 1.0, 1.0), values, strict=True):
-        logarithms = np.log(np.maximum(of[sparse], np.float32(1e-30))) * known
-        mean = np.where(weight > 1e-5, np.exp(smooth(logarithms) / np.maximum(weight, np.float32(1e-5))), far)
-        spread = np.repeat(np.repeat(mean.astype(np.float32), _SPARSE, axis=0), _SPARSE, axis=1)
-        fields.append(np.ascontiguousarray(spread[: shape[1], : shape[0]]))
-    return fields
+    logarithms = np.log(np.maximum(of[sparse], np.float32(1e-30))) * known
+    mean = np.where(weight > 1e-5, np.exp(smooth(logarithms) / np.maximum(weight, np.float32(1e-5))), far)
+    spread = np.repeat(np.repeat(mean.astype(np.float32), _SPARSE, axis=0), _SPARSE, axis=1)
+    return np.ascontiguousarray(spread[: shape[1], : shape[0]])
 
 
 def _resembling(maps: TextureMaps, inside: Bits, energy: Grey, sharpness: Grey) -> Bits:
@@ -197,13 +207,22 @@ def _resembling(maps: TextureMaps, inside: Bits, energy: Grey, sharpness: Grey) 
     The energy of each pixel is limited to the specimen's mean energy. Without this limit, a strong edge
     between a dark specimen and a bright background would hide the texture beside the edge.
     """
-    weight: Grey = np.reciprocal(np.maximum(np.maximum(energy, maps.energy), np.float32(1e-30)))
-    weakest, strongest = eigenvalues(*(_mean(maps, of) for of in maps.slopes.weighted(weight)))
-    total = np.maximum(weakest + strongest, np.float32(1e-30))
-    relative = _mean(maps, maps.curvature * weight) / np.maximum(total * sharpness, np.float32(1e-30))
+    weakest, relative = np.empty_like(energy), np.empty_like(energy)
+    every_direction = np.empty(energy.shape, np.bool_)
+    # The weighted products and their means would take as much memory as all other maps together.
+    for band in bands_of(len(energy), _BAND_PX):
+        around = with_neighbours(band, len(energy), maps.window)
+        limit = np.maximum(energy[around], maps.energy[around])
+        weight: Grey = np.reciprocal(np.maximum(limit, np.float32(1e-30)))
+        own_rows = slice(band.start - around.start, band.stop - around.start)
+        products = maps.slopes.of_rows(around).weighted(weight)
+        weakest[band], strongest = eigenvalues(*(_mean(maps, of)[own_rows] for of in products))
+        total = np.maximum(weakest[band] + strongest, np.float32(1e-30))
+        bend = _mean(maps, maps.curvature[around] * weight)[own_rows]
+        relative[band] = bend / np.maximum(total * sharpness[band], np.float32(1e-30))
+        every_direction[band] = weakest[band] > np.float32(EVERY_DIRECTION) * strongest
     own = inside > 0
     full = weakest > _HALF * _median(weakest, own)
-    every_direction = weakest > np.float32(EVERY_DIRECTION) * strongest
     sharp = relative > _LEAST_SHARPNESS * _median(relative, own)
     return np.asarray(full & every_direction & sharp).view(np.uint8)
 

@@ -46,6 +46,9 @@ EVERY_DIRECTION = 0.12
 class SlopeProducts(Protocol):
     """The products of the slopes of the grey levels, at each pixel of the reduced image."""
 
+    def of_rows(self, rows: slice) -> "SlopeProducts":
+        """Return the products of some rows."""
+
     def weighted(self, weight: Grey) -> Iterator[Grey]:
         """Yield fx², fy² and fx fy, times a weight for each pixel."""
 
@@ -55,6 +58,10 @@ class Slopes(NamedTuple):
 
     fx: Grey
     fy: Grey
+
+    def of_rows(self, rows: slice) -> "Slopes":
+        """Return the slopes of some rows."""
+        return Slopes(self.fx[rows], self.fy[rows])
 
     def weighted(self, weight: Grey) -> Iterator[Grey]:
         """Yield fx², fy² and fx fy, times a weight for each pixel."""
