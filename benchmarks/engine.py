@@ -83,7 +83,7 @@ class KernelAlone:
     ) -> None:
         spline, mean = spline_image(reference, settings.order), float(reference.mean())
         everywhere = np.ones(reference.shape, np.bool_)
-        self._reference = kernel.lay_reference(spline, spline.gradient(), everywhere, mean)
+        self._reference = kernel.lay_reference(spline, everywhere, mean)
         self._deformed = kernel.lay_coefficients(spline_image(deformed, settings.order), mean)
         self._settings, self._method = settings, method_of(settings)
         self._x, self._y, self._start = x_px, y_px, start

@@ -23,6 +23,7 @@ from dic.image.given import fixed, fixed_region, grey_levels, kept
 from dic.image.memory import give_back_memory
 from dic.image.point_grid import PointGrid, clear_of_edges, place_points
 from dic.image.spline import edge_reach_px
+from dic.image.stored import everywhere
 from dic.image.threads import processors
 from dic.specimen.find import Specimen, find_specimen
 from dic.typing import Float, ImageLike, Mask, PathLike
@@ -98,7 +99,7 @@ class Correlator:
         self.region = fixed(surface if within is None else surface & within)
         self.smoothing = chosen_smoothing(grey, self.region, settings)
         image = self.smoothing.applied(grey)
-        usable = np.ones(grey.shape, np.bool_)
+        usable = everywhere(grey.shape)
         if region is None or clip:
             reach_px = edge_reach_px(settings.order) + self.smoothing.reach_px
             usable = clear_of_edges(surface, settings.subset_px, reach_px)

@@ -98,7 +98,7 @@ class FeatureFinder:
     """
 
     def __init__(self, reference: StoredImage, usable: Mask) -> None:
-        self._reference, self._usable = reference, usable
+        self._reference, self._usable = reference, None if usable.all() else usable
         self._known: dict[float, tuple[Float, Descriptors]] = {}
 
     def find(self, deformed: StoredImage) -> Iterator[Matches]:

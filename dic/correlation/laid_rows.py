@@ -55,10 +55,8 @@ class LaidReference:
 
     def _laid(self, rows: slice, threads: int) -> kernel.Reference:
         spline = spline_of_rows(self._image, self._order, rows, threads)
-        slopes, usable = spline.gradient(threads), self._usable[rows]
-        return kernel.lay_reference(
-            spline, slopes, usable, self._mean, threads, top=rows.start, flat_variance=self._flat_variance
-        )
+        usable, flat = self._usable[rows], self._flat_variance
+        return kernel.lay_reference(spline, usable, self._mean, threads, top=rows.start, flat_variance=flat)
 
 
 class LaidDeformed:

@@ -11,7 +11,7 @@ from dic.correlation.status import Status
 from dic.correlation.working_rows import propagation_rows, strips
 from dic.image.memory import give_back_memory
 from dic.image.spline import halfway_noise_gain, slope_noise_gain
-from dic.image.threads import balanced_bands, bands_of, in_parallel
+from dic.image.threads import balanced_bands, bands_of, in_parallel, with_neighbours
 from dic.typing import Float, Indices, Mask
 
 _TRIES = 3
@@ -20,7 +20,7 @@ _TRIES = 3
 _BANDS = 16
 """Number of bands of rows that are solved in parallel; this number keeps several processors busy."""
 
-_BAND_PX = 2_000_000
+_BAND_PX = 1_000_000
 """Largest number of pixels of a band; a larger image has more bands."""
 
 
@@ -113,6 +113,8 @@ class Solver:
             self._counted = True
         if in_bands:
             bands = self._seeded_bands(solution, pending)
+            if self._reference.image.in_bands:
+                give_back_memory()
             in_parallel(
                 lambda band: self._propagate_rows(solution.part(band), pending[band], band),
                 bands,
@@ -131,12 +133,12 @@ class Solver:
         rows = len(pending)
         height = -(-rows // self._band_count) if self._reference.image.in_bands else rows
         bands = bands_of(rows, height)
-        tried_fronts = [np.zeros_like(pending[self._with_neighbours(band, rows)]) for band in bands]
+        tried_fronts = [np.zeros_like(pending[with_neighbours(band, rows, 1)]) for band in bands]
         again = True
         while again:
             again = False
             for band, tried_before in zip(bands, tried_fronts, strict=True):
-                part = self._with_neighbours(band, rows)
+                part = with_neighbours(band, rows, 1)
                 own = pending[part].copy()
                 own[: band.start - part.start] = own[len(own) - (part.stop - band.stop) :] = False
                 again |= self._propagate_fronts_of(solution.part(part), own, tried_before, part)
@@ -157,10 +159,6 @@ class Solver:
         solution.status[tried] = status[tried]
         tried_before |= fronts | (tried & solution.converged)
         return True
-
-    @staticmethod
-    def _with_neighbours(band: slice, rows: int) -> slice:
-        return slice(max(0, band.start - 1), min(rows, band.stop + 1))
 
     def _propagate_rows(self, part: kernel.Solution, pending: Mask, rows: slice) -> None:
         """Run the kernel in some rows of the grid, from their converged points to their pending points.
@@ -188,6 +186,9 @@ class Solver:
                 break
         part.put((slice(None),), trial)
         pending[...] = left
+        # The rows of the next band need blocks of other sizes.
+        del image
+        give_back_memory()
 
     @property
     def _band_count(self) -> int:

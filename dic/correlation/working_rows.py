@@ -11,7 +11,7 @@ from dic.typing import Float, Indices
 Rows = tuple[int, int]
 """The first row, and the row after the last one. They may lie outside the image."""
 
-_STRIP_PX = 256
+_STRIP_PX = 64
 """Points that are solved one by one are solved together if they lie within this number of rows."""
 
 _MARGIN_PX = kernel.ROOM_PX + 8

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dic.errors import CorrelationError, require_kind
 from dic.image.read import read_image
-from dic.image.stored import is_large
+from dic.image.stored import everywhere, is_large
 from dic.regions.drawn import DrawnRegion
 from dic.regions.read import is_region_file, read_drawn_region
 from dic.typing import Grey, ImageLike, Mask, PathLike
@@ -152,7 +152,12 @@ def fixed_region(region: object, shape: tuple[int, ...]) -> Mask:
 
 
 def fixed(mask: Mask) -> Mask:
-    """Return the same mask, which is read-only from now on."""
+    """Return the same mask, which is read-only from now on.
+
+    A large mask that is True everywhere becomes a mask that takes no memory.
+    """
+    if is_large(mask.shape) and mask.all():
+        return everywhere(mask.shape)
     mask.setflags(write=False)
     return mask
 

@@ -74,8 +74,10 @@ def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> P
     """
     import cv2
 
-    left, top, across, down = cv2.boundingRect(centres.view(np.uint8))
     height, width = centres.shape
+    # OpenCV would need a copy of a mask that repeats one element.
+    whole = 0, 0, width, height
+    left, top, across, down = whole if centres.all() else cv2.boundingRect(centres.view(np.uint8))
     if across:
         edge = subset_px // 2 + EDGE_PX
         x = _centred(max(edge, left), min(width - edge - 1, left + across - 1), step_px)

@@ -32,35 +32,60 @@ _TAPS = {3: 12, 5: 18}
 
 @dataclass(frozen=True)
 class SplineImage:
-    """An image that is interpolated by a B-spline.
+    """An image, or a band of its rows, that is interpolated by a B-spline.
 
     Attributes
     ----------
     order : int
         Degree of the spline: 3 (cubic) or 5 (quintic).
-    grey : ndarray of float32, shape (height, width)
-        Grey levels at the pixels.
+    image : StoredImage
+        The whole image.
+    top : int
+        The first row of the band.
     coefficients : ndarray of float32, shape (height + 2 * MARGIN, width + 2 * MARGIN)
-        The coefficient of pixel (row, column) is at ``[row + MARGIN, column + MARGIN]``.
+        The coefficient of the band's pixel (row, column) is at ``[row + MARGIN, column + MARGIN]``.
     """
 
     order: int
-    grey: NDArray[np.float32]
+    image: StoredImage
+    top: int
     coefficients: NDArray[np.float32]
 
-    def gradient(self, threads: int = 1) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return the spline's derivatives along x and along y at every pixel, in grey levels per px."""
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the band, px."""
+        height, width = self.coefficients.shape
+        return height - 2 * MARGIN, width - 2 * MARGIN
+
+    @property
+    def grey(self) -> NDArray[np.float32]:
+        """Grey levels at the pixels, shape (height, width)."""
+        return self.grey_of(slice(0, self.shape[0]))
+
+    def grey_of(self, rows: slice) -> NDArray[np.float32]:
+        """Return the grey levels of some rows, which count from the band's first row."""
+        return self.image.rows(self.top + rows.start, self.top + rows.stop)
+
+    def gradient_of(self, rows: slice) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the derivatives along x and along y at the pixels of some rows, in grey levels per px."""
         import cv2
 
         samples, slopes = _samples(self.order), _slopes(self.order)
-        along_x, along_y = np.empty_like(self.grey), np.empty_like(self.grey)
+        coefficients = self.coefficients[rows.start : rows.stop + 2 * MARGIN]
+        along_x, along_y = (
+            cv2.sepFilter2D(coefficients, cv2.CV_32F, across, down)[MARGIN:-MARGIN, MARGIN:-MARGIN]
+            for across, down in ((slopes, samples), (samples, slopes))
+        )
+        return np.asarray(along_x, np.float32), np.asarray(along_y, np.float32)
+
+    def gradient(self, threads: int = 1) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the spline's derivatives along x and along y at every pixel, in grey levels per px."""
+        along_x, along_y = (np.empty(self.shape, np.float32) for _ in range(2))
 
         def work(band: slice) -> None:
-            rows = self.coefficients[band.start : band.stop + 2 * MARGIN]
-            for out, across, down in ((along_x, slopes, samples), (along_y, samples, slopes)):
-                out[band] = cv2.sepFilter2D(rows, cv2.CV_32F, across, down)[MARGIN:-MARGIN, MARGIN:-MARGIN]
+            along_x[band], along_y[band] = self.gradient_of(band)
 
-        in_parallel(work, bands_of(len(self.grey), _BAND_PX), threads)
+        in_parallel(work, bands_of(self.shape[0], _BAND_PX), threads)
         return along_x, along_y
 
 
@@ -90,7 +115,7 @@ def spline_of_rows(image: StoredImage, order: int, rows: slice, threads: int = 1
     order : int
         Degree of the spline, 3 or 5.
     rows : slice
-        The rows, of which `SplineImage.grey` holds the grey levels.
+        The rows of the band.
     threads : int
     """
     import cv2
@@ -124,7 +149,7 @@ def spline_of_rows(image: StoredImage, order: int, rows: slice, threads: int = 1
             padded[MARGIN - k] = padded[MARGIN + k - 2 * rows.start]
         if rows.stop - 1 + k >= height:
             padded[-MARGIN - 1 + k] = padded[2 * (height - 1) - (rows.stop - 1 + k) - top]
-    return SplineImage(order, image.rows(rows.start, rows.stop), padded)
+    return SplineImage(order, image, rows.start, padded)
 
 
 @cache

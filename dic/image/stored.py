@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.image.threads import bands_of
-from dic.typing import Grey
+from dic.typing import Grey, Mask
 
 WHOLE_PX = 12_000_000
 """Largest number of pixels of an image that is prepared as a whole; larger images are prepared in bands."""
@@ -23,6 +23,11 @@ _BAND_PX = 256
 def is_large(shape: tuple[int, ...]) -> bool:
     """Return True if images of `shape` (height, width) are prepared in bands of rows."""
     return shape[0] * shape[1] > WHOLE_PX
+
+
+def everywhere(shape: tuple[int, ...]) -> Mask:
+    """Return a read-only mask of `shape` that is True everywhere; it repeats one element in memory."""
+    return np.broadcast_to(np.True_, shape)
 
 
 @dataclass(frozen=True, eq=False)

@@ -104,6 +104,13 @@ def series_job(series: Series, reference: str, incremental: str) -> dict[str, An
     incremental : str
         The rule for new references.
     """
-    region = hashlib.sha256(np.ascontiguousarray(series.region).data).hexdigest()
-    fixed = {"reference": reference, "region": region, "incremental": incremental, "versions": versions()}
+    region = hashlib.sha256()
+    for row in series.region:
+        region.update(np.ascontiguousarray(row).data)
+    fixed = {
+        "reference": reference,
+        "region": region.hexdigest(),
+        "incremental": incremental,
+        "versions": versions(),
+    }
     return fixed | FIRST_GUESSES | vars(series.settings)

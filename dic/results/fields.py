@@ -12,6 +12,7 @@ from dic.correlation.settings import CorrelationSettings
 from dic.files.lazy import Computed
 from dic.image.given import fixed
 from dic.image.point_grid import PointGrid
+from dic.image.threads import bands_of
 from dic.results.columns import Columns
 from dic.results.job import Outcome
 from dic.results.schema import units_of
@@ -71,8 +72,7 @@ class StoredFields:
         self.settings = CorrelationSettings(**read_settings(series, CorrelationSettings))
         self._x_px, self._y_px = series["x_px"][:], series["y_px"][:]
         self._active: Mask = series["active"][:].astype(np.bool_)
-        region = fixed(series["region"][:].astype(np.bool_)) if "region" in series else None
-        self.region: Mask | None = region
+        self.region: Mask | None = _read_mask(series, "region") if "region" in series else None
         self.grid = _read_grid(series, self._x_px, self._y_px, self._active) if "usable" in series else None
 
     def __len__(self) -> int:
@@ -157,13 +157,24 @@ def write_points(group: Any, field: Field) -> None:
         group["subset_pixels"] = field.grid.pixels
         masks = {**masks, "usable": field.grid.usable, "subset_cut": field.grid.cut}
     for name, mask in masks.items():
-        group.create_dataset(name, data=mask.view(np.uint8), compression="gzip")
+        _write_mask(group, name, mask)
     for name in group:
         group[name].attrs["units"] = units_of(name)
 
 
+def _write_mask(group: Any, name: str, mask: Mask) -> None:
+    """Write a mask in rows of chunks, because HDF5 would need a copy of a mask that repeats one element."""
+    stored = group.create_dataset(name, mask.shape, np.uint8, compression="gzip")
+    for rows in bands_of(len(mask), stored.chunks[0]):
+        stored[rows] = mask[rows].view(np.uint8)
+
+
+def _read_mask(group: Any, name: str) -> Mask:
+    return fixed(group[name][:].view(np.bool_))
+
+
 def _read_grid(series: Any, x: Any, y: Any, active: Mask) -> PointGrid:
-    cut, usable = (series[name][:].astype(np.bool_) for name in ("subset_cut", "usable"))
+    cut, usable = (_read_mask(series, name) for name in ("subset_cut", "usable"))
     return PointGrid(x, y, active, series["subset_pixels"][:], cut, usable)
 
 

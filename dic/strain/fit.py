@@ -196,11 +196,13 @@ def fitted_gradients(
 
 def _surface(displacement: Displacement, window: int, rows: slice) -> Surface:
     """Return the points near some rows, for the compiled fit."""
-    points = np.concatenate([displacement.position, displacement.vector], axis=-1)
+    position, vector = (
+        np.ascontiguousarray(each, np.float64) for each in (displacement.position, displacement.vector)
+    )
     number, seen = np.empty((0, 0), np.int64), np.empty((0, window, window), np.bool_)
     if displacement.sight is not None:
         number, seen = displacement.sight.hidden(window, rows)
-    return Surface(points, displacement.valid, number, seen)
+    return Surface(position, vector, displacement.valid, number, seen)
 
 
 def _errors(noise: Noise | None, window: int) -> Errors:

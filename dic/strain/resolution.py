@@ -184,11 +184,13 @@ def _transfer(filters: Filters, along: bool) -> Float:
 
 def amplitude_lost(values: Float, kept: Float) -> float:
     """Return the fraction of the strain's root mean square that the settings removed; NaN if unknown."""
-    known = np.isfinite(values) & np.isfinite(kept)
-    if not known.any():
-        return math.nan
-    measured, true = values[known], values[known] / kept[known]
-    return 1.0 - math.sqrt(float((measured @ measured) / (true @ true)))
+    measured, true, count = 0.0, 0.0, 0
+    for rows in bands_of(len(values), max(1, _POINTS // max(1, values.shape[1]))):
+        known = np.isfinite(values[rows]) & np.isfinite(kept[rows])
+        own = values[rows][known]
+        whole = own / kept[rows][known]
+        measured, true, count = measured + float(own @ own), true + float(whole @ whole), count + own.size
+    return 1.0 - math.sqrt(measured / true) if count else math.nan
 
 
 def _mean_cosine(

@@ -70,7 +70,8 @@ class Sight:
         Returns
         -------
         number : ndarray of int, shape (rows, columns)
-            Index of each of these points in `seen`; -1 for a point that sees its whole window.
+            Index of each of these points in `seen`; -1 for a point that sees its whole window. The array has
+            no elements if all points of the rows see their whole windows.
         seen : ndarray of bool, shape (n, window, window)
             The result of `neighbours` for each of these points.
         """
@@ -94,6 +95,8 @@ class Sight:
         return np.asarray(at[~maps._surrounded(at[:, 0], at[:, 1], window // 2)])
 
     def _hidden(self, near: Indices, window: int) -> Hidden:
+        if not len(near):
+            return np.empty((0, 0), np.int64), np.empty((0, window, window), np.bool_)
         number: Indices = np.full((len(self.y_px), len(self.x_px)), -1)
         number[near[:, 0], near[:, 1]] = np.arange(len(near))
         return number, self.neighbours(near[:, 0], near[:, 1], window)

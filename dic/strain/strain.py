@@ -18,7 +18,7 @@ from dic.typing import Float, Mask
 SOURCES = ("fit", "quadratic-fit", "shape")
 """Sources of local strain: a fitted plane, a fitted quadratic surface, or the subset's shape function."""
 
-_POINTS = 50_000
+_POINTS = 20_000
 """Approximate number of points whose strains are computed at a time."""
 
 STRAIN_KEYS = (*COMPONENTS, *(f"{name}_std" for name in COMPONENTS))
@@ -316,6 +316,8 @@ def strain_field(displacement: Displacement, settings: StrainSettings | None = N
     if settings.source == "shape" and displacement.gradient is None:
         raise ValueError("strain from shape functions needs Displacement.gradient, which is None")
     count, columns = displacement.valid.shape
+    if count * columns > MANY_POINTS:
+        give_back_memory()
     values = np.empty((len(STRAIN_KEYS), count, columns))
     # The covariances of a point take ten times as much memory as its strain, so compute some rows at a time.
     for rows in bands_of(count, max(1, _POINTS // max(1, columns))):

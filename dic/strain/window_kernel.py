@@ -16,7 +16,7 @@ class Surface(NamedTuple):
 
     Attributes
     ----------
-    points : ndarray, shape (rows, columns, 4)
+    position, vector : ndarray, shape (rows, columns, 2)
         Position and displacement of each point. Values are needed only where `valid` is True.
     valid : ndarray of bool, shape (rows, columns)
         True for the points to which surfaces are fitted.
@@ -27,7 +27,8 @@ class Surface(NamedTuple):
         True for the points of a window that the point in the middle sees; see `dic.strain.sight`.
     """
 
-    points: Float
+    position: Float
+    vector: Float
     valid: Mask
     number: Indices
     seen: Mask
@@ -143,9 +144,9 @@ def fit_windows(
             if not surface.valid[first + r, c] or _choose(row, column, surface, work.use) < needed:
                 continue
             # Windows that are alike have the same weights, such as all whole windows of a regular grid.
-            if _differs(row, column, surface.points, work):
+            if _differs(row, column, surface.position, work):
                 _set_weights(work)
-            _set_slopes(row, column, surface.points, work, gradient[r, c])
+            _set_slopes(row, column, surface.vector, work, gradient[r, c])
             if errors.factors.size:
                 covariance[r, c] = 0.0
                 _add_covariance(row, column, errors, work, covariance[r, c])
@@ -169,22 +170,20 @@ def _choose(row: int, column: int, surface: Surface, use: Mask) -> int:
 
 
 @inner
-def _differs(row: int, column: int, points: Float, work: Work) -> bool:
+def _differs(row: int, column: int, position: Float, work: Work) -> bool:
     """Return whether the window has other points, or points at other places, than the window before.
 
     The function puts the places into `work`.
     """
     window, differs = work.use.shape[0], False
-    x0, y0 = (
-        points[row + window // 2, column + window // 2, 0],
-        points[row + window // 2, column + window // 2, 1],
-    )
+    middle = position[row + window // 2, column + window // 2]
+    x0, y0 = middle[0], middle[1]
     for r in range(window):
         for c in range(window):
             differs |= work.use[r, c] != work.used[r, c]
             work.used[r, c] = work.use[r, c]
             if work.use[r, c]:
-                x, y = points[row + r, column + c, 0] - x0, points[row + r, column + c, 1] - y0
+                x, y = position[row + r, column + c, 0] - x0, position[row + r, column + c, 1] - y0
                 differs |= x != work.places[r, c, 0] or y != work.places[r, c, 1]
                 work.places[r, c, 0], work.places[r, c, 1] = x, y
     return differs
@@ -208,7 +207,7 @@ def _set_weights(work: Work) -> None:
 
 
 @inner
-def _set_slopes(row: int, column: int, points: Float, work: Work, gradient: Float) -> None:
+def _set_slopes(row: int, column: int, vector: Float, work: Work, gradient: Float) -> None:
     """Set the displacement gradient (2, 2) of a window."""
     window = work.use.shape[0]
     gradient[:] = 0.0
@@ -217,8 +216,8 @@ def _set_slopes(row: int, column: int, points: Float, work: Work, gradient: Floa
             if work.use[r, c]:
                 for side in range(2):
                     weight = work.weights[r, c, side]
-                    gradient[0, side] += weight * points[row + r, column + c, 2]
-                    gradient[1, side] += weight * points[row + r, column + c, 3]
+                    gradient[0, side] += weight * vector[row + r, column + c, 0]
+                    gradient[1, side] += weight * vector[row + r, column + c, 1]
 
 
 @inner

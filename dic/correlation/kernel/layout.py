@@ -94,7 +94,6 @@ class Reference(NamedTuple):
 
 def lay_reference(
     spline: SplineImage,
-    slopes: tuple[Grey, Grey],
     region: Mask,
     mean: float,
     threads: int = 1,
@@ -108,9 +107,7 @@ def lay_reference(
     ----------
     spline : SplineImage
         The image, or a band of its rows.
-    slopes : (ndarray, ndarray)
-        Result of `spline.gradient()`.
-    region : ndarray of bool, of the shape of `spline.grey`
+    region : ndarray of bool, of the shape of `spline`
     mean : float
     threads : int
     top : int
@@ -118,17 +115,17 @@ def lay_reference(
     flat_variance : float, optional
         Result of `flat_variance_of` for the whole image. By default it is computed from `spline.grey`.
     """
-    height, width = spline.grey.shape
+    height, width = spline.shape
     (f, f_image), (fx, fx_image), (fy, fy_image), (inside, inside_image) = (
         _empty_plane(height, width) for _ in range(4)
     )
 
     def lay(band: slice) -> None:
         # Write in place, because each copy of an image with 20 megapixels takes 80 MB.
-        own = region[band]
-        np.subtract(spline.grey[band], np.float32(mean), out=f_image[band], where=own)
-        np.copyto(fx_image[band], slopes[0][band], where=own)
-        np.copyto(fy_image[band], slopes[1][band], where=own)
+        own, slopes = region[band], spline.gradient_of(band)
+        np.subtract(spline.grey_of(band), np.float32(mean), out=f_image[band], where=own)
+        np.copyto(fx_image[band], slopes[0], where=own)
+        np.copyto(fy_image[band], slopes[1], where=own)
         np.copyto(inside_image[band], own)
 
     in_parallel(lay, bands_of(height, _BAND_PX), threads)
@@ -177,7 +174,7 @@ def lay_coefficients(
         plane[band] *= factor
 
     in_parallel(lay, bands_of(len(plane), _BAND_PX), threads)
-    rows, width = spline.grey.shape
+    rows, width = spline.shape
     height = rows if image_height is None else image_height
     first, last = top if top > 0 else -_BEYOND, top + rows if top + rows < height else _BEYOND
     return Deformed(flat, *_pitch_and_origin(width, top), width, height, first, last)

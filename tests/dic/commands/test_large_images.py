@@ -17,14 +17,11 @@ from tests.places import ROOT
 TILE_PX, SHIFT_PX = 500, (1.3, -0.7)
 SIZES = {1: (1000, 1000), 4: (2000, 2000), 20: (4000, 5000), 100: (10_000, 10_000)}
 
-LARGEST_BYTES_PER_PX = 6.0
-"""The sum of the arrays in the table of docs/correlation.md, for 8 bit and a point every 10 px.
+LARGEST_BYTES_PER_PX = 4.0
+"""Four times the image, for 8 bit and a point every 10 px.
 
-The program itself, and the band in work of one thread, are in memory for 4 megapixels as well.
+The program itself, and the arrays of the bands in work, are in memory for 4 megapixels as well.
 """
-
-BAND_BYTES = 40 * 2e6
-"""What a band in work takes for each further thread: 40 bytes for each of at most 2 million pixels."""
 
 PROGRAM = """
 import json, os, resource, sys
@@ -97,7 +94,7 @@ def cost(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., tuple[float,
 
 @pytest.mark.long
 def test_memory_grows_as_the_page_says(cost):
-    fixed = cost(4)[0] + (len(os.sched_getaffinity(0)) - 1) * BAND_BYTES
+    fixed = cost(4)[0]
     for megapixels in (20, 100):
         bytes_per_px = (cost(megapixels)[0] - fixed) / (1e6 * (megapixels - 4))
         print(f"{megapixels} megapixels: {bytes_per_px:.1f} bytes/px more than 4 megapixels")

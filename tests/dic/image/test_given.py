@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from dic.image.given import grey_image, kept
+from dic.image.given import fixed, grey_image, kept
+from dic.image.stored import WHOLE_PX
 
 
 @pytest.mark.parametrize("mapped", [False, True])
@@ -22,3 +23,14 @@ def test_grey_levels_that_nobody_else_has_are_not_copied():
     grey = grey_image(given, "image")
     assert kept(grey, given) is grey
     assert kept(grey, "image.png") is grey
+
+
+@pytest.mark.parametrize("hole", [False, True])
+def test_only_a_large_mask_that_is_true_everywhere_takes_no_memory(hole):
+    mask = np.ones((4, WHOLE_PX // 4 + 1), np.bool_)
+    mask[2, 5] = not hole
+    found = fixed(mask)
+    assert (found is mask) == hole
+    assert found.strides == (mask.strides if hole else (0, 0))
+    assert not found.flags.writeable
+    np.testing.assert_array_equal(found, mask)

@@ -62,7 +62,7 @@ def pixels(speckle, request):
     slopes, mean = reference.gradient(), float(images[0].mean())
     return SimpleNamespace(
         settings=CorrelationSettings(2 * RADIUS + 1, shape=shape, order=order),
-        image=kernel.lay_reference(reference, slopes, region, mean),
+        image=kernel.lay_reference(reference, region, mean),
         deformed=kernel.lay_coefficients(deformed, mean),
         subset=Subset(*CENTRE, RADIUS, int(inside.sum())),
         grey=images[1].astype(float) - mean,
