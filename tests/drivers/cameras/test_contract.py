@@ -1,6 +1,7 @@
 """Every camera driver of this project passes the contract tests. `guest_contract.py` tests other authors'
 cameras."""
 
+import math
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -8,10 +9,12 @@ from contextlib import ExitStack, closing, nullcontext
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from drivers.clock import VirtualClock
-from drivers.interfaces import Camera, Frame, OpenContext
+from drivers.errors import DeviceTimeout
+from drivers.interfaces import Camera, CameraInfo, Frame, OpenContext
 from drivers.testing import CameraBench, CameraContract
 from simulators.rig.camera import CameraSettings, SimulatedCamera
 from simulators.rig.scene_client import CAMERA as REMOTE
@@ -135,3 +138,39 @@ def test_calls_that_mix_are_found_and_no_debugger_is_pushed_aside(monkeypatch):
         monkeypatch.setattr(module, "settrace", lambda function: pytest.fail("a debugger needs it"))
     with pytest.raises(AssertionError):
         CameraContract().test_calls_from_two_threads_do_not_mix(bench)
+
+
+class PromptCamera:
+    """A camera with a frame every 0.1 s, whose exposure and delivery take no time.
+
+    The computer pauses after each of the first four frames, until the next frame is due in 10 ms.
+    """
+
+    def __init__(self, clock: VirtualClock, slowest_s: float) -> None:
+        self.info = CameraInfo("made up", "prompt", "1", 4, 4, 8)
+        self._clock, self._slowest_s, self._frames = clock, slowest_s, 0
+
+    def grab(self, timeout_s: float) -> Frame:
+        # whole milliseconds, because a rounding error must not lead to the frame before
+        wait_s = (100 - round(self._clock.now_s() * 1000) % 100) / 1000
+        allowed_s = max(timeout_s if timeout_s > 0 else 0.0, self._slowest_s)
+        self._clock.sleep(min(wait_s, allowed_s))
+        if wait_s > allowed_s:
+            raise DeviceTimeout(NAME, "grab", "a frame", "none", "allow more time")
+        self._frames += 1
+        now_s, utc = self._clock.now_s(), self._clock.utc()
+        if self._frames <= 4:
+            self._clock.sleep(0.09)
+        return Frame(np.zeros((4, 4), np.uint8), now_s, now_s, utc, self._frames, 0, math.nan, math.nan)
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+@pytest.mark.parametrize(("slowest_s", "kept"), [(0.0, True), (0.2, False)])
+def test_a_pause_of_the_computer_breaks_no_deadline_but_a_driver_that_ignores_it_does(slowest_s, kept):
+    clock = VirtualClock()
+    camera = PromptCamera(clock, slowest_s)
+    bench = CameraBench(camera, clock, NAME, interval_s=0.1, reopen=lambda: camera)
+    with nullcontext() if kept else pytest.raises(AssertionError):
+        CameraContract().test_a_deadline_that_cannot_be_kept_is_told_in_time(bench)
