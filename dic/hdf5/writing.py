@@ -11,6 +11,9 @@ from typing import Any
 
 from dic.typing import PathLike
 
+INDEX_CACHE_BYTES = 2**20
+"""Size of HDF5's cache of metadata, in bytes of the file; a series of images needs about 0.7 MB at a time."""
+
 
 class NewFile:
     """A new HDF5 file, and the first error of writing it.
@@ -43,6 +46,7 @@ class NewFile:
             # Turn off the cache, because each row is written once as a whole. The cache would keep a megabyte
             # of rows for each dataset.
             self.hdf5: Any = h5py.File(self._bytes, "w", rdcc_nbytes=0, track_order=track_order)
+            _limit_index_cache(self.hdf5.id)
         except BaseException:
             self._bytes.close()
             raise
@@ -70,6 +74,18 @@ class NewFile:
         finally:
             self._bytes.close()
         self.require_written()
+
+
+def _limit_index_cache(file_id: Any) -> None:
+    """Limit the cache in which HDF5 keeps the index of chunks.
+
+    New rows need only the newest part of the index. By default the cache holds the indices of hundreds of
+    rows and takes tens of megabytes, because an entry is several times larger in memory than in the file.
+    """
+    config = file_id.get_mdc_config()
+    config.set_initial_size = True
+    config.initial_size = config.min_size = config.max_size = INDEX_CACHE_BYTES
+    file_id.set_mdc_config(config)
 
 
 class _Bytes(RawIOBase):

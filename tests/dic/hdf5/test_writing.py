@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from dic.hdf5.writing import NewFile
+from dic.hdf5.writing import INDEX_CACHE_BYTES, NewFile
 from tests.full_disk import full_disk
 
 ROWS, DATASETS = 20, 4
@@ -62,3 +62,16 @@ def test_every_full_disk_raises_one_error_that_names_the_file(tmp_path):
 def test_file_that_cannot_be_created_is_refused(tmp_path):
     with pytest.raises(FileNotFoundError):
         NewFile(tmp_path / "missing" / "new.h5")
+
+
+@pytest.mark.parametrize("limited", [False, True])
+def test_memory_for_the_index_of_a_long_series_has_a_limit(tmp_path, limited):
+    path = tmp_path / "new.h5"
+    with closing(NewFile(path).hdf5 if limited else h5py.File(path, "w", rdcc_nbytes=0)) as file:
+        rows = 40_000
+        dataset = file.create_dataset("d", (rows, 1, 1), "f8", chunks=(1, 1, 1))
+        for n in range(rows):
+            dataset.id.write_direct_chunk((n, 0, 0), bytes(8))
+        *_, in_use, _ = file.id.get_mdc_size()
+        assert (in_use <= INDEX_CACHE_BYTES) == limited
+        assert dataset[rows - 1, 0, 0] == 0
