@@ -9,8 +9,10 @@ from dic.errors import OutputError, RunFileError
 from dic.pipeline.run_result import RunResult
 from dic.pipeline.series_result_file import SeriesResult
 from dic.pipeline.strain_anew import job_of_fields
-from dic.results.job import Outcome
+from dic.results.job import Job, Outcome
+from dic.results.loading import use_result
 from dic.results.place import ResultPlace
+from dic.results.reader import read_provenance
 
 Result = TypeVar("Result", SeriesResult, RunResult)
 
@@ -52,6 +54,8 @@ def fields_on_file(
         If the file at the place of the results is damaged or no result file, and must not be replaced.
     """
     if place.fields_from is None:
+        if _is_of_other_job(place.path, fields):
+            return None
         try:
             result = load(place.path)
             return None if _difference(result, fields, images, begun) else result
@@ -76,6 +80,20 @@ def fields_on_file(
     return result
 
 
+def _is_of_other_job(path: Path, fields: Mapping[str, Any]) -> bool:
+    """Return True if a result file says that its fields belong to another measurement.
+
+    To read all results of a long series or of large images only to replace them would take minutes, or much
+    memory.
+    """
+    try:
+        origin = use_result(path, read_provenance, lambda file, got: OSError(f"{file}: {got}"))
+    except OSError:
+        return False
+    job = None if origin is None else origin.job
+    return job is not None and bool(_different_names(job, fields))
+
+
 def require_replaceable(place: ResultPlace) -> None:
     """Raise an error if the file contains other results that must not be replaced.
 
@@ -95,8 +113,7 @@ def _difference(
     begun: bool,
 ) -> str:
     """Return the names of all differences between a result and a measurement; "" without a difference."""
-    found, wanted = json.loads(job_of_fields(result).fields), json.loads(json.dumps(fields))
-    different = [name for name in {**wanted, **found} if found.get(name) != wanted.get(name)]
+    different = _different_names(job_of_fields(result), fields)
     if different:
         return ", ".join(different)
     cameras = result.cameras if isinstance(result, RunResult) else []
@@ -108,6 +125,11 @@ def _difference(
         for name, of_file in outcomes.items()
     )
     return "" if same else "images"
+
+
+def _different_names(job: Job, fields: Mapping[str, Any]) -> list[str]:
+    found, wanted = json.loads(job.fields), json.loads(json.dumps(fields))
+    return [name for name in {**wanted, **found} if found.get(name) != wanted.get(name)]
 
 
 def _is_same(found: Outcome, wanted: Outcome) -> bool:
