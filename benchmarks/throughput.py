@@ -4,23 +4,26 @@
 
 The command reads image files and writes a result file, with subsets of 31 px and a step of 10 px. It is timed
 with one processor, with its threads, and with two processes; with --dask also on two Dask workers of this
-computer. In turns with these, the correlation alone is timed: the same images in memory, on one processor,
-without strains and files. All times are per image: the time of a long series minus that of a short one, so
-that neither the start nor the reference counts. Processor times are those of all processes together,
-Dask's included. The times on the wall are valid only on an idle computer.
+computer. Two separate programs with one processor each, which measure the same images at the same time, show
+what this computer gains from a second processor. In turns with these, the correlation alone is timed: the
+same images in memory, on one processor, without strains and files. All times are per image: the time of a
+long series minus that of a short one, so that neither the start nor the reference counts. Processor times
+are those of all processes together, Dask's included. Each ratio is the median over the repetitions, because
+a shared computer may change its speed between them. The times on the wall are valid only on an idle computer.
 """
 
 import argparse
 import json
 import os
 import resource
+import shlex
 import subprocess
 import sys
 import tempfile
 import time
-from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -38,8 +41,10 @@ SHORT = 4
 _START_S = 30.0
 NOISE = 2.0
 SETTINGS = CorrelationSettings(subset_px=31, step_px=10)
-WAYS = {"one processor": ["--workers", "1"], "threads": [], "two processes": ["--workers", "2"]}
 DASK = "two Dask workers"
+Times = dict[str, dict[str, float]]
+"""The times per image of every way, s, of one repetition."""
+
 _ROOT = Path(__file__).parents[1]
 _BEGIN = "import sys; from dic.cli import main; sys.argv[0] = 'dic'; main()"
 
@@ -67,11 +72,10 @@ class Cluster:
     def __init__(self, folder: Path) -> None:
         self._programs: list[subprocess.Popen[str]] = []
         log = folder / "scheduler.log"
-        words = ("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
-        self._start(log, *words)
+        self._start(log, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
         self.address = self._address_in(log)
-        words = ("worker", self.address, "--nworkers", "2", "--nthreads", "1", "--no-dashboard")
-        self._start(folder / "workers.log", *words)
+        words = ("--nworkers", "2", "--nthreads", "1", "--no-dashboard")
+        self._start(folder / "workers.log", "worker", self.address, *words)
 
     def _start(self, log: Path, program: str, *words: str) -> None:
         command = [sys.executable, "-m", f"distributed.cli.dask_{program}", *words]
@@ -111,33 +115,53 @@ class Cluster:
             program.wait()
 
 
+@dataclass(frozen=True)
+class Way:
+    """A way to measure images: the options of the command, and how many programs do it at the same time."""
+
+    options: Sequence[str]
+    programs: int = 1
+    cluster: Cluster | None = None
+
+
+WAYS = {
+    "threads": Way([]),
+    "two programs": Way(["--workers", "1"], programs=2),
+    "one processor": Way(["--workers", "1"]),
+    "two processes": Way(["--workers", "2"]),
+}
+
+
 @contextmanager
-def ways_of(folder: Path, dask: bool) -> Iterator[dict[str, tuple[list[str], Cluster | None]]]:
-    """Provide the options of the command for every way, and the cluster that they name."""
-    ways: dict[str, tuple[list[str], Cluster | None]] = {way: (words, None) for way, words in WAYS.items()}
+def ways_of(folder: Path, dask: bool) -> Iterator[dict[str, Way]]:
+    """Provide all ways to measure, and the cluster of the last one."""
     cluster = Cluster(folder) if dask else None
     try:
-        if cluster is not None:
-            ways[DASK] = (["--scheduler", cluster.address], cluster)
-        yield ways
+        last = {} if cluster is None else {DASK: Way(["--scheduler", cluster.address], cluster=cluster)}
+        yield WAYS | last
     finally:
         if cluster is not None:
             cluster.close()
 
 
-def time_command(
-    files: list[Path], options: list[str], result: Path, cluster: Cluster | None = None
-) -> dict[str, float]:
-    """Return the times of `dic correlate` as a program of its own, s."""
-    words = ["correlate", *map(str, files), "--subset", "31", "--step", "10", *options, "-o", str(result)]
-    others_s = 0.0 if cluster is None else cluster.cpu_s()
+def time_command(files: list[Path], way: Way, folder: Path) -> dict[str, float]:
+    """Return the times of `dic correlate` in programs of their own, s, divided by the number of programs."""
+    words = ["correlate", *map(str, files), "--subset", "31", "--step", "10", *way.options, "-o"]
+    others_s = 0.0 if way.cluster is None else way.cluster.cpu_s()
+    results = [folder / f"r{number}.h5" for number in range(way.programs)]
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    subprocess.run([sys.executable, "-c", _BEGIN, *words], check=True, capture_output=True)
+    commands = [[sys.executable, "-c", _BEGIN, *words, str(result)] for result in results]
+    quiet = subprocess.DEVNULL
+    running = [subprocess.Popen(command, stdout=quiet, stderr=quiet) for command in commands]
+    ended = [program.wait() for program in running]
     after, wall_s = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter() - begin
-    others_s = 0.0 if cluster is None else cluster.cpu_s() - others_s
-    result.unlink()
+    if any(ended):
+        raise SystemExit(f"{shlex.join(commands[0])}: ended with status {max(ended)}")
+    others_s = 0.0 if way.cluster is None else way.cluster.cpu_s() - others_s
+    for result in results:
+        result.unlink()
     cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime + others_s
-    return {"cpu_s": cpu_s, "wall_s": wall_s}
+    return {"cpu_s": cpu_s / way.programs, "wall_s": wall_s / way.programs}
 
 
 def time_alone(files: list[Path]) -> dict[str, float]:
@@ -150,38 +174,32 @@ def time_alone(files: list[Path]) -> dict[str, float]:
     return {"cpu_s": watch.cpu_s, "wall_s": watch.wall_s}
 
 
-def measure_times(
-    images: int, side_px: int, repetitions: int, *, dask: bool = False
-) -> dict[str, dict[str, float]]:
-    """Return the times per image of every way, s: medians of the repetitions."""
-    found: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+def measure_times(images: int, side_px: int, repetitions: int, *, dask: bool = False) -> list[Times]:
+    """Return the times per image of every way, s, for each repetition."""
+    found: list[Times] = []
     with tempfile.TemporaryDirectory() as name, ways_of(Path(name), dask) as ways:
-        result = Path(name) / "r.h5"
         files = draw(Path(name), images, side_px)
-        for options, cluster in ways.values():
-            time_command(files[: SHORT + 1], options, result, cluster)
+        for each in ways.values():
+            time_command(files[: SHORT + 1], each, Path(name))
         for _ in range(repetitions):
+            found.append({})
             for way in ("alone", *ways):
                 short, whole = (
-                    time_alone(some)
-                    if way == "alone"
-                    else time_command(some, ways[way][0], result, ways[way][1])
+                    time_alone(some) if way == "alone" else time_command(some, ways[way], Path(name))
                     for some in (files[: SHORT + 1], files)
                 )
-                for kind in short:
-                    found[way][kind].append((whole[kind] - short[kind]) / (images - SHORT))
-    return {
-        way: {kind: float(median(times)) for kind, times in kinds.items()} for way, kinds in found.items()
-    }
+                found[-1][way] = {kind: (whole[kind] - short[kind]) / (images - SHORT) for kind in short}
+    return found
 
 
-def ratios(times: dict[str, dict[str, float]]) -> dict[str, float]:
-    """Return the ratios that the documentation states."""
+def ratios(times: Times) -> dict[str, float]:
+    """Return the ratios that the documentation states, of one repetition."""
     one, two = times["one processor"], times["two processes"]
     found = {
         "share of correlation, processor time": times["alone"]["cpu_s"] / one["cpu_s"],
         "two processes against one, if all processors are busy": 2 * one["cpu_s"] / two["cpu_s"],
         "two processes against one, on the wall": one["wall_s"] / two["wall_s"],
+        "two programs against one, on the wall": one["wall_s"] / times["two programs"]["wall_s"],
         "threads against one processor, on the wall": one["wall_s"] / times["threads"]["wall_s"],
     }
     if DASK in times:
@@ -190,21 +208,32 @@ def ratios(times: dict[str, dict[str, float]]) -> dict[str, float]:
     return found
 
 
+def medians(found: list[dict[str, float]]) -> dict[str, float]:
+    """Return the median of each value over the repetitions."""
+    return {name: float(median(each[name] for each in found)) for name in found[0]}
+
+
 def main() -> None:
     """Measure and print the times."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--images", type=int, default=16)
+    parser.add_argument("--images", type=int, default=36)
     parser.add_argument("--side-px", type=int, default=2000)
     parser.add_argument("--repetitions", type=int, default=3)
     parser.add_argument("--dask", action="store_true", help="also two Dask workers; Linux only")
     parser.add_argument("--json", type=Path, help="file for the figures")
     given = parser.parse_args()
     times = measure_times(given.images, given.side_px, given.repetitions, dask=given.dask)
-    result: dict[str, Any] = {"machine": machine.describe(), "times": times, "ratios": ratios(times)}
-    for way, kinds in times.items():
+    of_each = [ratios(each) for each in times]
+    result: dict[str, Any] = {
+        "machine": machine.describe(),
+        "times": {way: medians([each[way] for each in times]) for way in times[0]},
+        "ratios": medians(of_each),
+        "repetitions": times,
+    }
+    for way, kinds in result["times"].items():
         print(f"{way:16} " + ", ".join(f"{kind} {1e3 * time_s:.0f} ms" for kind, time_s in kinds.items()))
     for name, ratio in result["ratios"].items():
-        print(f"{name}: {ratio:.2f}")
+        print(f"{name}: {ratio:.2f} (" + ", ".join(f"{each[name]:.2f}" for each in of_each) + ")")
     if given.json is not None:
         given.json.write_text(json.dumps(result, indent=1))
 
