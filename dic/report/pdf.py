@@ -1,5 +1,6 @@
 """Write a page of the report as a PDF file, with the library WeasyPrint, which is an extra."""
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -38,14 +39,17 @@ def write_pdf(page: str, path: PathLike) -> None:
 
 def _weasyprint(path: PathLike) -> Any:
     try:
-        import weasyprint
-        import weasyprint.urls
+        with warnings.catch_warnings():
+            # WeasyPrint 70 warns at its import if the system lacks libharfbuzz-subset, which it does not need.
+            warnings.filterwarnings("ignore", "HarfBuzz-Subset", DeprecationWarning)
+            import weasyprint
+            import weasyprint.urls
     except ImportError as error:
         raise _missing(path, "no such library", "install it with pip install 'offaxis[pdf]'") from error
     except OSError as error:
         # WeasyPrint loads Pango when it is imported, and raises this error if the system does not have it.
         got = "the library without the system's library Pango"
-        remedy = "install Pango, such as the package libpango-1.0-0, libpangoft2-1.0-0 of Debian"
+        remedy = "install Pango, such as the packages libpangoft2-1.0-0 and libharfbuzz-subset0 of Debian"
         raise _missing(path, got, remedy) from error
     return weasyprint
 
