@@ -175,12 +175,15 @@ class SeriesEvaluation:
 
         count = len(self._labels)
         with progress(doing, count) as bar, stopping_between() as stopped:
-            for number, found in enumerate(images):
+            for found in images:
+                number = len(self._outcomes)
                 self._outcomes.append(found.outcome)
                 image = self._measured(found)
                 if self._set_up.motion.kind != "rigid":
                     results.write(number, image)
                 self.record.add(number, image)
+                # Free the memory of a large image's fields before the next image is correlated.
+                del found, image
                 bar.advance()
                 left = count - number - 1
                 if stopped() and left:

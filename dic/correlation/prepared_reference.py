@@ -7,6 +7,7 @@ from dic.correlation.laid_rows import LaidReference
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.smoothing import NO_SMOOTHING, Smoothing
 from dic.image.point_grid import PointGrid
+from dic.image.stored import is_large
 
 _LARGEST = 4.25
 """Largest memory for prepared subsets, as a multiple of the memory of a float32 image.
@@ -19,23 +20,24 @@ class SubsetMemory:
     """Memory for data of the reference's subsets that IC-GN prepares and uses again for later images.
 
     No data are kept for the first image, because often there is no second image. No data are kept if they
-    would need more than `_LARGEST` times the memory of the reference image. The results of the correlation do
-    not depend on the kept data.
+    would need more than `_LARGEST` times the memory of the reference image, or if the reference is a large
+    image, which is prepared in bands to save memory. The results of the correlation do not depend on the kept
+    data.
     """
 
     def __init__(self) -> None:
         self._images = 0
         self._prepared: kernel.Prepared | None = None
 
-    def for_next_image(self, grid: PointGrid, image_px: int, parameters: int) -> kernel.Prepared | None:
+    def for_next_image(self, grid: PointGrid, parameters: int) -> kernel.Prepared | None:
         """Return the memory for subset data that the next image may read and fill; None for the first image.
 
         The result is also None if the data would need too much memory.
         """
         self._images += 1
-        if self._images == 2:
+        if self._images == 2 and not is_large(grid.usable.shape):
             size = 4 * kernel.record_length(parameters) * grid.active.size
-            if size <= _LARGEST * 4 * image_px:
+            if size <= _LARGEST * 4 * grid.usable.size:
                 self._prepared = kernel.Prepared.empty(grid.active.shape, parameters)
         return self._prepared
 

@@ -236,7 +236,7 @@ class Series:
         self._images += 1
         reference, field = self._best_reference(correlate, number, hint)
         fields = SeriesFields(field if reference.before is None else chain(reference.before, field), field)
-        self._current = reference.after(number, LastImage(read, fields))
+        self._current = reference.after(number, LastImage(read, partial(_given, fields)), field)
         return fields
 
     def completed(self, attempt: Attempt, field: Field) -> Field:
@@ -266,7 +266,19 @@ class Series:
             return
         if reference.last is not None and fields.from_first.updates > reference.updates:
             reference = self._updated(reference.last)
-        self._current = reference.after(number, LastImage(read, fields))
+        self._current = reference.after(number, LastImage(read, partial(_given, fields)), fields.from_current)
+
+    def keep_last_elsewhere(self, fields: Callable[[], SeriesFields]) -> None:
+        """Free the memory of the last image's fields, which the caller keeps.
+
+        Parameters
+        ----------
+        fields : callable
+            Function that returns the fields; it is called only if the image becomes a reference.
+        """
+        last = self._current.last
+        if last is not None:
+            self._current = replace(self._current, last=replace(last, fields=fields))
 
     def _best_reference(
         self, correlate: Callable[[Attempt], Field], number: int, hint: Float | None
@@ -311,9 +323,10 @@ class Series:
 
     def _updated(self, last: LastImage) -> CurrentReference:
         """Return the last image as a new reference."""
-        region = partial(moved_region, self._first_region, last.fields.from_first)
+        before = last.fields().from_first
+        region = partial(moved_region, self._first_region, before)
         reference = Reference(last.read, region, self._later_settings, clip=self._clip, threads=self._threads)
-        return CurrentReference(reference, last.fields.from_first, self._current.updates + 1)
+        return CurrentReference(reference, before, self._current.updates + 1)
 
 
 def _given(value: _Value) -> _Value:

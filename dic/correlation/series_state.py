@@ -43,10 +43,10 @@ class SeriesFields:
 
 @dataclass(frozen=True)
 class LastImage:
-    """The last image, which is read only if it becomes a reference, and its fields."""
+    """Functions that return the last image and its fields, for the case that it becomes a reference."""
 
     read: Callable[[], ImageLike]
-    fields: SeriesFields
+    fields: Callable[[], SeriesFields]
 
 
 @dataclass(frozen=True)
@@ -126,9 +126,8 @@ class CurrentReference:
         limit = (first_zncc + field.settings.min_zncc) / 2
         return share < _KEPT_SHARE * first_share or zncc < limit
 
-    def after(self, number: int, last: LastImage) -> "CurrentReference":
-        """Return the reference after the image with this number, which is the last one."""
-        field = last.fields.from_current
+    def after(self, number: int, last: LastImage, field: Field) -> "CurrentReference":
+        """Return the reference after the image with this number, which is the last one, and its field."""
         guesses = [*self.guesses, (number, EarlierField.of(field))]
         while len(guesses) > 1 and guesses[1][0] <= number + 1 - GUESS_DISTANCE:
             guesses.pop(0)

@@ -109,7 +109,7 @@ class Solver:
         if not self._counted:
             # Count images here, because several solvers may try seeds but only one of them propagates.
             grid, parameters = self._reference.grid, self._reference.settings.parameters
-            self._prepared = self._reference.memory.for_next_image(grid, grid.usable.size, parameters)
+            self._prepared = self._reference.memory.for_next_image(grid, parameters)
             self._counted = True
         if in_bands:
             bands = self._seeded_bands(solution, pending)

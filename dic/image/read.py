@@ -117,6 +117,9 @@ def read_image(path: str | Path, *, stored: bool = False) -> NDArray[Any]:
 def _picture(file: Path, page: int | None) -> tuple[NDArray[Any], int, list[str]]:
     """Return the decoded pixels of an image file, the value of its orientation tag, and warnings."""
     container = _contained(file, page or 1)
+    if is_large((container.height_px, container.width_px)):
+        # The evaluation of the image before has freed small blocks, which the C library has kept.
+        give_back_memory()
     return decode(container), container.orientation, list(_notes(container, file, page))
 
 

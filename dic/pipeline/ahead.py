@@ -16,6 +16,7 @@ from dic.correlation.field import Field
 from dic.correlation.series import Series
 from dic.correlation.series_state import Attempt
 from dic.errors import MeasurementError, WorkerError, warn_of_image
+from dic.image.stored import is_large
 from dic.pipeline.image_task import ImageAnswer, ImageTask
 from dic.pipeline.series_image import SeriesImage
 from dic.results.unfinished import FinishedImage
@@ -46,7 +47,8 @@ def outcomes(
     WorkerError
         If the workers cannot correlate for a reason other than the image.
     """
-    if workers is None or series.at_once == 1:
+    if workers is None or series.at_once == 1 or (is_large(series.shape) and workers.count == 1):
+        # The fields of a large image, and those of the next one, would be in memory at the same time.
         for number, image in images:
             yield number, image, _outcome(series, image)
         return

@@ -1,15 +1,16 @@
 """Correlates the images of a series one by one; images that are finished already are skipped."""
 
 import hashlib
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from dic.correlation.series import Series
-from dic.correlation.series_state import GUESS_DISTANCE
+from dic.correlation.series_state import GUESS_DISTANCE, SeriesFields
 from dic.image.given import name_of
 from dic.pipeline.ahead import outcomes
 from dic.pipeline.series_image import SeriesImage
@@ -60,12 +61,18 @@ def correlate_series(
             remaining = chain([(number, image)], remaining)
             break
         series.accept(image.read, known.fields)
+        if finished is not None and known.fields is not None and number > len(before):
+            series.keep_last_elsewhere(partial(_fields, finished, number, series.shared))
         time = known.time if number <= len(before) else image.time
         yield replace(known, content=image.content, time=time)
     for number, image, outcome in outcomes(series, remaining, workers, together):
         if finished is not None:
             finished.write(number, _key(image), outcome)
+            if outcome.fields is not None:
+                series.keep_last_elsewhere(partial(_fields, finished, number, series.shared))
         yield replace(outcome, content=image.content, time=image.time)
+        # Free the memory of the fields before the next image is correlated.
+        del outcome
 
 
 def _named(images: Iterable[ImageLike | SeriesImage]) -> Iterator[SeriesImage]:
@@ -87,6 +94,13 @@ def _known(
     if number <= len(before):
         return before[number - 1]
     return None if finished is None else finished.find(number, _key(image), series.shared)
+
+
+def _fields(finished: FinishedImages, number: int, shared: Mapping[str, Any]) -> SeriesFields:
+    """Return the fields of a finished image."""
+    fields = finished.read(number, shared).fields
+    assert fields is not None
+    return fields
 
 
 def _key(image: SeriesImage) -> str:

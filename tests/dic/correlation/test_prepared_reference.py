@@ -38,12 +38,25 @@ def test_a_series_keeps_nothing_of_a_pair_and_no_more_than_four_and_a_quarter_im
     side = 1000
     at = np.arange(20, side - 20, step_px)
     everywhere = np.ones((len(at), len(at)), bool)
-    grid = PointGrid(at, at, everywhere, everywhere.astype(np.int64), ~everywhere, everywhere)
+    usable = np.ones((side, side), bool)
+    grid = PointGrid(at, at, everywhere, everywhere.astype(np.int64), ~everywhere, usable)
     memory, parameters = SubsetMemory(), CorrelationSettings(shape=shape).parameters
     sizes = []
     for _ in range(4):
-        memory.for_next_image(grid, side * side, parameters)
+        memory.for_next_image(grid, parameters)
         sizes.append(memory.kept_bytes)
     assert sizes[0] == 0
     assert sizes[1] == sizes[2] == sizes[3] <= 4.25 * 4 * side * side + everywhere.size
     assert (sizes[1] > 0) == (step_px >= 5)
+
+
+def test_no_data_of_a_large_image_are_kept():
+    """They would take more memory than four images with 8 bit."""
+    shape = (3000, 4100)
+    at = np.arange(20, 2980, 10)
+    everywhere = np.ones((len(at), len(at)), bool)
+    grid = PointGrid(
+        at, at, everywhere, everywhere.astype(np.int64), ~everywhere, np.broadcast_to(np.True_, shape)
+    )
+    memory = SubsetMemory()
+    assert all(memory.for_next_image(grid, CorrelationSettings().parameters) is None for _ in range(3))
