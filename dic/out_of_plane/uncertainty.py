@@ -12,9 +12,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dic.calibration.calibration import Calibration
+from dic.image.threads import bands_of
 from dic.out_of_plane.plane import Plane
 from dic.strain.displacement import Displacement
 from dic.strain.fit import covariance_of_sums, slopes_of
+from dic.strain.mean_in_blocks import MANY_POINTS, covariances_in_blocks
 from dic.typing import Float, Mask
 
 _SMOOTH_PX = 0.0004
@@ -24,6 +26,9 @@ These errors contain the interpolation bias, which is also predicted from the pa
 Interpolation errors change with the sub-pixel part of the displacement, so neighbouring points have similar
 errors.
 """
+
+_SOME_POINTS = 50_000
+"""Number of points whose errors by the calibration are computed at a time."""
 
 _DETERMINED = 1e8
 """Largest accepted condition number of the normal equations."""
@@ -99,9 +104,17 @@ class Points:
         """
         if self.displacement.noise is None:
             raise ValueError("the noise of these displacements is unknown")
-        on_grid = np.zeros((*self.use.shape, *weights.shape[1:]))
-        on_grid[self.use] = weights
-        return covariance_of_sums(on_grid, self.displacement.noise)
+        noise, first = self.displacement.noise, np.append(0, np.cumsum(self.use.sum(axis=1)))
+
+        def on_grid(rows: slice) -> Float:
+            placed = np.zeros((*self.use[rows].shape, *weights.shape[1:]))
+            placed[self.use[rows]] = weights[first[rows.start] : first[rows.stop]]
+            return placed
+
+        if self.use.size * weights.shape[2] <= 4 * MANY_POINTS:
+            return covariance_of_sums(on_grid(slice(0, len(self.use))), noise)
+        by_noise, by_bias = covariances_in_blocks(on_grid, weights.shape[2], noise, self.use.shape)
+        return by_noise + by_bias
 
     def smooth_covariance(self, weights: Float, degree: int = 2, smooth_px: float | None = None) -> Float:
         """Return the covariance (p, p) that interpolation causes in p weighted sums of the displacements.
@@ -160,11 +173,15 @@ class Points:
         """
         if self.calibration.pinhole is None:
             raise ValueError("this calibration knows no camera centre")
-        before, after = (self.calibration.error_factors(px) for px in self.px)
         # With the deformation gradient F, an error dx of the reference position changes the expected deformed
         # position by F dx.
         F = slopes_of(self.before_mm, self.after_mm - self.before_mm) + np.eye(2)
-        of_map = np.einsum("nip,niq->pq", weights, after - F @ before)
+
+        def part(some: slice) -> Float:
+            before, after = (self.calibration.error_factors(px[some]) for px in self.px)
+            return np.asarray(np.einsum("nip,niq->pq", weights[some], after - F @ before))
+
+        of_map = np.sum([part(some) for some in bands_of(len(weights), _SOME_POINTS)], axis=0)
         of_centre = self.calibration.pinhole.centre_factors()
         if self.calibration.model == "bicubic":
             own, others = of_map.shape[1], of_centre.shape[1]

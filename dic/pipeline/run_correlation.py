@@ -15,7 +15,7 @@ from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CalibrationError, CorrelationError, warn_of_image
 from dic.files.lazy import Computed
-from dic.image.threads import processors
+from dic.image.threads import bands_of, processors
 from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.correlated import correlate_series
 from dic.pipeline.images import measurement_of
@@ -38,6 +38,9 @@ from dic.targets.find import (
 )
 from dic.typing import Float, ImageLike, Mask
 from dic.workers.workers import Workers
+
+_BAND_PX = 128
+"""Height of the bands of rows in which the calibrated area is found, px."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ class RunCorrelation:
         calibration = behind(lines, self.plate_mm) if self.plate_mm else lines
         first, *others = run.series()
         taken = RunImage(run, camera, first)
-        reference = taken()
+        reference = run.image(camera, first)
         source = SeriesImage(taken, f"step {first.index}", digest=taken.digest()).read
         series = self._series(camera, source, _calibrated_region(lines, reference.shape))
         finished = self.kept.series(run.cameras.index(camera))
@@ -197,10 +200,11 @@ def _target(run: RunFile) -> Target:
 
 def _calibrated_region(calibration: Calibration, shape: tuple[int, ...]) -> Mask:
     """Return a mask of the calibrated area, in which all points of interest must lie."""
-    height, width = shape
-    x, y = np.meshgrid(np.arange(width), np.arange(height))
-    pixels = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
-    return calibration.inside(pixels).reshape(height, width)
+    inside = np.empty(shape, np.bool_)
+    for band in bands_of(shape[0], _BAND_PX):
+        rows = np.indices(inside[band].shape).reshape(2, -1) + np.array([[band.start], [0]])
+        inside[band] = calibration.inside(rows[::-1].T).reshape(inside[band].shape)
+    return inside
 
 
 def _compare_with_calibration(source: str, region: Mask, area: Mask) -> None:

@@ -3,13 +3,15 @@
 import platform
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
 
 from dic.errors import RunFileError, WorkerError
 from dic.files.reading import opened
 from dic.pipeline.series_image import UNREADABLE
 from dic.runfile.joined import open_run
 from dic.runfile.reader import RunFile, RunStep
-from dic.typing import Grey
 
 
 @dataclass(frozen=True)
@@ -27,9 +29,9 @@ class RunImage:
     camera: str
     step: RunStep
 
-    def __call__(self) -> Grey:
-        """Return the mean of the camera's frames; see `RunFile.image`."""
-        return self.run.image(self.camera, self.step)
+    def __call__(self) -> NDArray[Any]:
+        """Return the mean of the camera's frames; a single frame has the integer type of the file."""
+        return self.run.image(self.camera, self.step, stored=True)
 
     def digest(self) -> str:
         """Return the digest of the frames; `UNREADABLE` if they cannot be read."""

@@ -79,9 +79,11 @@ class JoinedRun(RunFile):
             return self.earlier.rows(camera, step)
         return self._rows[camera][self.own_steps.index(step)]
 
-    def image(self, camera: str, step: RunStep) -> NDArray[np.float32]:
+    def image(self, camera: str, step: RunStep, *, stored: bool = False) -> NDArray[Any]:
         """Return the mean of a camera's frames at a step: grey levels, shape (height, width)."""
-        return super().image(camera, step) if self._is_own(step) else self.earlier.image(camera, step)
+        if self._is_own(step):
+            return super().image(camera, step, stored=stored)
+        return self.earlier.image(camera, step, stored=stored)
 
     def digest(self, camera: str, step: RunStep) -> str:
         """Return a SHA-256 that identifies a camera's frames at a step."""

@@ -141,8 +141,16 @@ class RunFile:
             "the run ended before; run the protocol again",
         )
 
-    def image(self, camera: str, step: RunStep) -> NDArray[np.float32]:
+    def image(self, camera: str, step: RunStep, *, stored: bool = False) -> NDArray[Any]:
         """Return the mean of a camera's frames at a step: grey levels, shape (height, width).
+
+        Parameters
+        ----------
+        camera : str
+        step : RunStep
+        stored : bool
+            True to return the grey levels of a single frame in the integer type of the file, which takes a
+            quarter or half of the memory. Otherwise the grey levels are float32.
 
         Raises
         ------
@@ -153,10 +161,12 @@ class RunFile:
         try:
             if not rows or set(rows) - set(self.rows_on_file(camera)):
                 raise ValueError("rows without pixels")
-            frames = np.stack([self._frame(camera, row) for row in rows])
+            frames = [self._frame(camera, row) for row in rows]
         except _UNREADABLE as error:
             raise self._damaged(f"damaged images of {camera} at step {step.index}") from error
-        return np.asarray(frames.mean(axis=0, dtype=np.float64), np.float32)
+        if len(frames) == 1:
+            return frames[0] if stored else frames[0].astype(np.float32)
+        return np.asarray(np.mean(frames, axis=0, dtype=np.float64), np.float32)
 
     def digest(self, camera: str, step: RunStep) -> str:
         """Return a SHA-256 over the digests of a camera's frames at a step.

@@ -5,7 +5,7 @@ strains of a large image. Here only the points of one block of rows are in work 
 of `mean_gradient`, in another order of their terms.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -45,16 +45,7 @@ def mean_gradient_in_blocks(displacement: Displacement, use: Mask) -> MeanGradie
     if displacement.noise is None:
         return MeanGradient(gradient)
     weights = _Weights(position, use, centre, np.asarray(np.linalg.inv(normal), np.float64))
-    by_noise, by_bias = np.zeros((4, 4)), np.zeros((4, 4))
-    if displacement.noise.factors.any():
-        for part in _parts_of_noise(weights, displacement.noise, blocks):
-            by_noise += part
-    if displacement.noise.bias is not None:
-        sums = np.zeros((4, 2))
-        for block in blocks:
-            bias = np.ascontiguousarray(displacement.noise.bias[block], np.float64)
-            add_weighted(bias.reshape(-1, 2, 2), weights.of(block).reshape(-1, 2, 4), sums)
-        by_bias = sums @ sums.T
+    by_noise, by_bias = covariances_in_blocks(weights.of, 4, displacement.noise, use.shape)
     return MeanGradient(gradient, by_noise + by_bias, by_bias)
 
 
@@ -73,20 +64,55 @@ class _Weights:
         return weights
 
 
-def _parts_of_noise(weights: _Weights, noise: Noise, blocks: list[slice]) -> Iterator[Float]:
+def covariances_in_blocks(
+    weights_of: Callable[[slice], Float], count: int, noise: Noise, shape: tuple[int, ...]
+) -> tuple[Float, Float]:
+    """Return the two parts of `dic.strain.fit.covariance_of_sums`: by image noise, and by interpolation.
+
+    Parameters
+    ----------
+    weights_of : callable
+        Function that returns the weights of some rows of points, shape (rows, columns, 2, p).
+    count : int
+        Number p of weighted sums.
+    noise : Noise
+    shape : (int, int)
+        Number of rows and columns of points.
+
+    Returns
+    -------
+    by_noise, by_bias : ndarray, shape (p, p)
+    """
+    blocks = bands_of(shape[0], max(1, _BLOCK_POINTS * 4 // (count * shape[1])))
+    by_noise, by_bias = np.zeros((count, count)), np.zeros((count, count))
+    if noise.factors.any():
+        for part in _parts_of_noise(weights_of, count, noise, blocks):
+            by_noise += part
+    if noise.bias is not None:
+        sums = np.zeros((count, 2))
+        for block in blocks:
+            bias = np.ascontiguousarray(noise.bias[block], np.float64)
+            add_weighted(bias.reshape(-1, 2, 2), weights_of(block).reshape(-1, 2, count), sums)
+        by_bias = sums @ sums.T
+    return by_noise, by_bias
+
+
+def _parts_of_noise(
+    weights_of: Callable[[slice], Float], count: int, noise: Noise, blocks: Sequence[slice]
+) -> Iterator[Float]:
     """Yield the part of the covariance that belongs to the points of each block and all points near them."""
     reach = noise.overlap.shape
     around = np.pad(noise.overlap, [(n - 1, 0) for n in reach], mode="reflect")[..., None]
     rows = blocks[-1].stop
     for block in blocks:
         near = slice(max(0, block.start - reach[0] + 1), min(rows, block.stop + reach[0] - 1))
-        weight, factors = weights.of(near), np.ascontiguousarray(noise.factors[near], np.float64)
-        parts = np.empty((*weight.shape[:2], 8))
-        set_weighted(factors.reshape(-1, 2, 2), weight.reshape(-1, 2, 4), parts.reshape(-1, 4, 2))
+        weight, factors = weights_of(near), np.ascontiguousarray(noise.factors[near], np.float64)
+        parts = np.empty((*weight.shape[:2], 2 * count))
+        set_weighted(factors.reshape(-1, 2, 2), weight.reshape(-1, 2, count), parts.reshape(-1, count, 2))
         own = slice(block.start - near.start, block.stop - near.start)
         first, columns = reach[0] - 1 + own.start, parts.shape[1]
         shared = convolved(parts, around)[first : first + own.stop - own.start, reach[1] - 1 :][:, :columns]
-        sums = np.zeros((4, 4))
-        one, other = (np.ascontiguousarray(each).reshape(-1, 4, 2) for each in (parts[own], shared))
+        sums = np.zeros((count, count))
+        one, other = (np.ascontiguousarray(each).reshape(-1, count, 2) for each in (parts[own], shared))
         add_products(one, other, sums)
         yield sums

@@ -43,3 +43,21 @@ def test_a_plane_without_points_is_not_determined(degree):
     points = points_of(seen, VIEW.calibration())
     assert points.determine(degree)
     assert not replace(points, use=np.zeros_like(points.use)).determine(degree)
+
+
+@pytest.mark.parametrize("model", ["bicubic", "pinhole"])
+def test_many_points_have_the_covariances_of_all_points_together(model, monkeypatch):
+    """Many points are computed in blocks, which need less memory."""
+    calibration = replace(VIEW.calibration(), model=model)
+    (seen,) = VIEW.measurements([State()], calibration)
+    points = points_of(seen, calibration)
+    assert not points.use.all()
+    weights = np.random.default_rng(4).normal(size=(len(points.before_mm), 2, 24))
+    whole = points.noise_covariance(weights), *points.calibration_factors(weights)
+    monkeypatch.setattr("dic.out_of_plane.uncertainty.MANY_POINTS", 0)
+    monkeypatch.setattr("dic.out_of_plane.uncertainty._SOME_POINTS", 97)
+    monkeypatch.setattr("dic.strain.mean_in_blocks._BLOCK_POINTS", 7 * 6 * points.use.shape[1])
+    blocks = points.noise_covariance(weights), *points.calibration_factors(weights)
+    for mine, other in zip(blocks, whole, strict=True):
+        assert np.abs(other).max() > 0
+        np.testing.assert_allclose(mine, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
