@@ -116,26 +116,29 @@ class OutputOptions:
 
     def write(self, result: "RunResult", gauges: "tuple[Gauge, ...]" = ()) -> None:
         """Write the output files other than the result file."""
-        from dic import write_report
         from dic.commands.run_table import as_dict
-        from dic.pipeline.run_tables import write_run_tables
-        from dic.results.strain_table import STRAIN_FILE
         from dic.shell.console import say
 
         if self.csv_folder is not None:
+            from dic.pipeline.run_tables import write_run_tables
+            from dic.results.strain_table import STRAIN_FILE
+
             with same_or_new(self.csv_folder, replace=self.force or not result.known) as folder:
                 write_run_tables(result, folder, decimal_comma=self.decimal_comma)
             say(f"tables: {self.csv_folder / STRAIN_FILE} and one of points for each image")
         if self.report_file is not None:
+            from dic import write_report
+
             write_report([result], self.report_file)
             say(f"report: {self.report_file}")
-        content = as_dict(result)
+        readings: dict[str, Any] = {}
         try:
-            content |= self.read_gauges(result, gauges) if gauges else {}
+            if gauges:
+                readings = self.read_gauges(result, gauges)
         finally:
             # If a gauge does not fit the results, all other outputs are written nevertheless.
             if self.json_file is not None:
-                write_text(self.json_file, json.dumps(content, indent=1))
+                write_text(self.json_file, json.dumps(as_dict(result) | readings, indent=1))
 
 
 def end_run(run: str, result: "RunResult") -> None:

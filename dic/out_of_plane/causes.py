@@ -15,7 +15,7 @@ of the displacement (t², 0).
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from itertools import accumulate
 from types import MappingProxyType
 
@@ -80,6 +80,11 @@ class Sight:
         """Positions in the reference relative to their mean, shape (n, 2)."""
         return np.asarray(self.before_mm - self.before_mm.mean(axis=0))
 
+    @cached_property
+    def before_by_plane(self) -> Float:
+        """Derivatives of the reference positions with respect to the grid's plane; see `by_plane`."""
+        return by_plane(self.before_mm, self.centre_mm, Plane())
+
     @property
     def ray(self) -> Float:
         """Shift (n, 2) of calibrated positions by a height of 1 mm, away from the point below the camera."""
@@ -113,7 +118,7 @@ def fields(
     """
     F = gradient + np.eye(2)
     by_after = by_plane(sight.after_mm, sight.centre_mm, plane)
-    by_before = by_plane(sight.before_mm, sight.centre_mm, Plane())
+    by_before = sight.before_by_plane
     # A tilt or a gap that existed in the reference and did not change displaces the reference positions too.
     # The specimen's strain and rotation then act on this displacement.
     mounted = by_after - np.einsum("ij,njk->nik", F, by_before)

@@ -7,7 +7,7 @@ import numpy as np
 from dic.out_of_plane.causes import by_plane
 from dic.out_of_plane.correction import by_centre
 from dic.out_of_plane.parallax import Bulge, Heights, Pairs
-from dic.out_of_plane.uncertainty import block_diagonal
+from dic.out_of_plane.uncertainty import block_diagonal, weighted_sums
 from dic.strain.fit import gradient_weights, slopes_of
 from dic.typing import Float
 
@@ -81,7 +81,7 @@ class JointSystem:
         (plane, of_plane), bulge = heights.plane(), Bulge.of(heights.position_mm)
         weights = gradient_weights(self.pairs.first.before_mm[self.pairs.chosen])
         of_places = [
-            np.einsum("nip,nis->ps", weights, by_plane(after_mm, centre_mm, plane))
+            weighted_sums(weights, by_plane(after_mm, centre_mm, plane))
             for after_mm, centre_mm in zip(self.pairs.positions_mm(), self.centres_mm, strict=True)
         ]
         through_plane = of_plane @ np.vstack([*of_places, np.eye(3)]).T

@@ -7,7 +7,7 @@ import numpy as np
 from dic.out_of_plane.causes import Sight
 from dic.out_of_plane.correction import by_centre
 from dic.out_of_plane.plane import Plane
-from dic.out_of_plane.uncertainty import Points
+from dic.out_of_plane.uncertainty import Points, weighted_sums
 from dic.strain.fit import gradient_weights
 from dic.typing import Float
 
@@ -49,8 +49,7 @@ class Polynomial:
         weights = np.concatenate([coefficients, gradient_weights(points.before_mm)], axis=2)
 
         def estimate(centre_mm: Float) -> Float:
-            moved = Sight(points.before_mm, points.after_mm, centre_mm).moved(Plane())
-            return np.asarray(np.einsum("nip,ni->p", weights, moved))
+            return weighted_sums(weights, Sight(points.before_mm, points.after_mm, centre_mm).moved(Plane()))
 
         noise = points.noise_covariance(weights) + points.smooth_covariance(weights, _DEGREE, smooth_px)
         of_map, of_centre = points.calibration_factors(weights)
@@ -59,7 +58,7 @@ class Polynomial:
 
     def rows(self, field: Float) -> Float:
         """Return the 24 rows of a displacement field (n, 2), or of several fields (n, 2, k)."""
-        return np.asarray(np.einsum("nip,ni...->p...", self.weights, field))
+        return weighted_sums(self.weights, field)
 
     def residual_mm(self, field: Float) -> Float:
         """Return the part of a displacement field (n, 2) that the polynomial does not fit."""

@@ -10,7 +10,7 @@ from dic.out_of_plane.expectations import unmeasured
 from dic.out_of_plane.linearised import PARTS
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.shift import Shift
-from dic.out_of_plane.uncertainty import Points
+from dic.out_of_plane.uncertainty import Points, weighted_sums
 from dic.strain.fit import gradient_weights, slopes_of
 from dic.strain.measures import strain_covariance
 from dic.typing import Float
@@ -84,7 +84,7 @@ def open_parts(points: Points, shift: Shift) -> tuple[Float, dict[str, Float]]:
     )
     gradient = slopes_of(points.before_mm, points.after_mm - points.before_mm)
     own = fields(sight, Plane(), gradient, 0.0, np.array([1.0, 0.0]), shift.per_slope_mm)
-    false = np.einsum("nip,nik->pk", weights, own)
+    false = weighted_sums(weights, own)
     of_map, _ = points.calibration_factors(weights)
     covariances = {
         "images": points.noise_covariance(weights) + points.smooth_covariance(weights),

@@ -140,7 +140,8 @@ class Points:
         size_mm = np.sqrt(max(whole_mm**2 - self._bias_mm2, 0.0))
         powers = [(total - k, k) for total in range(1, degree + 1) for k in range(total + 1)]
         terms = size_mm * np.stack([x**i * y**j for i, j in powers], axis=1)
-        factors = np.einsum("nip,nk->pik", weights, terms).reshape(weights.shape[2], -1)
+        factors = (weights.reshape(len(weights), -1).T @ terms).reshape(2, weights.shape[2], -1)
+        factors = np.concatenate(list(factors), axis=1)
         return np.asarray(factors @ factors.T)
 
     @property
@@ -179,7 +180,7 @@ class Points:
 
         def part(some: slice) -> Float:
             before, after = (self.calibration.error_factors(px[some]) for px in self.px)
-            return np.asarray(np.einsum("nip,niq->pq", weights[some], after - F @ before))
+            return weighted_sums(weights[some], after - F @ before)
 
         of_map = np.sum([part(some) for some in bands_of(len(weights), _SOME_POINTS)], axis=0)
         of_centre = self.calibration.pinhole.centre_factors()
@@ -203,6 +204,23 @@ class Points:
         factors = of_map if by_centre is None else of_map + by_centre @ of_centre
         by_images = self.noise_covariance(weights) + self.smooth_covariance(weights)
         return np.asarray(by_images + factors @ factors.T)
+
+
+def weighted_sums(weights: Float, field: Float) -> Float:
+    """Return p weighted sums of a displacement field, or of k fields.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (n, 2, p)
+    field : ndarray, shape (n, 2) or (n, 2, k)
+
+    Returns
+    -------
+    ndarray, shape (p,) or (p, k)
+    """
+    # A product of matrices takes a fifth of the time of `numpy.einsum`.
+    sums = weights.reshape(-1, weights.shape[2]).T @ field.reshape(2 * len(field), -1)
+    return np.asarray(sums.reshape(-1, *field.shape[2:]))
 
 
 def block_diagonal(blocks: Sequence[Float]) -> Float:

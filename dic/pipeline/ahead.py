@@ -20,7 +20,7 @@ from dic.image.stored import is_large
 from dic.pipeline.image_task import ImageAnswer, ImageTask
 from dic.pipeline.series_image import SeriesImage
 from dic.results.unfinished import FinishedImage
-from dic.workers.workers import Workers
+from dic.workers.workers import ThreadWorker, Workers
 
 
 def outcomes(
@@ -38,7 +38,7 @@ def outcomes(
         The images with their numbers.
     workers : Workers, optional
         The workers that correlate images ahead of their turn. By default, each image is correlated in this
-        thread when the caller asks for it.
+        thread when the caller asks for it. A `ThreadWorker` does not correlate large images ahead.
     together : int
         Number of series that are correlated at the same time by the same workers.
 
@@ -47,8 +47,9 @@ def outcomes(
     WorkerError
         If the workers cannot correlate for a reason other than the image.
     """
-    if workers is None or series.at_once == 1 or (is_large(series.shape) and workers.count == 1):
-        # The fields of a large image, and those of the next one, would be in memory at the same time.
+    # The fields of a large image, and those of the next one, would be in memory at the same time.
+    alone = isinstance(workers, ThreadWorker) and is_large(series.shape)
+    if workers is None or series.at_once == 1 or alone:
         for number, image in images:
             yield number, image, _outcome(series, image)
         return

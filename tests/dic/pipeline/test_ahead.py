@@ -18,6 +18,7 @@ from dic.errors import ImageError, ImageWarning, WorkerError, warn_of_image
 from dic.pipeline.correlated import correlate_series, series_job
 from dic.pipeline.image_task import ImageTask
 from dic.pipeline.series_image import UNREADABLE, FileDigests, SeriesImage
+from dic.results.unfinished import FinishedImages
 from dic.workers.workers import Workers
 
 SETTINGS = CorrelationSettings(subset_px=21, step_px=10)
@@ -76,17 +77,39 @@ def alone(images):
     return outcomes(images, None)
 
 
-@pytest.mark.parametrize("kind", [Eager, Late])
-def test_judging_in_order_makes_the_bits_independent_of_the_workers(images, alone, kind):
-    ahead = outcomes(images, kind())
-    assert max(each.field.updates for each in alone if each.fields) > 0
-    assert [each.failure is None for each in alone] == [k not in (3, 9) for k in range(1, 11)]
-    for one, other in zip(alone, ahead, strict=True):
+def held_by(series):
+    """Return the fields that a series itself keeps of its last image."""
+    return series._current.last.fields.args
+
+
+def require_equal(some, others):
+    """Compare all outcomes bit for bit."""
+    for one, other in zip(some, others, strict=True):
         assert (one.label, one.failure) == (other.label, other.failure)
         if one.fields is not None:
             for name in ("warps", "std", "zncc", "iterations", "status"):
                 np.testing.assert_array_equal(getattr(one.field, name), getattr(other.field, name))
             assert (one.field.start, one.field.updates) == (other.field.start, other.field.updates)
+
+
+@pytest.mark.parametrize("kind", [Eager, Late])
+def test_judging_in_order_makes_the_bits_independent_of_the_workers(images, alone, kind):
+    assert max(each.field.updates for each in alone if each.fields) > 0
+    assert [each.failure is None for each in alone] == [k not in (3, 9) for k in range(1, 11)]
+    require_equal(alone, outcomes(images, kind()))
+
+
+@pytest.mark.parametrize("begun", [0, 6])
+@pytest.mark.parametrize("workers", [None, Eager()])
+def test_fields_on_disk_are_used_if_their_image_becomes_a_reference(images, alone, workers, begun, tmp_path):
+    finished = FinishedImages(tmp_path)
+    for stop in filter(None, (begun, len(images) - 1)):
+        series = Series(images[0], None, SETTINGS, threads=1)
+        found = []
+        for outcome in correlate_series(series, images[1 : stop + 1], finished, workers=workers):
+            assert outcome.fields not in held_by(series)
+            found.append(outcome)
+    require_equal(alone, found)
 
 
 def test_images_of_a_plain_series_are_correlated_once(images):
