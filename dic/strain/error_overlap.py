@@ -25,6 +25,9 @@ from dic.typing import Float, Grey, Indices, Mask
 _PIXELS_IN_MEMORY = 16_000_000
 """Weights of clipped subsets are computed for about this number of pixels at a time."""
 
+_PIXELS_IN_FLOAT64 = 1_000_000
+"""Number of these pixels that are converted to float64 at a time."""
+
 _CACHED = 4
 """Number of references whose clipped subsets are kept for further images."""
 
@@ -65,8 +68,11 @@ def _weights(used: Mask, shape: str) -> Grey:
     t, flat = len(terms), used.reshape(k, n * n).astype(np.float32)
     # A subset uses 40 % of its pixels or more. No curve of second degree runs through so many pixels, so no
     # matrix is singular.
-    products = (terms[:, None] * terms).reshape(t * t, n * n).astype(np.float32)
-    normal = (flat @ products.T).reshape(k, t, t).astype(np.float64)
+    products = (terms[:, None] * terms).reshape(t * t, n * n)
+    # Rounding errors of float32 in the sums would change correlations by 1e-4. So convert some subsets at a
+    # time to float64, because all of them would need twice the memory.
+    parts = np.array_split(flat, 1 + flat.size // _PIXELS_IN_FLOAT64)
+    normal = np.concatenate([part @ products.T for part in parts]).reshape(k, t, t)
     coefficients = np.linalg.solve(normal, np.broadcast_to(np.eye(t)[:, :1], (k, t, 1)))[..., 0]
     weights = (coefficients.astype(np.float32) @ terms.astype(np.float32)) * flat
     # The sum of the squares of a fit's weights is an element of the inverse of its normal matrix.
