@@ -82,8 +82,11 @@ class Plane:
             Coordinates in mm. The origin is the point of the plane that lies above or below the grid's
             centre.
         """
-        met = self.met(calibrated_mm, centre_mm)
-        return np.asarray((met - [0.0, 0.0, self.shift_mm]) @ self.axes.T)
+        # These are the points of `met`, but the third coordinate of calibrated points is 0 and not computed.
+        axes, m = self.axes, np.asarray(calibrated_mm, np.float64)
+        reach = self._numerator(centre_mm) / self._denominator(m, centre_mm)
+        origin = axes @ (centre_mm - np.array([0.0, 0.0, self.shift_mm]))
+        return np.asarray(reach[..., None] * (m @ axes[:, :2].T - axes @ centre_mm) + origin)
 
     def jacobian(self, calibrated_mm: Float, centre_mm: Float) -> Float:
         """Return the derivative of `within` with respect to the calibrated points, shape (…, 2, 2)."""
