@@ -121,7 +121,7 @@ def fields(
     by_before = sight.before_by_plane
     # A tilt or a gap that existed in the reference and did not change displaces the reference positions too.
     # The specimen's strain and rotation then act on this displacement.
-    mounted = by_after - np.einsum("ij,njk->nik", F, by_before)
+    mounted = by_after - np.stack([f[0] * by_before[:, 0] + f[1] * by_before[:, 1] for f in F], axis=1)
     on_plane = plane.within(sight.after_mm, sight.centre_mm)
     X, Y = (on_plane - on_plane.mean(axis=0)).T
     heights = np.stack([X * X / 2, X * Y, Y * Y / 2], axis=-1)

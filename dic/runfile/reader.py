@@ -144,13 +144,7 @@ class RunFile:
     def image(self, camera: str, step: RunStep, *, stored: bool = False) -> NDArray[Any]:
         """Return the mean of a camera's frames at a step: grey levels, shape (height, width).
 
-        Parameters
-        ----------
-        camera : str
-        step : RunStep
-        stored : bool
-            True to return the grey levels of a single frame in the integer type of the file, which takes a
-            quarter or half of the memory. Otherwise the grey levels are float32.
+        The result is float32. With `stored`, a single frame has the integer type of the file.
 
         Raises
         ------
