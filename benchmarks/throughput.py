@@ -117,7 +117,7 @@ class Cluster:
 
 @dataclass(frozen=True)
 class Way:
-    """A way to measure images: the options of the command, and how many programs do it at the same time."""
+    """A way to measure images: the options of the command, the number of programs, and their cluster."""
 
     options: Sequence[str]
     programs: int = 1
@@ -134,7 +134,7 @@ WAYS = {
 
 @contextmanager
 def ways_of(folder: Path, dask: bool) -> Iterator[dict[str, Way]]:
-    """Provide all ways to measure, and the cluster of the last one."""
+    """Provide all ways to measure; the last one may have a cluster, which is closed at the end."""
     cluster = Cluster(folder) if dask else None
     try:
         last = {} if cluster is None else {DASK: Way(["--scheduler", cluster.address], cluster=cluster)}
@@ -151,12 +151,20 @@ def time_command(files: list[Path], way: Way, folder: Path) -> dict[str, float]:
     results = [folder / f"r{number}.h5" for number in range(way.programs)]
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     commands = [[sys.executable, "-c", _BEGIN, *words, str(result)] for result in results]
-    quiet = subprocess.DEVNULL
-    running = [subprocess.Popen(command, stdout=quiet, stderr=quiet) for command in commands]
-    ended = [program.wait() for program in running]
+    running = [
+        subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        for command in commands
+    ]
+    try:
+        said = [program.communicate()[1] for program in running]
+    finally:
+        for program in running:
+            program.kill()
     after, wall_s = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter() - begin
-    if any(ended):
-        raise SystemExit(f"{shlex.join(commands[0])}: ended with status {max(ended)}")
+    for program, words_of_error in zip(running, said, strict=True):
+        if program.returncode:
+            command = shlex.join(map(str, program.args))
+            raise SystemExit(f"{command}: ended with status {program.returncode}: {words_of_error}")
     others_s = 0.0 if way.cluster is None else way.cluster.cpu_s() - others_s
     for result in results:
         result.unlink()

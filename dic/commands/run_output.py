@@ -131,14 +131,13 @@ class OutputOptions:
 
             write_report([result], self.report_file)
             say(f"report: {self.report_file}")
-        readings: dict[str, Any] = {}
+        content = {} if self.json_file is None else as_dict(result)
         try:
-            if gauges:
-                readings = self.read_gauges(result, gauges)
+            content |= self.read_gauges(result, gauges) if gauges else {}
         finally:
             # If a gauge does not fit the results, all other outputs are written nevertheless.
             if self.json_file is not None:
-                write_text(self.json_file, json.dumps(as_dict(result) | readings, indent=1))
+                write_text(self.json_file, json.dumps(content, indent=1))
 
 
 def end_run(run: str, result: "RunResult") -> None:

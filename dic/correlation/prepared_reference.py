@@ -32,7 +32,7 @@ class SubsetMemory:
     def for_next_image(self, grid: PointGrid, parameters: int) -> kernel.Prepared | None:
         """Return the memory for subset data that the next image may read and fill; None for the first image.
 
-        The result is also None if the data would need too much memory.
+        The result is also None if the data would need too much memory, or if the reference is a large image.
         """
         self._images += 1
         if self._images == 2 and not is_large(grid.usable.shape):

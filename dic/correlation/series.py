@@ -269,7 +269,7 @@ class Series:
         self._current = reference.after(number, LastImage(read, partial(_given, fields)), fields.from_current)
 
     def keep_last_elsewhere(self, fields: Callable[[], SeriesFields]) -> None:
-        """Free the memory of the last image's fields, which the caller keeps.
+        """Forget the fields of the last image; the function `fields` reads them again.
 
         Parameters
         ----------

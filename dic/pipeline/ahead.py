@@ -15,7 +15,7 @@ from itertools import islice
 from dic.correlation.field import Field
 from dic.correlation.series import Series
 from dic.correlation.series_state import Attempt
-from dic.errors import MeasurementError, WorkerError, warn_of_image
+from dic.errors import MeasurementError, OutputError, WorkerError, warn_of_image
 from dic.image.stored import is_large
 from dic.pipeline.image_task import ImageAnswer, ImageTask
 from dic.pipeline.series_image import SeriesImage
@@ -38,7 +38,7 @@ def outcomes(
         The images with their numbers.
     workers : Workers, optional
         The workers that correlate images ahead of their turn. By default, each image is correlated in this
-        thread when the caller asks for it. A `ThreadWorker` does not correlate large images ahead.
+        thread when the caller asks for it. With a `ThreadWorker` this is also done for large images.
     together : int
         Number of series that are correlated at the same time by the same workers.
 
@@ -46,6 +46,8 @@ def outcomes(
     ------
     WorkerError
         If the workers cannot correlate for a reason other than the image.
+    OutputError
+        If the fields of an earlier image, which becomes a reference, cannot be read again.
     """
     # The fields of a large image, and those of the next one, would be in memory at the same time.
     alone = isinstance(workers, ThreadWorker) and is_large(series.shape)
@@ -67,6 +69,8 @@ def outcomes(
             outcome = _outcome(series, first.image, line)
             line.go_on()
             yield first.number, first.image, outcome
+            # Free the memory of the fields before further images are correlated.
+            del first, outcome
     finally:
         line.withdraw()
 
@@ -177,7 +181,8 @@ def _outcome(series: Series, image: SeriesImage, line: _Line | None = None) -> F
             fields = series.correlate_image(image.read, image.hint, image.state)
         else:
             fields = series.follow(line.field, image.read, image.hint)
-    except WorkerError:
+    except (OutputError, WorkerError):
+        # The image is not the reason.
         raise
     except MeasurementError as error:
         return FinishedImage(image.label, image.digest, failure=str(error))

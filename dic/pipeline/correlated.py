@@ -99,7 +99,7 @@ def _known(
 def _fields(finished: FinishedImages, number: int, shared: Mapping[str, Any]) -> SeriesFields:
     """Return the fields of a finished image."""
     fields = finished.read(number, shared).fields
-    assert fields is not None
+    assert fields is not None, "an image without fields is not kept"
     return fields
 
 

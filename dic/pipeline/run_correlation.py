@@ -21,7 +21,7 @@ from dic.pipeline.correlated import correlate_series
 from dic.pipeline.images import measurement_of
 from dic.pipeline.run_image import RunImage
 from dic.pipeline.series_image import UNREADABLE, SeriesImage
-from dic.results.job import content_of
+from dic.results.job import Outcome, content_of
 from dic.results.unfinished import Unfinished
 from dic.runfile.reader import RunFile, RunStep
 from dic.specimen.find import SpecimenNotFound
@@ -105,17 +105,22 @@ class RunCorrelation:
             SeriesImage(taken, f"step {taken.step.index}", turn.hint(taken.step), taken.digest())
             for taken in (RunImage(run, camera, step) for step in others)
         )
-        steps, numbers, failures, outcomes = [], [], [], []
+        steps, numbers, failures = [], [], []
+        outcomes: list[Outcome] = []
         correlated = correlate_series(
             series, images, finished, workers=self.workers, together=len(run.cameras)
         )
-        for number, (step, found) in enumerate(zip(others, correlated, strict=False), 1):
+        remaining = iter(others)
+        for found in correlated:
+            step = next(remaining)
             outcomes.append(replace(found.outcome, content=step_content(run, camera, step)))
             if found.fields is None:
                 failures.append(f"{run.path}: {camera}, {found.label}: {found.failure}")
             else:
-                numbers.append(number)
+                numbers.append(len(outcomes))
                 steps.append(step)
+            # Free the memory of the fields before the next image is correlated.
+            del found
             self.on_image()
             if self.stopped.is_set():
                 break

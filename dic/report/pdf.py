@@ -40,7 +40,7 @@ def write_pdf(page: str, path: PathLike) -> None:
 def _weasyprint(path: PathLike) -> Any:
     try:
         with warnings.catch_warnings():
-            # WeasyPrint 70 warns at import if the system lacks libharfbuzz-subset, which it does not need.
+            # WeasyPrint 70 warns if the system lacks libharfbuzz-subset, which only later versions need.
             warnings.filterwarnings("ignore", "HarfBuzz-Subset", DeprecationWarning)
             import weasyprint
             import weasyprint.urls

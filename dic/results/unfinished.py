@@ -158,8 +158,23 @@ class FinishedImages:
         return None
 
     def read(self, number: int, shared: Mapping[str, Any]) -> FinishedImage:
-        """Return an image that is known to be finished; see `find` for the arguments."""
-        return self._read(number, shared)[0]
+        """Return an image that is known to be finished; see `find` for the arguments.
+
+        Raises
+        ------
+        OutputError
+            If the file of the image was removed or damaged since it was written.
+        """
+        try:
+            return self._read(number, shared)[0]
+        except _UNREADABLE as error:
+            raise OutputError(
+                str(self._path(number)),
+                "read finished image",
+                "the image that this program has written",
+                str(error) or type(error).__name__,
+                "give the same command again, and leave the folder to the program",
+            ) from error
 
     def _read(self, number: int, shared: Mapping[str, Any]) -> tuple[FinishedImage, str]:
         with np.load(self._path(number), allow_pickle=False) as stored:

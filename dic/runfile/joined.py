@@ -80,7 +80,7 @@ class JoinedRun(RunFile):
         return self._rows[camera][self.own_steps.index(step)]
 
     def image(self, camera: str, step: RunStep, *, stored: bool = False) -> NDArray[Any]:
-        """Return the mean of a camera's frames at a step: grey levels, shape (height, width)."""
+        """Return the mean of a camera's frames at a step; see `RunFile.image`."""
         if self._is_own(step):
             return super().image(camera, step, stored=stored)
         return self.earlier.image(camera, step, stored=stored)

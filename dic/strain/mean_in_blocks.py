@@ -1,4 +1,4 @@
-"""The mean gradient of many points, from sums over blocks of rows.
+"""The mean gradient of many points, and covariances of sums over them, computed in blocks of rows.
 
 `dic.strain.fit.mean_gradient` needs several hundred bytes for each point, more than all displacements and
 strains of a large image. Here only the points of one block of rows are in work at a time. The sums are those
@@ -17,9 +17,13 @@ from dic.strain.fit import MeanGradient
 from dic.typing import Float, Mask
 
 MANY_POINTS = 250_000
-"""Above this number of points the mean gradient is computed in blocks; 12 megapixels at a step of 7 px."""
+"""Above this number of points the mean gradient is computed in blocks; 12 megapixels at a step of 7 px.
+
+The mean gradient has four sums. Covariances of more sums are computed in blocks above fewer points.
+"""
 
 _BLOCK_POINTS = 50_000
+"""Number of points of a block for four weighted sums; with more sums, a block has fewer points."""
 
 _ON_A_LINE = 1e-12
 """Points lie on a line if their extents along and across it, squared, have a smaller ratio."""

@@ -14,12 +14,12 @@ from dic.correlation.reference import Reference
 from dic.correlation.series import Series
 from dic.correlation.series_state import GUESS_DISTANCE, Attempt
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import ImageError, ImageWarning, WorkerError, warn_of_image
+from dic.errors import ImageError, ImageWarning, OutputError, WorkerError, warn_of_image
 from dic.pipeline.correlated import correlate_series, series_job
 from dic.pipeline.image_task import ImageTask
 from dic.pipeline.series_image import UNREADABLE, FileDigests, SeriesImage
 from dic.results.unfinished import FinishedImages
-from dic.workers.workers import Workers
+from dic.workers.workers import ThreadWorker, Workers
 
 SETTINGS = CorrelationSettings(subset_px=21, step_px=10)
 
@@ -100,9 +100,9 @@ def test_judging_in_order_makes_the_bits_independent_of_the_workers(images, alon
 
 
 @pytest.mark.parametrize("begun", [0, 6])
-@pytest.mark.parametrize("workers", [None, Eager()])
-def test_fields_on_disk_are_used_if_their_image_becomes_a_reference(images, alone, workers, begun, tmp_path):
-    finished = FinishedImages(tmp_path)
+@pytest.mark.parametrize("kind", [None, Eager])
+def test_fields_on_disk_are_used_if_their_image_becomes_a_reference(images, alone, kind, begun, tmp_path):
+    finished, workers = FinishedImages(tmp_path), None if kind is None else kind()
     for stop in filter(None, (begun, len(images) - 1)):
         series = Series(images[0], None, SETTINGS, threads=1)
         found = []
@@ -110,6 +110,30 @@ def test_fields_on_disk_are_used_if_their_image_becomes_a_reference(images, alon
             assert outcome.fields not in held_by(series)
             found.append(outcome)
     require_equal(alone, found)
+
+
+def test_fields_that_were_lost_on_disk_end_the_series_in_one_sentence(images, tmp_path):
+    series = Series(images[0], None, SETTINGS, incremental="always", threads=1)
+    found = correlate_series(series, images[1:], FinishedImages(tmp_path))
+    next(found)
+    next(tmp_path.glob("*.npz")).unlink()
+    with pytest.raises(OutputError, match="read finished image"):
+        next(found)
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_thread_correlates_only_small_images_ahead(images, alone, large, monkeypatch):
+    submitted = []
+
+    class Counting(ThreadWorker):
+        def submit(self, fn, /, *args, **kwargs):
+            submitted.append(fn)
+            return super().submit(fn, *args, **kwargs)
+
+    monkeypatch.setattr("dic.pipeline.ahead.is_large", lambda shape: large)
+    with Counting() as thread:
+        require_equal(alone, outcomes(images, thread))
+    assert bool(submitted) != large
 
 
 def test_images_of_a_plain_series_are_correlated_once(images):

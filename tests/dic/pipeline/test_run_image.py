@@ -8,7 +8,7 @@ import pytest
 from dic.errors import WorkerError
 from dic.pipeline.run_image import RunImage
 from dic.runfile.joined import open_run
-from tests.run_files import write_run
+from tests.run_files import write_continued_run, write_run
 
 
 def sent(path, index):
@@ -37,3 +37,14 @@ def test_step_that_the_run_of_the_worker_lacks_is_one_sentence(tmp_path):
     shorter.replace(path)
     with pytest.raises(WorkerError, match="got another one, with 3 steps; give all workers the same files"):
         pickle.loads(message)
+
+
+@pytest.mark.parametrize("index", [2, 5])
+def test_single_frame_has_the_integer_type_of_its_file(index, tmp_path):
+    """Step 2 is in the file that the run continues."""
+    with open_run(write_continued_run(tmp_path)) as run:
+        image = RunImage(run, "left", run.steps[index])
+        assert image().dtype == pickle.loads(pickle.dumps(image))().dtype == np.uint8
+        plain = run.image("left", run.steps[index])
+        assert plain.dtype == np.float32
+        np.testing.assert_array_equal(image(), plain)

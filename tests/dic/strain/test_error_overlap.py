@@ -65,4 +65,5 @@ def test_the_memory_does_not_change_the_correlations(monkeypatch):
     at_once = ClippedSubsets(grid, SETTINGS).correlations(3)
     np.testing.assert_allclose(at_once[:, 3, 3], 1.0, atol=1e-5, err_msg="of each subset with itself")
     monkeypatch.setattr(module, "_PIXELS_IN_MEMORY", 20 * 21**2)
+    monkeypatch.setattr(module, "_PIXELS_IN_FLOAT64", 3 * 21**2)
     np.testing.assert_allclose(ClippedSubsets(grid, SETTINGS).correlations(3), at_once, atol=1e-5)
