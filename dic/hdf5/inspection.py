@@ -52,13 +52,14 @@ def open_for_reading(path: Path) -> Any:
         If the file is truncated or not HDF5.
     """
     try:
+        # Each row is a chunk of its own and is read once. HDF5 would keep up to 1 MB of each data set.
         # Do not try SWMR mode (reading during writing) first: HDF5 would wait forever for the writer of a
         # truncated file.
-        return h5py.File(path, "r")
+        return h5py.File(path, "r", rdcc_nbytes=0)
     except OSError as error:
         if "already open for write" not in str(error):
             raise
-        return h5py.File(path, "r", swmr=True)
+        return h5py.File(path, "r", swmr=True, rdcc_nbytes=0)
 
 
 def inspect(path: Path) -> None:
