@@ -38,8 +38,15 @@ class Computed(Sequence[Item]):
             return Computed(len(chosen), lambda k: self[chosen[k]])
         last = self._last
         if last is None or last[0] != chosen:
+            # Free the memory of one element before the next one needs it.
+            last = self._last = None
             last = self._last = chosen, self._element(chosen)
         return last[1]
+
+    def __iter__(self) -> Iterator[Item]:
+        # The iterator of `Sequence` keeps an element until it has the next one.
+        for k in range(self._count):
+            yield self[k]
 
 
 class ComputedMapping(Mapping[Key, Item]):

@@ -69,7 +69,7 @@ def read_measurements(
     def read(k: int) -> Measurement:
         field = stored.field(k, gradients=local_strain)
         found = _read_measurement(columns, k, field, strain, calibration)
-        raw = raw_displacement(field, gradients=local_strain)
+        raw = raw_displacement(field, gradients=local_strain and strain.source == "shape")
         local = _read_strain(columns, k) if local_strain else None
         return replace(found, raw=raw, stored_strain=local, gauge_px=gauge_px, gauge_mm=gauge_mm)
 

@@ -1,0 +1,43 @@
+"""Sequences whose elements are computed when they are used."""
+
+import weakref
+from operator import attrgetter
+
+import pytest
+
+from dic.files.lazy import Computed
+
+
+class Element:
+    """An object that notes how many others of its kind exist when it is made."""
+
+    def __init__(self) -> None:
+        self.others = len(ALIVE)
+        ALIVE.add(self)
+
+
+ALIVE: "weakref.WeakSet[Element]" = weakref.WeakSet()
+
+
+def test_one_element_is_freed_before_the_next_is_computed():
+    elements = Computed(4, lambda k: Element())
+    assert [elements[k].others for k in range(4)] == [0] * 4
+    assert list(map(attrgetter("others"), elements)) == [0] * 4
+
+
+def test_the_last_element_is_computed_once():
+    asked = []
+    elements = Computed(3, lambda k: asked.append(k) or f"element {k}")
+    assert [elements[1], elements[1], elements[-2]] == ["element 1"] * 3
+    assert asked == [1]
+    assert list(elements[1:]) == ["element 1", "element 2"]
+    with pytest.raises(IndexError):
+        elements[3]
+
+
+def test_an_element_that_cannot_be_computed_leaves_the_others():
+    elements = Computed(2, lambda k: 1 // k)
+    assert elements[1] == 1
+    with pytest.raises(ZeroDivisionError):
+        elements[0]
+    assert elements[1] == 1
