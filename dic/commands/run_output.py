@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -151,10 +152,10 @@ def problems(run: str, result: "RunResult") -> int:
 
     failures = [failure for camera in result.cameras for failure in camera.failures]
     bad = [
-        f"{run}: {camera.camera}, {measurement.label}: measured, but {measurement.objection}"
+        f"{run}: {camera.camera}, {label}: measured, but {objection}"
         for camera in result.cameras
-        for measurement in camera.measurements
-        if not measurement.good
+        for label, objection in map(attrgetter("label", "objection"), camera.measurements)
+        if objection is not None
     ]
     for sentence in failures + bad:
         fail(sentence)

@@ -55,6 +55,8 @@ def _camera_lines(result: "RunResult", camera: "CameraResult") -> list[str]:
         lines += [f"  {note}" for note in _notes(measurement)]
         if correction.declined is not None:
             declined.setdefault(correction.declined, []).append(_name(step))
+        # Free the memory of this step before the next one is read.
+        del measurement, correction
     findings = result.corrections.findings[camera.camera]
     return lines + [
         _declined_text(steps, reason)

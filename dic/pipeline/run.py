@@ -9,12 +9,13 @@ from typing import Any
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import require_kind
+from dic.image.memory import give_back_memory
 from dic.pipeline.correlated import FIRST_GUESSES
 from dic.pipeline.reuse import FIELDS, SAME, fields_on_file, require_replaceable
 from dic.pipeline.run_corrections import CorrectionSettings
 from dic.pipeline.run_correlation import RunCorrelation, step_content
 from dic.pipeline.run_result import RunResult
-from dic.pipeline.run_result_file import load_run_result
+from dic.pipeline.run_result_file import load_run_result, load_written
 from dic.pipeline.run_set_up import RunSetUp
 from dic.pipeline.run_source import RunSource, region_digests
 from dic.pipeline.strain_anew import job_of_fields, strain_with
@@ -116,8 +117,11 @@ def process_run(
             work = RunCorrelation(run, regions, kept, settings, strain, incremental, plate_mm, done, workers)
             cameras = work.correlate_all()
             set_up.write(file, cameras, Provenance.of([run.path, *place.inputs], job))
-        result = load_run_result(file)
-    specimens = {camera.camera: camera.specimen for camera in cameras}
+            specimens = {camera.camera: camera.specimen for camera in cameras}
+            # Free the images and the last step before steps are read from the file.
+            del work, cameras
+            give_back_memory()
+        result = load_written(file)
     return replace(
         result, cameras=[replace(camera, specimen=specimens[camera.camera]) for camera in result.cameras]
     )

@@ -266,17 +266,7 @@ class RunCorrector:
     def steps(self) -> Iterator[CorrectedStep]:
         """Yield all steps that at least one camera measured, in order."""
         for step, places in measured_steps(self._cameras):
-            measurements = {
-                c.camera: c.measurements[places[c.camera]] for c in self._cameras if c.camera in places
-            }
-            corrections = {name: self._single[name].images[places[name]] for name in measurements}
-            joint = self._joint(measurements)
-            measurements = {
-                name: stated(measurement, self._best(name, corrections[name], joint))
-                for name, measurement in measurements.items()
-            }
-            means = {name: measurement.calibrated_mean for name, measurement in measurements.items()}
-            yield CorrectedStep(step, measurements, corrections, means, joint)
+            yield self._step(step, places)
 
     def corrections(self, steps: Sequence[CorrectedStep]) -> RunCorrections:
         """Return the corrections of all steps, with the findings on the set-up.
@@ -300,6 +290,19 @@ class RunCorrector:
         sentences = tension_findings([found.corrections[0] for found in both.values()], loads_n)
         joint = JointCorrections(self.pair, both, [self._surface.text, *sentences])
         return RunCorrections(self._motion, single, findings, joint)
+
+    def _step(self, step: RunStep, places: Mapping[str, int]) -> CorrectedStep:
+        measurements = {
+            c.camera: c.measurements[places[c.camera]] for c in self._cameras if c.camera in places
+        }
+        corrections = {name: self._single[name].images[places[name]] for name in measurements}
+        joint = self._joint(measurements)
+        measurements = {
+            name: stated(measurement, self._best(name, corrections[name], joint))
+            for name, measurement in measurements.items()
+        }
+        means = {name: measurement.calibrated_mean for name, measurement in measurements.items()}
+        return CorrectedStep(step, measurements, corrections, means, joint)
 
     def _joint(self, measurements: Mapping[str, Measurement]) -> TwoCameraStep | None:
         if self._pair is None or any(camera.camera not in measurements for camera in self._pair):

@@ -1,5 +1,6 @@
 """The result file of a run: it contains all results of `process_run`, and a report needs no other file."""
 
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
@@ -143,12 +144,16 @@ class RunResultWriter:
 
 def _steps_of(result: RunResult) -> Iterator[CorrectedStep]:
     """Yield the steps of a run whose strains are corrected already."""
-    corrections, cameras = result.corrections, {camera.camera: camera for camera in result.cameras}
     for step, places in measured_steps(result.cameras):
-        measurements = {name: cameras[name].measurements[place] for name, place in places.items()}
-        single = {name: corrections.cameras[name].images[place] for name, place in places.items()}
-        joint = None if corrections.joint is None else corrections.joint.steps.get(step.index)
-        yield CorrectedStep(step, measurements, single, {}, joint)
+        yield _step_of(result, step, places)
+
+
+def _step_of(result: RunResult, step: RunStep, places: Mapping[str, int]) -> CorrectedStep:
+    corrections, cameras = result.corrections, {camera.camera: camera for camera in result.cameras}
+    measurements = {name: cameras[name].measurements[place] for name, place in places.items()}
+    single = {name: corrections.cameras[name].images[place] for name, place in places.items()}
+    joint = None if corrections.joint is None else corrections.joint.steps.get(step.index)
+    return CorrectedStep(step, measurements, single, {}, joint)
 
 
 def load_run_result(path: PathLike) -> RunResult:
@@ -170,11 +175,16 @@ def load_run_result(path: PathLike) -> RunResult:
 
     def read(file: Any) -> RunResult:
         result = replace(_read_run(path, file), file=str(path))
-        for _ in _steps_of(result):
-            pass
+        # An unnamed step is freed before the next one is read.
+        deque(_steps_of(result), maxlen=0)
         return result
 
     return load_result(path, read, _refusal)
+
+
+def load_written(path: Path) -> RunResult:
+    """Read a result file that this program has just written, so that its steps need not be checked."""
+    return load_result(path, lambda file: replace(_read_run(path, file), file=str(path)), _refusal)
 
 
 def use_run_result(

@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from dic.correlation.settings import CorrelationSettings
+from dic.image.memory import give_back_memory
+from dic.image.stored import is_large
 from dic.image.threads import one_ahead
 from dic.pipeline.camera_result import CameraResult
-from dic.pipeline.run_corrections import CorrectionSettings, RunCorrector
+from dic.pipeline.run_corrections import CorrectedStep, CorrectionSettings, RunCorrector
 from dic.pipeline.run_result_file import RunResultWriter
 from dic.results.job import Job
 from dic.results.provenance import Provenance
@@ -52,9 +54,16 @@ class RunSetUp:
         corrector = RunCorrector(cameras, self.correcting)
         outlines = []
         with RunResultWriter(path, cameras, origin, corrector.pair) as writer:
-            for step in one_ahead(step.evaluated() for step in corrector.steps()):
+            steps = map(CorrectedStep.evaluated, corrector.steps())
+            # Two steps of large images would need too much memory at the same time.
+            large = any(is_large(camera.reference.shape) for camera in cameras)
+            for step in steps if large else one_ahead(steps):
                 writer.add(step)
                 outlines.append(step.outline)
+                # Free the memory of this step before the next one is computed.
+                del step
+                if large:
+                    give_back_memory()
             corrections = corrector.corrections(outlines)
             writer.finish(self.source, self.info, self.settings, self.correcting, corrections)
 

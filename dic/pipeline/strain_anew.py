@@ -14,7 +14,7 @@ from dic.pipeline.camera_result import CameraResult
 from dic.pipeline.images import measured, measurement_of
 from dic.pipeline.run_corrections import CorrectionSettings
 from dic.pipeline.run_result import RunResult
-from dic.pipeline.run_result_file import load_run_result
+from dic.pipeline.run_result_file import load_written
 from dic.pipeline.run_set_up import RunSetUp, plate_of_job, strain_of_job
 from dic.pipeline.series_corrections import corrected_rotation
 from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
@@ -161,7 +161,7 @@ def strain_with(
     job = Job(job_of_fields(result).fields, as_text(set_up.as_dict()))
     cameras = [_camera_anew(each, set_up.strain, set_up.plate_mm, on_image) for each in result.cameras]
     set_up.write(output, cameras, origin_anew(result, [Path(result.file), *inputs], job))
-    return load_run_result(output)
+    return load_written(output)
 
 
 def _camera_anew(
