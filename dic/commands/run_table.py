@@ -1,15 +1,17 @@
 """The table that `dic process` prints: raw, calibrated and corrected strains of each step."""
 
 from collections.abc import Iterable, Sequence
+from itertools import starmap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dic.commands.series_text import strains_of
 from dic.commands.strain_table import Column, StrainTable, share_text
+from dic.files.lazy import by_index
 
 if TYPE_CHECKING:
-    from dic import CameraResult, JointCorrections, Measurement, RunResult, RunStep
+    from dic import CameraResult, Correction, JointCorrections, Measurement, RunResult, RunStep
 
 _READINGS = (("load_n", "load N", 0), ("displacement_mm", "displ. mm", 3), ("angle_deg", "angle °", 1))
 """The device readings in the table: attribute of a step, heading, and number of decimals."""
@@ -48,7 +50,7 @@ def _camera_lines(result: "RunResult", camera: "CameraResult") -> list[str]:
     lines.append(made.heading())
     images = result.corrections.cameras[camera.camera].images
     declined: dict[str, list[str]] = {}
-    for step, measurement, correction in zip(camera.steps, camera.measurements, images, strict=True):
+    for step, measurement, correction in by_index(camera.steps, camera.measurements, images):
         summary = measurement.summary() | {"corrected": correction.as_dict()}
         share = share_text(summary["converged"], summary["points"])
         lines += made.lines([*_step_cells(step, readings), share], strains_of(summary))
@@ -143,14 +145,8 @@ def as_dict(result: "RunResult") -> dict[str, Any]:
     """Return a run's strains as a dictionary for JSON; `docs/results.md` describes the keys."""
     cameras = {}
     for camera in result.cameras:
-        steps = []
         corrections = result.corrections.cameras[camera.camera]
-        for step, measurement, correction in zip(
-            camera.steps, camera.measurements, corrections.images, strict=True
-        ):
-            readings = {k: None if v != v else v for k, v in vars(step).items()}
-            summary = measurement.summary() | {"corrected": correction.as_dict()}
-            steps.append(readings | summary | {"good": measurement.good})
+        steps = starmap(_step_as_dict, by_index(camera.steps, camera.measurements, corrections.images))
         calibration = camera.calibration
         cameras[camera.camera] = {
             "calibration": {
@@ -163,7 +159,7 @@ def as_dict(result: "RunResult") -> dict[str, Any]:
             },
             "alignment": None if corrections.alignment is None else corrections.alignment.as_dict(),
             "findings": result.corrections.findings[camera.camera],
-            "steps": steps,
+            "steps": list(steps),
             "failures": camera.failures,
         }
     info = result.info
@@ -178,6 +174,12 @@ def as_dict(result: "RunResult") -> dict[str, Any]:
         "cameras": cameras,
         "both": None if result.corrections.joint is None else _joint_as_dict(result.corrections.joint),
     }
+
+
+def _step_as_dict(step: "RunStep", measurement: "Measurement", correction: "Correction") -> dict[str, Any]:
+    readings = {k: None if v != v else v for k, v in vars(step).items()}
+    summary = measurement.summary() | {"corrected": correction.as_dict()}
+    return readings | summary | {"good": measurement.good}
 
 
 def _joint_as_dict(joint: "JointCorrections") -> dict[str, Any]:

@@ -8,6 +8,8 @@ from typing import Any, Generic, TypeVar, overload
 
 Key = TypeVar("Key")
 Item = TypeVar("Item")
+Other = TypeVar("Other")
+Third = TypeVar("Third")
 
 
 class Computed(Sequence[Item]):
@@ -47,6 +49,20 @@ class Computed(Sequence[Item]):
         # The iterator of `Sequence` keeps an element until it has the next one.
         for k in range(self._count):
             yield self[k]
+
+
+def by_index(
+    firsts: Sequence[Item], others: Sequence[Other], thirds: Sequence[Third]
+) -> Iterator[tuple[Item, Other, Third]]:
+    """Yield the elements with the same index, as `zip` does, but keep none of them.
+
+    `zip` keeps the elements that it has yielded until it has the next ones. So two elements of a `Computed`
+    would be in memory. To free the last element, the caller must delete its variables, too.
+    """
+    if not len(firsts) == len(others) == len(thirds):
+        raise ValueError(f"{len(firsts)}, {len(others)} and {len(thirds)} elements")
+    for k in range(len(firsts)):
+        yield firsts[k], others[k], thirds[k]
 
 
 class ComputedMapping(Mapping[Key, Item]):

@@ -52,7 +52,8 @@ def open_for_reading(path: Path) -> Any:
         If the file is truncated or not HDF5.
     """
     try:
-        # Each row is a chunk of its own and is read once. HDF5 would keep up to 1 MB of each data set.
+        # The rows of a result file are chunks of their own, and hardly any is read twice in a row. HDF5 would
+        # keep several rows of each data set.
         # Do not try SWMR mode (reading during writing) first: HDF5 would wait forever for the writer of a
         # truncated file.
         return h5py.File(path, "r", rdcc_nbytes=0)

@@ -141,7 +141,7 @@ def moved_out_of_plane(
     position, moved = before.within(here_mm, centre_mm), after.within(there_mm, centre_mm)
     gradient, noise = calibrated.gradient, calibrated.noise
     there = after.jacobian(there_mm, centre_mm)
-    covariance: Float = np.full((*there.shape[:-2], 4, 4), np.nan)
+    covariance: Float = np.broadcast_to(np.nan, (*there.shape[:-2], 4, 4))
     if gradient is not None:
         back = np.linalg.inv(before.jacobian(here_mm, centre_mm))
         gradient = there @ (gradient + np.eye(2)) @ back - np.eye(2)

@@ -175,7 +175,7 @@ def load_run_result(path: PathLike) -> RunResult:
 
     def read(file: Any) -> RunResult:
         result = replace(_read_run(path, file), file=str(path))
-        # An unnamed step is freed before the next one is read.
+        # A variable of a loop would keep a step until the next one is read.
         deque(_steps_of(result), maxlen=0)
         return result
 

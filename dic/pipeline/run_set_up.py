@@ -60,9 +60,9 @@ class RunSetUp:
             for step in steps if large else one_ahead(steps):
                 writer.add(step)
                 outlines.append(step.outline)
-                # Free the memory of this step before the next one is computed.
-                del step
                 if large:
+                    # Free most of the memory of this step before the next one is computed.
+                    del step
                     give_back_memory()
             corrections = corrector.corrections(outlines)
             writer.finish(self.source, self.info, self.settings, self.correcting, corrections)

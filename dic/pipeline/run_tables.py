@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from dic.files.lazy import by_index
 from dic.pipeline.run_result import RunResult
 from dic.results.csv import write_csv
 from dic.results.strain_table import STRAIN_FILE, write_strain_table
@@ -23,9 +24,10 @@ def write_run_tables(result: RunResult, folder: Path, *, decimal_comma: bool = F
     write_strain_table(list(_rows(result)), folder / STRAIN_FILE, decimal_comma=decimal_comma)
     for camera in result.cameras:
         corrections = result.corrections.cameras[camera.camera].images
-        for step, measurement, correction in zip(camera.steps, camera.measurements, corrections, strict=True):
+        for step, measurement, correction in by_index(camera.steps, camera.measurements, corrections):
             path = folder / f"{camera.camera}_{step.kind}_{step.index}.csv"
             write_csv(measurement, path, correction=correction, decimal_comma=decimal_comma)
+            del measurement, correction
 
 
 def _rows(result: RunResult) -> Iterator[dict[str, Any]]:
@@ -33,10 +35,11 @@ def _rows(result: RunResult) -> Iterator[dict[str, Any]]:
     steps = {}
     for camera in result.cameras:
         corrections = result.corrections.cameras[camera.camera].images
-        for step, measurement, correction in zip(camera.steps, camera.measurements, corrections, strict=True):
+        for step, measurement, correction in by_index(camera.steps, camera.measurements, corrections):
             steps[step.index] = vars(step) | {"step": f"{step.kind} {step.index}"}
             row = measurement.summary() | {"corrected": correction.as_dict()}
             yield row | steps[step.index] | {"camera": camera.camera, "error": measurement.objection}
+            del measurement, correction
         for failure in camera.failures:
             yield {"file": "", "camera": camera.camera, "error": failure}
     joint = result.corrections.joint

@@ -1,5 +1,6 @@
 """The report's tables: settings, calibrations and problems."""
 
+from operator import attrgetter
 from pathlib import Path
 
 from dic.pipeline.camera_result import CameraResult
@@ -177,8 +178,10 @@ def _camera_problems(camera: CameraResult) -> list[str]:
         sentences.append(f"{camera.camera}: {grid.found} of {grid.expected} grid points were found.")
     sentences += camera.failures
     sentences += [
-        f"{camera.camera}, step {step.index}: {measurement.objection}."
-        for step, measurement in zip(camera.steps, camera.measurements, strict=True)
-        if not measurement.good
+        f"{camera.camera}, step {step.index}: {objection}."
+        for step, objection in zip(
+            camera.steps, map(attrgetter("objection"), camera.measurements), strict=True
+        )
+        if objection is not None
     ]
     return sentences

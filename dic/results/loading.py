@@ -30,7 +30,8 @@ def load_result(
 
     For a damaged file, or a file that contradicts itself, the error that `refusal` returns is raised. An
     `OSError` that names a file, which `read` cannot write, passes unchanged. The function `read` must access
-    every value once. Then a file that lacks a value is refused now, and not in the middle of a report.
+    every value once, if another program may have written the file. Then a file that lacks a value is refused
+    now, and not in the middle of a report.
     """
     try:
         file = open_hdf5(path)

@@ -132,7 +132,7 @@ def read_two_cameras(
         used.
     """
     first, second = map(str, group.attrs["cameras"])
-    indices = [int(index) for index in group["step"]] if "step" in group else []
+    indices = group["step"][:].tolist() if "step" in group else []
 
     def of_camera(camera: str) -> Sequence[Correction]:
         found = Computed(len(indices), lambda k: measurements[camera][indices[k]])

@@ -5,7 +5,7 @@ from operator import attrgetter
 
 import pytest
 
-from dic.files.lazy import Computed
+from dic.files.lazy import Computed, by_index
 
 
 class Element:
@@ -23,6 +23,17 @@ def test_one_element_is_freed_before_the_next_is_computed():
     elements = Computed(4, lambda k: Element())
     assert [elements[k].others for k in range(4)] == [0] * 4
     assert list(map(attrgetter("others"), elements)) == [0] * 4
+
+
+def test_elements_of_several_sequences_are_freed_before_the_next():
+    elements, others = Computed(4, lambda k: Element()), []
+    for name, element, number in by_index("abcd", elements, range(4)):
+        assert name == "abcd"[number]
+        others.append(element.others)
+        del element
+    assert others == [0] * 4
+    with pytest.raises(ValueError, match="4, 4 and 3 elements"):
+        next(by_index("abcd", elements, range(3)))
 
 
 def test_the_last_element_is_computed_once():
