@@ -9,7 +9,6 @@ from typing import Any
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import require_kind
-from dic.image.memory import give_back_memory
 from dic.pipeline.correlated import FIRST_GUESSES
 from dic.pipeline.reuse import FIELDS, SAME, fields_on_file, require_replaceable
 from dic.pipeline.run_corrections import CorrectionSettings
@@ -26,6 +25,7 @@ from dic.results.unfinished import result_place, unfinished
 from dic.runfile.digests import joined_digest
 from dic.runfile.joined import open_run
 from dic.runfile.reader import RunFile
+from dic.specimen.find import Specimen
 from dic.strain.strain import StrainSettings
 from dic.typing import PathLike
 from dic.workers.workers import Workers
@@ -115,16 +115,23 @@ def process_run(
                 found = strain_with(known, set_up, file, done, place.inputs)
                 return replace(found, note=f"{known.file}: {FIELDS}")
             work = RunCorrelation(run, regions, kept, settings, strain, incremental, plate_mm, done, workers)
-            cameras = work.correlate_all()
-            set_up.write(file, cameras, Provenance.of([run.path, *place.inputs], job))
-            specimens = {camera.camera: camera.specimen for camera in cameras}
-            # Free the images and the last step before steps are read from the file.
-            del work, cameras
-            give_back_memory()
+            specimens = _measure_into(file, work, set_up, Provenance.of([run.path, *place.inputs], job))
         result = load_written(file)
     return replace(
         result, cameras=[replace(camera, specimen=specimens[camera.camera]) for camera in result.cameras]
     )
+
+
+def _measure_into(
+    file: Path, work: RunCorrelation, set_up: RunSetUp, origin: Provenance
+) -> dict[str, Specimen | None]:
+    """Correlate the images of a run, write its result file, and return the specimen of each camera.
+
+    The images and the last step are in memory only until this function returns.
+    """
+    cameras = work.correlate_all()
+    set_up.write(file, cameras, origin)
+    return {camera.camera: camera.specimen for camera in cameras}
 
 
 def _images(run: RunFile) -> dict[str, list[Outcome]]:

@@ -12,6 +12,7 @@ from dic.calibration.file import read_calibration, write_calibration
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import RunFileError, require_kind
 from dic.files.lazy import ComputedMapping
+from dic.image.memory import give_back_memory
 from dic.out_of_plane.correct import Corrections
 from dic.out_of_plane.correction import Correction
 from dic.pipeline.camera_result import CameraResult
@@ -183,7 +184,11 @@ def load_run_result(path: PathLike) -> RunResult:
 
 
 def load_written(path: Path) -> RunResult:
-    """Read a result file that this program has just written, so that its steps need not be checked."""
+    """Read a result file that this program has just written, so that its steps need not be checked.
+
+    The memory that the program needed to compute the steps is given back first.
+    """
+    give_back_memory()
     return load_result(path, lambda file: replace(_read_run(path, file), file=str(path)), _refusal)
 
 

@@ -8,7 +8,6 @@ from dic.calibration.calibration import Calibration
 from dic.calibration.plate import behind
 from dic.errors import RunFileError
 from dic.files.lazy import Computed
-from dic.image.memory import give_back_memory
 from dic.out_of_plane.correct import Motion
 from dic.out_of_plane.diagnosis import Sensitivity
 from dic.pipeline.camera_result import CameraResult
@@ -160,10 +159,12 @@ def strain_with(
 ) -> RunResult:
     """Compute the strains of a run with another set-up, and write them to `output`; see `strain_of_run`."""
     job = Job(job_of_fields(result).fields, as_text(set_up.as_dict()))
-    cameras = [_camera_anew(each, set_up.strain, set_up.plate_mm, on_image) for each in result.cameras]
-    set_up.write(output, cameras, origin_anew(result, [Path(result.file), *inputs], job))
-    del cameras
-    give_back_memory()
+    origin = origin_anew(result, [Path(result.file), *inputs], job)
+    set_up.write(
+        output,
+        [_camera_anew(each, set_up.strain, set_up.plate_mm, on_image) for each in result.cameras],
+        origin,
+    )
     return load_written(output)
 
 
