@@ -1,7 +1,5 @@
 """Reports that several test modules read. Drawing one takes seconds, so all workers share them."""
 
-import fcntl
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,22 +18,18 @@ from tests.dic.report.runs import (
     rotation_run,
     tension_run,
 )
+from tests.made_once import made_once
 
 
 def drawn_once(
     tmp_path_factory: pytest.TempPathFactory, name: str, runs: Callable[[], list[RunResult]]
 ) -> str:
     """Return the HTML of a report that the first worker to need it has written."""
-    own = tmp_path_factory.getbasetemp()
-    # Each of several workers has a folder of its own in the folder of all.
-    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "reports"
-    folder.mkdir(exist_ok=True)
-    kept = Path(folder, f"{name}.html")
-    with (folder / f"{name}.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not kept.exists():
-            kept.write_text(written(tmp_path_factory.mktemp(name), *runs()), encoding="utf-8")
-    return kept.read_text(encoding="utf-8")
+
+    def draw(folder: Path) -> None:
+        (folder / "kept.html").write_text(written(folder, *runs()), encoding="utf-8")
+
+    return (made_once(tmp_path_factory, f"{name}-report", draw) / "kept.html").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="session")
