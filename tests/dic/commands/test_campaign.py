@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.command_line import refusal, run_dic
+from tests.pdf_files import page_texts, require_pango
 
 AREA_MM2 = 20.0
 COLUMNS = ["--load", "Load:kN", "--strain", "Strain:%", "--area-mm2", AREA_MM2]
@@ -57,11 +58,10 @@ def test_equal_tables_need_no_toml_file(folder, tmp_path):
 
 
 def test_the_report_is_also_a_pdf_file_with_its_title_on_each_page(folder, tmp_path):
-    pdfium = pytest.importorskip("pypdfium2")
-    pytest.importorskip("weasyprint")
+    require_pango()
     page, pdf = tmp_path / "r.html", tmp_path / "r.pdf"
     assert run_dic("campaign", folder, *COLUMNS, "--report", page, "--pdf", pdf).status == 0
-    pages = [" ".join(one.get_textpage().get_text_range().split()) for one in pdfium.PdfDocument(pdf)]
+    pages = page_texts(pdf)
     assert all(folder.name in text for text in pages)
     assert [text.endswith(f"{number} / {len(pages)}") for number, text in enumerate(pages, 1)] == [
         True

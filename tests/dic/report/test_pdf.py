@@ -4,23 +4,18 @@ import pytest
 
 from dic.report import write_report
 from tests.dic.report.runs import corrected_rotation_run, rotation_run
-
-
-def pages(path):
-    """The text of each page of a PDF file."""
-    pdfium = pytest.importorskip("pypdfium2")
-    document = pdfium.PdfDocument(path)
-    return [" ".join(page.get_textpage().get_text_range().split()) for page in document]
+from tests.pdf_files import page_texts, require_pango
 
 
 @pytest.mark.long
 def test_simulated_is_written_on_every_page_of_a_simulated_run_only(tmp_path):
+    require_pango()
     real, simulated = rotation_run(10.0, 0.0012), corrected_rotation_run(30.0, 0.004, simulated=True)
     for name, runs in {"both": [real, simulated], "one": [simulated], "real": [real]}.items():
         write_report(runs, tmp_path / f"{name}.html", pdf=tmp_path / f"{name}.pdf")
-    assert all("SIMULATED" in page for page in pages(tmp_path / "one.pdf"))
-    assert not any("SIMULATED" in page for page in pages(tmp_path / "real.pdf"))
-    both = pages(tmp_path / "both.pdf")
+    assert all("SIMULATED" in page for page in page_texts(tmp_path / "one.pdf"))
+    assert not any("SIMULATED" in page for page in page_texts(tmp_path / "real.pdf"))
+    both = page_texts(tmp_path / "both.pdf")
     first = next(
         k
         for k, page in enumerate(both)
