@@ -17,7 +17,7 @@ import dic.cli
 import rig.cli
 
 RIG = [sys.executable, "-c", "from rig.cli import main; main()"]
-DEADLINE_S = 100.0
+DEADLINE_S = 300.0
 """Time in s after which a test stops waiting for the end of a program; it is below the limit of a test."""
 
 

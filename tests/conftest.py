@@ -23,14 +23,7 @@ for _number, _usual in (
     if signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, _usual)
 
-LONG_LIMIT_S = 3600
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give tests with the mark `long` a longer time limit than the limit in pyproject.toml."""
-    for item in items:
-        if item.get_closest_marker("long") and not item.get_closest_marker("timeout"):
-            item.add_marker(pytest.mark.timeout(LONG_LIMIT_S))
+pytest_plugins = ("tests.limits",)
 
 
 @pytest.fixture(scope="session", autouse=True)
