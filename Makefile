@@ -2,31 +2,53 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# What a user installs, and what tests, types, style and documentation need beside it
+PRODUCT := $(VENV)/.product
 STAMP := $(VENV)/.installed
 DEMO := demo
+LOCKED := 3.11 3.12 3.13
+VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+# Every package in the version with which the tests passed, for each version of Python; `make lock` renews them.
+LOCK := $(wildcard constraints/python-$(VERSION).txt)
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check $(if $(LOCK),--constraint $(LOCK))
+# Idle threads of linear algebra within a worker of the tests would only compete.
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest --dist worksteal
+COMPILED := $(BIN)/uv pip compile --quiet pyproject.toml --no-header --no-annotate --no-emit-index-url --no-emit-find-links
+LOWEST := .venv-lowest
+EXTRAS := http tables pdf cluster
 
-.PHONY: help install demo test test-kernel test-long bench docs gallery lint types laws compiled clean
+.PHONY: help install demo test test-extended test-kernel test-long test-lowest test-cost lock bench docs gallery \
+  lint types laws compiled clean
 
 help:
 	@echo "make install    the virtual environment in $(VENV)"
 	@echo "make demo       the paper's experiments and a tensile test on a virtual rig; report in $(DEMO)/report.html"
-	@echo "make test       lint, types, import laws and the whole suite"
+	@echo "make test       lint, types, import laws and the tests of every module, in minutes"
+	@echo "make test-extended  whole matrices, damaged files, packaging, programs by others, pages: the second part of CI"
 	@echo "make test-kernel  the camera drivers on a real kernel and a real GigE Vision peer, with their figures"
 	@echo "make test-long  campaigns of many minutes"
+	@echo "make test-lowest  the tests with the lowest version of each dependency that pyproject.toml admits"
+	@echo "make test-cost  processor time by test, fixture and file"
+	@echo "make lock       the locked versions in constraints/, from what is newest"
 	@echo "make bench      speed of correlation beside other engines, accuracy against theory, speed of the recorder"
 	@echo "make docs       the documentation site in docs/_build/html; a warning is an error"
 	@echo "make gallery    every picture of the documentation, drawn anew"
 
 install: $(STAMP)
 
-$(STAMP): pyproject.toml
+$(PRODUCT): pyproject.toml $(LOCK)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 	  || { echo "offaxis needs Python 3.11 or newer; $(PYTHON) is older. Name another: make PYTHON=python3.12 install" >&2; exit 2; }
+	@test -n "$(LOCK)" || echo "Python $(VERSION): no locked versions in constraints/, so the newest packages are installed" >&2
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	$(PIP) --editable .
 	@touch $@
 
-demo: $(STAMP)
+$(STAMP): $(PRODUCT)
+	$(PIP) --editable '.[test]'
+	@touch $@
+
+demo: $(PRODUCT)
 	$(BIN)/rig demo --output $(DEMO)
 
 lint: $(STAMP)
@@ -44,21 +66,44 @@ compiled: $(STAMP)
 # Finding the tests once keeps their bytecode, which each worker would otherwise compile.
 	@$(BIN)/pytest --collect-only -q -m "not long" >/dev/null
 
-# The tests start hundreds of programs. Each compiles every module anew where the environment forbids bytecode files.
-test test-long: export PYTHONDONTWRITEBYTECODE =
+# The tests start many programs. Each compiles every module anew where the environment forbids bytecode files.
+test test-extended test-long test-cost: export PYTHONDONTWRITEBYTECODE =
 
 test: $(STAMP)
 	$(MAKE) --no-print-directory -j 2 types compiled lint laws
-# Four workers keep two processors busy while some tests wait; threads within a worker would only compete.
-	OMP_NUM_THREADS=1 $(BIN)/pytest -n 4 --dist worksteal -m "not long and not realtime"
-	$(BIN)/pytest -n 2 --dist worksteal -m "realtime and not long"
+# Four workers keep two processors busy while some tests wait.
+	$(PYTEST) -n 4 -m "not extended and not long and not realtime"
+	$(PYTEST) -n 2 -m "realtime and not extended and not long"
+
+test-extended: $(STAMP)
+	$(PYTEST) -n 4 -m "extended and not long and not realtime"
+	$(PYTEST) -n 2 -m "extended and realtime and not long"
+
+test-cost: $(STAMP) compiled
+	$(PYTEST) -n 2 -p tests.cost --cost-file test-cost.csv -m "not long and not realtime"
 
 test-kernel: $(STAMP)
 	$(BIN)/pytest -rA tests/real_cameras/kernel_vm tests/real_cameras/gige
 
 test-long: $(STAMP)
-	OMP_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist worksteal -m "long and not realtime"
+	$(PYTEST) -n 2 -m "long and not realtime"
 	$(BIN)/pytest -m "long and realtime"
+
+# Peers and tools of the tests are not the lowest: only what a user installs is.
+test-lowest: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
+	$(PYTHON) -m venv $(LOWEST)
+	$(COMPILED) --resolution lowest-direct --python-version $(VERSION) --output-file $(LOWEST)/constraints.txt \
+	  $(foreach extra,$(EXTRAS),--extra $(extra))
+	$(LOWEST)/bin/python -m pip install --quiet --constraint $(LOWEST)/constraints.txt --editable '.[suite]'
+	OMP_NUM_THREADS=1 $(LOWEST)/bin/pytest -n 2 --dist worksteal -m "not long and not realtime"
+
+lock: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
+	mkdir -p constraints
+	for version in $(LOCKED); do \
+	  $(COMPILED) --upgrade --extra test --python-version $$version --output-file constraints/python-$$version.txt || exit; \
+	done
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks.speed --peers
@@ -74,4 +119,4 @@ gallery: $(STAMP)
 	$(BIN)/python docs/pictures.py
 
 clean:
-	rm -rf $(VENV) $(DEMO) build docs/_build *.egg-info .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf $(VENV) $(LOWEST) $(DEMO) build docs/_build *.egg-info test-cost.csv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -19,7 +19,7 @@ def wait(seconds):
         pass
 
 
-# Its table of lines says "no location" (0xff: for 8 instructions), as for some code that Python itself inserts.
+# Its table of lines says "no location" (0xff: for 8 instructions), as for code that Python itself inserts.
 code = wait.__code__
 nowhere = types.FunctionType(code.replace(co_linetable=b"\\xff" * len(code.co_code)), globals())
 
