@@ -12,7 +12,8 @@ VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2
 LOCK := $(wildcard constraints/python-$(VERSION).txt)
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check $(if $(LOCK),--constraint $(LOCK))
 # Idle threads of linear algebra within a worker of the tests would only compete.
-PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest --dist worksteal
+PYTESTFLAGS :=
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest --dist worksteal $(PYTESTFLAGS)
 COMPILED := $(BIN)/uv pip compile --quiet pyproject.toml --no-header --no-annotate --no-emit-index-url --no-emit-find-links
 LOWEST := .venv-lowest
 EXTRAS := http tables pdf cluster
