@@ -16,9 +16,12 @@ from simulators.scene.texture import LineGrid, Speckle
 
 def main() -> None:
     pattern = np.random.default_rng(1).uniform(0.0, 255.0, (80, 80)).astype(np.float32)
-    for shape in ("affine", "quadratic"):
-        settings = CorrelationSettings(21, 10, shape=shape)
-        field = Correlator(pattern, np.ones(pattern.shape, bool), settings).correlate(pattern)
+    region = np.ones(pattern.shape, bool)
+    # Windows beside a crack need to know which points see each other.
+    region[40:42, 20:60] = False
+    for shape, order in (("affine", 5), ("quadratic", 5), ("affine", 3)):
+        settings = CorrelationSettings(21, 10, shape=shape, order=order)
+        field = Correlator(pattern, region, settings).correlate(pattern)
         # The first local strain compiles the fits of windows.
         assert measure(field).strain.exx.shape == field.status.shape
     camera = PinholeCamera(60, 60, pan_deg=20.0, k1_per_px2=-5e-8)

@@ -173,7 +173,10 @@ def displacement_noise(field: Field, there: Float) -> Noise:
     there : ndarray, shape (rows, columns, 2, 2)
         Derivatives of the new coordinates with respect to the image coordinates, after the motion.
     """
-    factors, bias = there * field.noise_std_px[..., None, :], there * field.bias_px[..., None, :]
+    # In the layout for the compiled fit: where `there` is a broadcast array, NumPy would choose another one.
+    factors, bias = (
+        np.multiply(there, each[..., None, :], order="C") for each in (field.noise_std_px, field.bias_px)
+    )
     unknown = np.broadcast_to(np.nan, (*field.status.shape, 4, 4))
     clipped = None if field.grid is None else clipped_subsets(field.grid, field.settings)
     return Noise(factors, error_overlap(field.settings), unknown, bias, clipped)

@@ -181,7 +181,7 @@ def fitted_gradients(
     covariance = None if displacement.noise is None else np.full((*shape, 4, 4), np.nan)
     # Points on two straight lines do not determine a quadratic surface. At most 2 · window points of a window
     # lie on two lines, so require one point more.
-    needed = max(_MIN_WINDOW_SHARE * window**2, 2 * window + 1 if degree == 2 else 0)
+    needed = float(max(_MIN_WINDOW_SHARE * window**2, 2 * window + 1 if degree == 2 else 0))
     fit_windows(
         rows.start,
         needed,
@@ -206,7 +206,10 @@ def _surface(displacement: Displacement, window: int, rows: slice) -> Surface:
 
 
 def _errors(noise: Noise | None, window: int) -> Errors:
-    """Return the errors of the displacements for the compiled fit."""
+    """Return the errors of the displacements for the compiled fit.
+
+    The fit is compiled anew for arrays of another type or layout, which takes a second or two.
+    """
     none = np.empty((0, 0, 2, 2))
     number, clipped = np.empty((0, 0), np.int64), np.empty((0, 0, 0))
     if noise is None:
@@ -214,5 +217,8 @@ def _errors(noise: Noise | None, window: int) -> Errors:
     if noise.clipped is not None:
         number = noise.clipped.numbers
         clipped = noise.clipped.correlations(min(window, max(noise.overlap.shape)) - 1)
-    bias = none if noise.bias is None else noise.bias
-    return Errors(noise.factors, noise.overlap, bias, number, clipped)
+    factors, overlap, bias = (
+        np.require(each, np.float64, ["C", "W"])
+        for each in (noise.factors, noise.overlap, none if noise.bias is None else noise.bias)
+    )
+    return Errors(factors, overlap, bias, number, clipped)
