@@ -15,8 +15,8 @@ from simulators.scene.render import render
 from simulators.scene.scene import Surface
 from simulators.scene.texture import LineGrid
 
-# Number of parts along each side into which a pixel at an edge is divided, and pixels computed at once.
-_PER_SIDE, _PIXELS_AT_ONCE = 20, 2000
+# A pixel at an edge is divided into 4 × 4 squares, and of these, each at the edge into 5 × 5 squares.
+_SQUARES, _PARTS, _AT_ONCE = 4, 5, 20000
 SIZE_PX = 560
 FOCAL_PX = 1560.0
 
@@ -125,23 +125,33 @@ def area_sampled(camera: PinholeCamera, surface: Surface) -> np.ndarray:
 
     Each Gauss point is either dark or bright. So with 4 × 4 points, the dark share of a pixel at an edge has
     an rms error of 0.04, which changes in steps along the edge. Pixels whose corners differ are therefore
-    divided into 20 × 20 squares, which reduces the error to 0.003.
+    divided until the edge lies in squares of 1/20 px, which reduces the error to 0.003.
     """
 
     def light(px: np.ndarray) -> np.ndarray:
         return surface.texture.reflectance(surface.material(*camera.ray(px)))
 
     y, x = np.mgrid[: camera.height_px + 1, : camera.width_px + 1] - 0.5
-    corner = light(np.stack([x, y], axis=-1).reshape(-1, 2)).reshape(x.shape)
-    corners = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[:-1, 1:], corner[1:, 1:]])
-    mean = corners.mean(axis=0)
-    cut = np.argwhere(np.ptp(corners, axis=0) > 0)[:, ::-1]
-    offset = (np.arange(_PER_SIDE) + 0.5) / _PER_SIDE - 0.5
-    inside = np.stack(np.meshgrid(offset, offset), axis=-1).reshape(-1, 2)
-    for some in np.array_split(cut, len(cut) // _PIXELS_AT_ONCE + 1):
-        samples = light((some[:, None] + inside).reshape(-1, 2)).reshape(len(some), -1)
-        mean[some[:, 1], some[:, 0]] = samples.mean(axis=1)
+    mean, cut = _of_corners(light(np.stack([x, y], axis=-1).reshape(-1, 2)).reshape(x.shape))
+    pixels, at = np.argwhere(cut)[:, ::-1], (np.arange(_SQUARES + 1) / _SQUARES) - 0.5
+    grid = np.stack(np.meshgrid(at, at), axis=-1)
+    part = ((np.arange(_PARTS) + 0.5) / _PARTS - 0.5) / _SQUARES
+    parts = np.stack(np.meshgrid(part, part), axis=-1).reshape(-1, 2)
+    for some in np.array_split(pixels, len(pixels) * grid.size // _AT_ONCE + 1):
+        corners = light((some[:, None, None] + grid).reshape(-1, 2)).reshape(-1, *grid.shape[:2])
+        squares, edge = _of_corners(corners)
+        which, row, column = np.nonzero(edge)
+        middles = some[which] + (np.stack([column, row], axis=-1) + 0.5) / _SQUARES - 0.5
+        samples = light((middles[:, None] + parts).reshape(-1, 2)).reshape(len(middles), -1)
+        squares[which, row, column] = samples.mean(axis=1)
+        mean[some[:, 1], some[:, 0]] = squares.mean(axis=(1, 2))
     return mean
+
+
+def _of_corners(corner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean of the corners of each square, and whether they differ, for corners on a grid."""
+    four = np.stack([corner[..., i : i - 1 or None, j : j - 1 or None] for i in (0, 1) for j in (0, 1)])
+    return four.mean(axis=0), np.ptp(four, axis=0) > 0
 
 
 @dataclass(frozen=True)
