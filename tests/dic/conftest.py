@@ -1,7 +1,8 @@
 """Images of calibration grids with known intersections, drawn without code of `dic`."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -131,8 +132,14 @@ class GridView:
 def draw_grid() -> Callable[..., GridPicture]:
     """A function ``draw(seed=0, **view)`` that returns an image of a grid and its true intersections."""
 
+    @lru_cache(maxsize=32)
+    def rendered(seed: int, view: GridView) -> GridPicture:
+        return view.render(np.random.default_rng(seed))
+
     def draw(seed: int = 0, **view: Any) -> GridPicture:
-        return GridView(**view).render(np.random.default_rng(seed))
+        picture = rendered(seed, GridView(**view))
+        # A test may draw on its copy.
+        return replace(picture, image=picture.image.copy())
 
     return draw
 

@@ -32,7 +32,9 @@ def _errors_px(grid: GridPoints, camera: PinholeCamera, surface: Surface) -> np.
     return np.linalg.norm(grid.uv_px - camera.project(surface.world(grid.xy_mm)), axis=1)
 
 
-@pytest.mark.parametrize("roll_deg", [0, 44, 137, 271])
+@pytest.mark.parametrize(
+    "roll_deg", [44, 271, *(pytest.param(deg, marks=pytest.mark.extended) for deg in (0, 137))]
+)
 def test_a_mark_names_the_axes_however_the_grid_is_turned(roll_deg: float) -> None:
     image, camera, surface = _view(roll_deg, pan_deg=20)
     grid = find_grid(image)
@@ -78,7 +80,13 @@ def test_an_origin_tells_which_outer_line_is_hidden(draw_grid: Draw) -> None:
         find_grid(image, origin_px=(middle[0] - 40, middle[1]))
 
 
-@pytest.mark.parametrize("x_axis", ["right", "up", "left", "down", 44.0, -46.0, 134.0])
+@pytest.mark.parametrize(
+    "x_axis",
+    [
+        *("up", "left", -46.0),
+        *(pytest.param(axis, marks=pytest.mark.extended) for axis in ("right", "down", 44.0, 134.0)),
+    ],
+)
 def test_an_option_names_the_axes(draw_grid: Draw, x_axis: str | float) -> None:
     roll_deg = 44.0 if isinstance(x_axis, float) else 12.0
     grid = find_grid(draw_grid(roll_deg=roll_deg, focal_px=1150.0).image, x_axis=x_axis)

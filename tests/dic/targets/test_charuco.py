@@ -20,7 +20,7 @@ def test_the_smallest_board_is_found() -> None:
     assert view.rms_px(grid) < 0.02
 
 
-@pytest.mark.parametrize("off_deg", [0.0, 20.0])
+@pytest.mark.parametrize("off_deg", [pytest.param(0.0, marks=pytest.mark.extended), 20.0])
 def test_edges_without_blur_do_not_pull_corners_towards_the_pixels(off_deg: float) -> None:
     """Grey levels that are interpolated between pixels are wrong beside such edges, here by 0.07 px."""
     target = CharucoTarget((10, 9), 1.0, 0.7)
@@ -34,7 +34,7 @@ def test_edges_without_blur_do_not_pull_corners_towards_the_pixels(off_deg: floa
     assert abs(camera.off_axis_deg - off_deg) < 3 * camera.off_axis_std_deg < 1.0
 
 
-@pytest.mark.parametrize("rows", [5, 6])
+@pytest.mark.parametrize("rows", [pytest.param(5, marks=pytest.mark.extended), 6])
 def test_boards_drawn_by_older_versions_of_opencv_are_found(rows: int) -> None:
     """Before version 4.6, a board with an even number of rows began with a bright square."""
     target = CharucoTarget((5, rows), 1.5, 1.1, "DICT_6X6_250")
@@ -52,7 +52,7 @@ def test_markers_of_another_dictionary_are_named() -> None:
         find_target(view.image(), CharucoTarget((5, 6), 1.5, 1.1, "DICT_4X4_50"))
 
 
-@pytest.mark.parametrize("rows", [6, 7])
+@pytest.mark.parametrize("rows", [6, pytest.param(7, marks=pytest.mark.extended)])
 def test_a_part_of_a_larger_board_is_not_taken_for_the_board(rows: int) -> None:
     """Boards of as many columns have the same markers in the same places, but another middle."""
     larger = CharucoTarget((6, rows), 1.2, 0.9)

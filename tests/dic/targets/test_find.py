@@ -43,7 +43,7 @@ def test_boards_that_are_not_symmetric_name_their_axes_themselves(
     assert _rms(grid, camera, surface) < limit_px
 
 
-@pytest.mark.parametrize("squares", [(12, 12), (12, 10)])
+@pytest.mark.parametrize("squares", [(12, 12), pytest.param((12, 10), marks=pytest.mark.extended)])
 def test_a_symmetric_board_follows_the_image_or_the_option(squares: tuple[int, int]) -> None:
     image, camera, surface = seen(checkerboard(squares, 0.85), roll_deg=10.0)
     target = CheckerboardTarget(squares, 0.85)
@@ -58,7 +58,14 @@ def _half_turn(surface: Surface) -> Pose:
     return surface.pose.after(Pose.turned(np.array([0.0, 0.0, 1.0]), 180.0, np.zeros(3)))
 
 
-@pytest.mark.parametrize("swing", [{}, {"pan_deg": 30.0}, {"pan_deg": 30.0, "tilt_deg": -30.0}], ids=str)
+@pytest.mark.parametrize(
+    "swing",
+    [
+        {"pan_deg": 30.0, "tilt_deg": -30.0},
+        *(pytest.param(swing, marks=pytest.mark.extended) for swing in ({}, {"pan_deg": 30.0})),
+    ],
+    ids=str,
+)
 def test_dots_are_found_where_their_centres_are(swing: dict[str, float]) -> None:
     image, camera, surface = seen(dots((13, 12), 0.8, 0.2), roll_deg=8.0, **swing)
     grid = find_target(image, DOTS)
@@ -118,7 +125,18 @@ def test_the_line_grid_is_found_through_the_same_function() -> None:
     assert _rms(grid, camera, surface) < 0.01
 
 
-@pytest.mark.parametrize("target", [BOARD, CHARUCO, DOTS, CheckerboardTarget((13, 11), 0.9)], ids=str)
+@pytest.mark.parametrize(
+    "target",
+    [
+        CHARUCO,
+        # `test_seen.py` and the next test ask for a board and for dots.
+        *(
+            pytest.param(target, marks=pytest.mark.extended)
+            for target in (BOARD, DOTS, CheckerboardTarget((13, 11), 0.9))
+        ),
+    ],
+    ids=str,
+)
 @pytest.mark.parametrize("picture", [pytest.param("noise", marks=pytest.mark.long), "another target"])
 def test_what_is_not_the_target_is_refused(target: Target, picture: str) -> None:
     if picture == "noise":

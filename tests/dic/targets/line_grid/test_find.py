@@ -21,10 +21,14 @@ def _rms(values: np.ndarray) -> float:
 @pytest.mark.parametrize(
     ("view", "limit_px"),
     [
-        ({"noise": 2}, 0.01),
-        ({"noise": 6}, 0.025),
+        pytest.param({"noise": 2}, 0.01, marks=pytest.mark.extended),
+        pytest.param({"noise": 6}, 0.025, marks=pytest.mark.extended),
         ({"noise": 2, "pan_deg": 30}, 0.01),
-        ({"noise": 6, "pan_deg": 25, "tilt_deg": 20, "blur_px": 1.0, "line_mm": 0.11}, 0.025),
+        pytest.param(
+            {"noise": 6, "pan_deg": 25, "tilt_deg": 20, "blur_px": 1.0, "line_mm": 0.11},
+            0.025,
+            marks=pytest.mark.extended,
+        ),
     ],
 )
 def test_all_intersections_are_found_to_a_hundredth_pixel(
@@ -46,20 +50,23 @@ def test_without_noise_the_bias_is_thousandths_of_a_pixel(draw_grid: Draw) -> No
 @pytest.mark.parametrize(
     "view",
     [
-        {"pan_deg": 45, "roll_deg": 10},
+        pytest.param({"pan_deg": 45, "roll_deg": 10}, marks=pytest.mark.extended),
         {"pan_deg": -30, "tilt_deg": 30, "roll_deg": -25, "focal_px": 1150},
-        {"roll_deg": 37, "focal_px": 1150},
+        pytest.param({"roll_deg": 37, "focal_px": 1150}, marks=pytest.mark.extended),
         {"dark_lines": False, "pan_deg": 20},
-        {"gradient": 1.0, "roll_deg": 5},
+        pytest.param({"gradient": 1.0, "roll_deg": 5}, marks=pytest.mark.extended),
         {"k1_per_px2": 4e-7, "pan_deg": 15},
-        {"k1_per_px2": -4e-7, "tilt_deg": -15},
-        {"blur_px": 1.8},
-        {"line_mm": 0.035},
+        pytest.param({"k1_per_px2": -4e-7, "tilt_deg": -15}, marks=pytest.mark.extended),
+        pytest.param({"blur_px": 1.8}, marks=pytest.mark.extended),
+        pytest.param({"line_mm": 0.035}, marks=pytest.mark.extended),
         {"line_mm": 0.2},
-        {"focal_px": 960, "line_mm": 0.08},
-        {"overhang_mm": 0.2, "pan_deg": 20},
+        pytest.param({"focal_px": 960, "line_mm": 0.08}, marks=pytest.mark.extended),
+        pytest.param({"overhang_mm": 0.2, "pan_deg": 20}, marks=pytest.mark.extended),
         {"dark": 110, "bright": 140},
-        {"outside": "speckle", "pan_deg": 25, "roll_deg": 12, "focal_px": 1150},
+        pytest.param(
+            {"outside": "speckle", "pan_deg": 25, "roll_deg": 12, "focal_px": 1150},
+            marks=pytest.mark.extended,
+        ),
         {"outside": "speckle", "tilt_deg": 30, "overhang_mm": 0.1, "focal_px": 1150, "dark_lines": False},
     ],
     ids=lambda view: ",".join(f"{name}={value}" for name, value in view.items()),
@@ -83,7 +90,10 @@ def test_x_points_right_and_y_up_with_the_origin_at_the_centre(draw_grid: Draw) 
     assert grid.xy_mm.max() == 5
 
 
-@pytest.mark.parametrize(("roll_deg", "turned_deg"), [(100, 10), (-80, 10), (190, 10), (170, -10)])
+@pytest.mark.parametrize(
+    ("roll_deg", "turned_deg"),
+    [(100, 10), (170, -10), *(pytest.param(deg, 10, marks=pytest.mark.extended) for deg in (-80, 190))],
+)
 def test_a_grid_that_is_turned_further_is_named_by_the_image_s_directions(
     draw_grid: Draw, roll_deg: float, turned_deg: float
 ) -> None:
@@ -199,12 +209,12 @@ def test_what_is_no_line_grid_is_refused(picture: np.ndarray, lines: tuple[int, 
 @pytest.mark.parametrize(
     ("radius_mm", "px_per_mm", "blur_px", "view"),
     [
-        (0.1, 39.0, 0.8, {}),
-        (0.2, 39.0, 0.8, {"roll_deg": 8.0}),
+        pytest.param(0.1, 39.0, 0.8, {}, marks=pytest.mark.extended),
+        pytest.param(0.2, 39.0, 0.8, {"roll_deg": 8.0}, marks=pytest.mark.extended),
         (0.3, 39.0, 2.0, {"pan_deg": 40.0, "roll_deg": 20.0}),
-        (0.38, 39.0, 0.8, {"pan_deg": 15.0}),
+        pytest.param(0.38, 39.0, 0.8, {"pan_deg": 15.0}, marks=pytest.mark.extended),
         (0.2, 14.0, 1.0, {"pan_deg": 30.0}),
-        (0.2, 12.5, 1.5, {"roll_deg": 8.0}),
+        pytest.param(0.2, 12.5, 1.5, {"roll_deg": 8.0}, marks=pytest.mark.extended),
     ],
     ids=str,
 )

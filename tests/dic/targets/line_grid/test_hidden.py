@@ -44,7 +44,13 @@ HIDDEN = {
 @pytest.mark.parametrize(
     "view", [pytest.param({"roll_deg": 3}, marks=pytest.mark.long), {"pan_deg": 30, "roll_deg": 25}], ids=str
 )
-@pytest.mark.parametrize("what", HIDDEN)
+@pytest.mark.parametrize(
+    "what",
+    [
+        pytest.param(what, marks=pytest.mark.extended if number % 2 else ())
+        for number, what in enumerate(HIDDEN)
+    ],
+)
 def test_what_is_hidden_is_left_out_and_the_rest_keeps_its_index(
     draw_grid: Draw, what: str, view: dict[str, Any]
 ) -> None:
@@ -60,7 +66,9 @@ def test_what_is_hidden_is_left_out_and_the_rest_keeps_its_index(
 
 
 @pytest.mark.parametrize("side", [0, 1, 2, 3])
-@pytest.mark.parametrize("view", [{}, {"pan_deg": 25, "roll_deg": -20}], ids=str)
+@pytest.mark.parametrize(
+    "view", [pytest.param({}, marks=pytest.mark.extended), {"pan_deg": 25, "roll_deg": -20}], ids=str
+)
 def test_an_outer_line_that_is_wholly_hidden_is_not_guessed(
     draw_grid: Draw, view: dict[str, Any], side: int
 ) -> None:
@@ -80,7 +88,7 @@ def test_a_line_too_many_is_not_overlooked_because_it_is_hidden_in_part(draw_gri
         find_grid(_covered(picture, _rectangle(5.1, -6, 6, 1)))
 
 
-@pytest.mark.parametrize("dark_lines", [True, False])
+@pytest.mark.parametrize("dark_lines", [True, pytest.param(False, marks=pytest.mark.extended)])
 def test_light_that_falls_to_a_third_does_not_shift_lines(draw_grid: Draw, dark_lines: bool) -> None:
     picture = draw_grid(noise=0, line_mm=0.08, dark=20, roll_deg=3, dark_lines=dark_lines)
     fall = np.linspace(1, 1 / 3, picture.image.shape[1], dtype=np.float32)

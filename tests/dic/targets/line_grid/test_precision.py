@@ -50,6 +50,7 @@ def test_wide_lines_seen_at_45_degrees_are_not_shifted_by_perspective() -> None:
     assert abs(error_px[:, 0].mean()) < shift_px / 5
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("noise", [2, 6])
 def test_fine_lines_hold_to_the_limit_in_a_blurred_noisy_image(noise: int) -> None:
     camera = PinholeCamera(1000, 1000, focal_px=2700.0, pan_deg=30.0)
