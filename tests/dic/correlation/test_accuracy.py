@@ -15,7 +15,9 @@ def pattern() -> Speckle:
     return Speckle(seed=4, shape=(320, 320))
 
 
-@pytest.mark.parametrize(("order", "limit_px"), [(3, 1e-3), (5, 1e-4)])
+@pytest.mark.parametrize(
+    ("order", "limit_px"), [pytest.param(3, 1e-3, marks=pytest.mark.extended), (5, 1e-4)]
+)
 def test_subpixel_shifts_of_a_noiseless_pattern_are_not_biased(order, limit_px):
     found = interpolation_bias(
         Speckle(seed=3, shape=(160, 160)), CorrelationSettings(subset_px=21, step_px=7, order=order)
@@ -23,8 +25,13 @@ def test_subpixel_shifts_of_a_noiseless_pattern_are_not_biased(order, limit_px):
     assert found.bias_px < limit_px
 
 
-@pytest.mark.parametrize("shape", ["affine", "quadratic"])
-@pytest.mark.parametrize("order", [3, 5])
+@pytest.mark.parametrize(
+    ("shape", "order"),
+    [
+        *(("affine", 3), ("quadratic", 5)),
+        *(pytest.param(*case, marks=pytest.mark.extended) for case in (("affine", 5), ("quadratic", 3))),
+    ],
+)
 def test_scatter_is_the_cramer_rao_bound_and_what_points_predict(pattern, shape, order):
     settings = CorrelationSettings(subset_px=21, step_px=11, shape=shape, order=order)
     found = noise(pattern, settings, grey_levels=2.0)

@@ -60,7 +60,9 @@ def share_within_twentieth_of_a_pixel(correlator, pattern, homography):
     return np.count_nonzero(error[in_view] < 0.05) / in_view.sum()
 
 
-@pytest.mark.parametrize("turn_deg", SAMPLE)
+@pytest.mark.parametrize(
+    "turn_deg", [*SAMPLE[::2], *(pytest.param(deg, marks=pytest.mark.extended) for deg in SAMPLE[1::2])]
+)
 def test_turned_and_seen_from_aside(correlator, pattern, turn_deg):
     scale = SCALES[SAMPLE.index(turn_deg) % len(SCALES)]
     view = off_axis_view(turn_deg, scale, towards_deg=3 * turn_deg)

@@ -49,8 +49,13 @@ def stretched(x, y):
     return x - 2.3 - 0.01 * y, y + 3.6 - 0.04 * y - 0.012 * x
 
 
-@pytest.mark.parametrize("shape", ["affine", "quadratic"])
-@pytest.mark.parametrize("smoothing_px", [0.0, 0.7])
+@pytest.mark.parametrize(
+    ("shape", "smoothing_px"),
+    [
+        *(("affine", 0.7), ("quadratic", 0.0)),
+        *(pytest.param(*case, marks=pytest.mark.extended) for case in (("affine", 0.0), ("quadratic", 0.7))),
+    ],
+)
 def test_bands_of_a_series_give_the_same_fields(speckle, in_bands, shape, smoothing_px):
     settings = CorrelationSettings(21, 10, shape=shape, smoothing_px=smoothing_px)
     reference, *images = pictures(speckle, stretched, lambda x, y: stretched(x + 0.4, y - 0.3))
@@ -67,7 +72,7 @@ def test_bands_beside_cracks_and_holes_give_the_same_field(speckle, in_bands):
     assert_same(whole, banded)
 
 
-@pytest.mark.parametrize("angle_deg", [3.0, 25.0])
+@pytest.mark.parametrize("angle_deg", [pytest.param(3.0, marks=pytest.mark.extended), 25.0])
 def test_a_rotation_of_which_the_angle_is_known_gives_the_same_field(speckle, turn, in_bands, angle_deg):
     centre = (150.0, 210.0)
     reference, image = pictures(speckle, turn(angle_deg, centre))

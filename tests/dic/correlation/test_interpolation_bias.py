@@ -22,6 +22,9 @@ TRUE_SHIFTS = {
     "soft discs": lambda: discs(4, 0.7),
 }
 
+FIRST = "blobs of 0.8 to 1.1 px", "sharp discs"
+"""The patterns of the first part of the tests: a round one and one with edges."""
+
 REAL = {
     "plate with a hole": ("ohtcfrp/ohtcfrp_00.png", 2, np.s_[:, :]),
     "before a rotation": ("rotation170/rotation_000.tif", 2, np.s_[:, :]),
@@ -53,7 +56,10 @@ def check_prediction(draw):
         assert happened / 1.5 < predicted < 1.5 * happened
 
 
-@pytest.mark.parametrize("name", TRUE_SHIFTS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=() if name in FIRST else pytest.mark.extended) for name in TRUE_SHIFTS],
+)
 def test_the_predicted_bias_of_a_drawn_pattern_happens(name):
     check_prediction(TRUE_SHIFTS[name]())
 

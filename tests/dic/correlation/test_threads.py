@@ -8,8 +8,13 @@ from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
 
 
-@pytest.mark.parametrize("threads", [2, 5])
-@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+@pytest.mark.parametrize(
+    ("shape", "threads"),
+    [
+        *(("affine", 2), ("quadratic", 5)),
+        *(pytest.param(*case, marks=pytest.mark.extended) for case in (("affine", 5), ("quadratic", 2))),
+    ],
+)
 def test_fields_are_the_same_for_any_number_of_threads(speckle, turn, threads, shape):
     """Of a pair and of a series, with points out of view, a part that is torn away, and no region."""
     pattern, other = speckle(seed=61, shape=(330, 300), noise=1.0), speckle(seed=62, shape=(330, 300))

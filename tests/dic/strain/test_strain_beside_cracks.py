@@ -66,7 +66,7 @@ def test_no_point_beside_a_crack_takes_the_opening_for_strain(plate, width_px, s
     assert 0.6 < np.sqrt((z[beside] ** 2).mean()) < 1.3
 
 
-@pytest.mark.parametrize("width_px", [2, 10])
+@pytest.mark.parametrize("width_px", [pytest.param(2, marks=pytest.mark.extended), 10])
 def test_deviations_beside_a_crack_are_those_of_strains_in_repeated_noise(plate, width_px):
     """A subset that the crack clips shares other errors with its neighbours than a whole subset."""
     trials, settings = 20, CorrelationSettings(step_px=5)

@@ -2,6 +2,7 @@
 
 import ast
 import shutil
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,7 @@ def file_of(module: str) -> Path | None:
     return next((p for p in (path.with_suffix(".py"), path / "__init__.py") if p.is_file()), None)
 
 
+@cache
 def imported_by(path: Path) -> set[Path]:
     """Return the modules of `dic` that a file imports, directly or through other modules of `dic`."""
     found: set[Path] = set()

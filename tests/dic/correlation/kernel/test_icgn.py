@@ -32,15 +32,23 @@ def check_same_as_numpy(reference, deformed, settings, region=None, usable=None,
         assert field.zncc[rows[k], columns[k]] == pytest.approx(zncc, abs=1e-5)
 
 
-@pytest.mark.parametrize("shape", ["affine", "quadratic"])
-@pytest.mark.parametrize(("order", "subset_px"), [(3, 21), (5, 31), (5, 15)])
+@pytest.mark.parametrize(
+    ("order", "subset_px", "shape"),
+    [
+        *((3, 21, "affine"), (5, 31, "quadratic"), (5, 15, "affine")),
+        *(
+            pytest.param(*case, marks=pytest.mark.extended)
+            for case in ((3, 21, "quadratic"), (5, 31, "affine"), (5, 15, "quadratic"))
+        ),
+    ],
+)
 def test_a_smooth_warp_is_that_of_plain_numpy(speckle, shape, order, subset_px):
     pattern = speckle(seed=30, noise=1.0)
     settings = CorrelationSettings(subset_px, 25, shape=shape, order=order, tolerance_px=1e-7)
     check_same_as_numpy(pattern.draw(noise_seed=1), pattern.draw(waves, noise_seed=2), settings)
 
 
-@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+@pytest.mark.parametrize("shape", [pytest.param("affine", marks=pytest.mark.extended), "quadratic"])
 def test_a_large_rotation_is_that_of_plain_numpy(speckle, turn, shape):
     pattern = speckle(seed=31, noise=1.0, margin=60)
     settings = CorrelationSettings(21, 25, shape=shape, tolerance_px=2e-6)
@@ -48,7 +56,7 @@ def test_a_large_rotation_is_that_of_plain_numpy(speckle, turn, shape):
     check_same_as_numpy(pattern.draw(noise_seed=1), moved, settings)
 
 
-@pytest.mark.parametrize("angle_deg", [0.4, 37.0])
+@pytest.mark.parametrize("angle_deg", [pytest.param(0.4, marks=pytest.mark.extended), 37.0])
 def test_a_clipped_subset_is_that_of_plain_numpy(speckle, turn, angle_deg):
     pattern = speckle(seed=32, noise=1.0, margin=60)
     region = np.zeros(pattern.shape, bool)
@@ -81,8 +89,13 @@ def test_several_threads_find_what_one_finds(speckle):
     np.testing.assert_allclose(three.warps, one.warps, atol=1e-5)
 
 
-@pytest.mark.parametrize("noise", [2.0, 8.0])
-@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+@pytest.mark.parametrize(
+    ("shape", "noise"),
+    [
+        *(("affine", 8.0), ("quadratic", 2.0)),
+        *(pytest.param(*case, marks=pytest.mark.extended) for case in (("affine", 2.0), ("quadratic", 8.0))),
+    ],
+)
 def test_predicted_std_is_that_of_repeated_images(speckle, shape, noise):
     pattern = speckle(seed=34, shape=(130, 130))
     settings = CorrelationSettings(21, 24, shape=shape, min_zncc=0.3)
@@ -107,7 +120,7 @@ def half_flat(image, seed, *, noise, grey=128.0, whole=False):
     return np.rint(image) if whole else image
 
 
-@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+@pytest.mark.parametrize("shape", ["affine", pytest.param("quadratic", marks=pytest.mark.extended)])
 @pytest.mark.parametrize(
     ("flat", "scale"),
     [

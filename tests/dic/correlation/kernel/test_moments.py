@@ -48,7 +48,14 @@ PARAMETERS = [(row[2], int(row[3]), int(row[4]), float(Fraction(row[5]))) for ro
 OF_REFERENCE, WITH_IMAGE = tables("name in `moments.py`")
 
 
-@pytest.fixture(scope="module", params=[("affine", 3), ("quadratic", 5)], ids=["affine", "quadratic"])
+@pytest.fixture(
+    scope="module",
+    params=[
+        # Its own machine code takes seconds to compile; `test_icgn.py` compares affine warps with NumPy, too.
+        pytest.param(("affine", 3), marks=pytest.mark.extended, id="affine"),
+        pytest.param(("quadratic", 5), id="quadratic"),
+    ],
+)
 def pixels(speckle, request):
     """A subset whose right columns lie outside the region, in the forms for the kernel and for NumPy."""
     pattern, (shape, order) = speckle(seed=81, shape=(70, 80), noise=1.0), request.param
