@@ -6,6 +6,7 @@ take only seconds.
 """
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -79,13 +80,7 @@ class View:
 
     def calibration(self, *, principal_known: bool = False) -> Calibration:
         """Return the calibration from one image of the grid, if wanted with the true principal point."""
-        rng = np.random.default_rng([self.seed, 1])
-        index = np.stack(np.meshgrid(np.arange(21), np.arange(21)), axis=-1).reshape(-1, 2)
-        xyz = np.column_stack([(index - 10) * 0.5, np.zeros(len(index))])
-        seen = self.camera.project(xyz) + rng.normal(0.0, self.grid_noise_px, (len(index), 2))
-        grid = GridPoints.on_lattice(index.astype(np.int64), seen, (21, 21), 0.5)
-        known = KnownCamera(principal_px=self.camera.principal_point_px) if principal_known else None
-        return Calibration.fit(grid, (self.camera.height_px, self.camera.width_px), known=known)
+        return _calibrated(self, principal_known)
 
     def measurements(self, states, calibration, reference=None):
         """Return a measurement for each state; all measurements have the same noisy reference image."""
@@ -157,6 +152,17 @@ class View:
         within = (material if state.within is None else state.within(material)) @ state.F.T
         centred = np.column_stack([material, np.ones(len(material))])
         return green_lagrange(np.linalg.lstsq(centred, within, rcond=None)[0][:2].T)
+
+
+@lru_cache(maxsize=16)
+def _calibrated(view: View, principal_known: bool) -> Calibration:
+    rng = np.random.default_rng([view.seed, 1])
+    index = np.stack(np.meshgrid(np.arange(21), np.arange(21)), axis=-1).reshape(-1, 2)
+    xyz = np.column_stack([(index - 10) * 0.5, np.zeros(len(index))])
+    seen = view.camera.project(xyz) + rng.normal(0.0, view.grid_noise_px, (len(index), 2))
+    grid = GridPoints.on_lattice(index.astype(np.int64), seen, (21, 21), 0.5)
+    known = KnownCamera(principal_px=view.camera.principal_point_px) if principal_known else None
+    return Calibration.fit(grid, (view.camera.height_px, view.camera.width_px), known=known)
 
 
 def strains(correction):

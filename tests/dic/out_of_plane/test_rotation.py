@@ -35,8 +35,8 @@ def corrected(misalignment, view=VIEW, turns_deg=TURNS_DEG, alignment=None, F=No
 @pytest.mark.parametrize(
     "misaligned",
     [
-        {},
-        {"axis_slope_x_deg": 0.2},
+        pytest.param({}, marks=pytest.mark.extended),
+        pytest.param({"axis_slope_x_deg": 0.2}, marks=pytest.mark.extended),
         {"axis_slope_y_deg": -0.2, "axis_x_mm": 0.5},
         {"axis_slope_x_deg": -0.14, "axis_slope_y_deg": 0.14, "grid_slope_y_deg": 0.1},
         {"grid_slope_x_deg": 0.1, "grid_gap_mm": 0.05},

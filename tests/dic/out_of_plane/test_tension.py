@@ -70,7 +70,7 @@ def test_tilt_is_taken_away_whatever_the_specimen_does_within_its_plane(slope_de
 @pytest.mark.parametrize(
     ("mounted", "cause"), [((0.1, 0.0, 0.0), 0), ((0.0, 0.1, 0.0), 1), ((0.0, 0.0, 0.3), 2)]
 )
-@pytest.mark.parametrize("motion_deg", [(0.05, 0.2), (0.2, -0.1)])
+@pytest.mark.parametrize("motion_deg", [(0.05, 0.2), pytest.param((0.2, -0.1), marks=pytest.mark.extended)])
 def test_stated_error_of_the_mounting_is_the_error_that_a_mounted_specimen_has(mounted, cause, motion_deg):
     view = replace(VIEW, noise_px=1e-4, grid_noise_px=1e-4)
     calibration, F = view.calibration(), np.diag([1 - NU * 0.002, 1.002])
@@ -101,7 +101,7 @@ def test_local_displacements_are_corrected_too():
     assert np.std(found.displacement.vector[use], axis=0).max() < 1.5 * 0.004 / 70
 
 
-@pytest.mark.parametrize("slope_deg", [0.0, 0.15])
+@pytest.mark.parametrize("slope_deg", [pytest.param(0.0, marks=pytest.mark.extended), 0.15])
 @pytest.mark.parametrize(("within", "reason"), [(necking, "necks"), (sheared, "shears"), (torn, "tears")])
 def test_motion_that_is_not_uniform_is_not_corrected(within, reason, slope_deg):
     measurement, found = corrected(State(Pose.sloped(0.0, slope_deg), np.eye(2), within))
