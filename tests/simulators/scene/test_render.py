@@ -61,7 +61,7 @@ def test_a_dot_appears_where_its_material_point_is_projected(camera, pose, gradi
 
 
 @pytest.mark.parametrize("texture", [Speckle.sprayed(1), LineGrid()])
-@pytest.mark.parametrize("pan_deg", [0, 30])
+@pytest.mark.parametrize("pan_deg", [pytest.param(0, marks=pytest.mark.extended), 30])
 def test_quadrature_is_finer_than_the_noise_of_one_grey_level(texture, pan_deg):
     camera = PinholeCamera(300, 300, pan_deg=pan_deg)
     surface = Surface(texture, Pose.turned(np.array([0, 0, 1.0]), 10.0, np.zeros(3)))

@@ -20,7 +20,7 @@ from dic.targets.find import (
 from dic.targets.sheet.draw import draw_target
 from tests.dic.targets.drawings import asymmetric_places
 
-DPI = 150
+DPI = 100
 PX_PER_MM = DPI / 25.4
 TARGETS = [
     LineGridTarget((11, 9), 8.0),
