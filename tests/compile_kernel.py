@@ -8,6 +8,7 @@ import numpy as np
 from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
 from dic.strain.measurement import measure
+from dic.strain.measures import shared_std
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.render import render
 from simulators.scene.scene import Surface
@@ -24,6 +25,7 @@ def main() -> None:
         field = Correlator(pattern, region, settings).correlate(pattern)
         # The first local strain compiles the fits of windows.
         assert measure(field).strain.exx.shape == field.status.shape
+    assert shared_std(np.array([[2e-3, 0.0, 1e-3]]), np.eye(3)).shape == (6, 1)
     camera = PinholeCamera(60, 60, pan_deg=20.0, k1_per_px2=-5e-8)
     for texture in (LineGrid(), Speckle.sprayed(1)):
         render(camera, Surface(texture))

@@ -31,11 +31,11 @@ def affine_truth(field, p):
     return u + ux * x + uy * y, v + vx * x + vy * y
 
 
-@pytest.mark.parametrize(("order", "tolerance_px"), [(3, 3e-3), (5, 1e-3)])
-def test_affine_motion_is_found_at_every_point(speckle, order, tolerance_px):
+@pytest.mark.parametrize(("shape", "order", "tolerance_px"), [("affine", 3, 3e-3), ("quadratic", 5, 1e-3)])
+def test_affine_motion_is_found_at_every_point(speckle, shape, order, tolerance_px):
     pattern = speckle(seed=2)
     p = (3.3, 0.01, -0.02, -2.6, 0.015, -0.008)
-    settings = CorrelationSettings(subset_px=21, step_px=12, order=order)
+    settings = CorrelationSettings(subset_px=21, step_px=12, shape=shape, order=order)
     field = Correlator(pattern.draw(), settings=settings).correlate(pattern.draw(affine_back(p)))
     u, v = affine_truth(field, p)
     assert field.converged.sum() == field.in_view > 100
