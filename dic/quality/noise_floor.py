@@ -84,20 +84,27 @@ def predicted_std(
         half of the subset is in the region.
     """
     terms, k = _terms(settings), settings.parameters // 2
+    count = terms.shape[1]
+    # Sums over products of two terms, as one matrix product for each subset
+    products = (terms[:, :, None] * terms[:, None, :]).reshape(len(terms), -1)
     noise = noise * smoothing.noise_factor
     gradient_noise = noise**2 * slope_noise_gain(settings.order, smoothing.taps)
     std_px = np.full((len(points), 2), np.inf)
     planes = [spline.grey, *spline.gradient(), region]
-    for n, (f, fx, fy, use) in enumerate(_subsets(planes, points, settings.subset_px)):
-        inside = use.ravel().astype(np.bool_)
-        M = terms[inside]
-        J = np.hstack([plane.ravel()[inside, None] * M for plane in (fx, fy)])
-        f = f.ravel()[inside] - f.ravel()[inside].mean()
-        if np.count_nonzero(inside) < LEAST_SHARE * inside.size or not f.any():
+    for n, subset in enumerate(_subsets(planes, points, settings.subset_px)):
+        f, fx, fy, use = (plane.ravel() for plane in subset)
+        pixels = use.sum()
+        if pixels < LEAST_SHARE * use.size:
             continue
-        s, t = J.sum(axis=0), f @ J
-        noisy = J.T @ J - np.outer(s, s) / len(f) - np.outer(t, t) / (f @ f)
-        true = noisy - gradient_noise * np.kron(np.eye(2), M.T @ M)
+        f = (f - f @ use / pixels) * use
+        if not f.any():
+            continue
+        fx, fy = fx * use, fy * use
+        xx, xy, yy, plain = (np.stack([fx * fx, fx * fy, fy * fy, use]) @ products).reshape(-1, count, count)
+        s, t = (np.stack([fx, fy, f * fx, f * fy]) @ terms).reshape(2, -1)
+        hessian = np.block([[xx, xy], [xy, yy]])
+        noisy = hessian - np.outer(s, s) / pixels - np.outer(t, t) / (f @ f)
+        true = noisy - gradient_noise * np.kron(np.eye(2), plain)
         if np.linalg.eigvalsh(true)[0] > 0.0:
             inverse = np.linalg.inv(true)
             variances = noise**2 * np.diag(inverse + inverse @ noisy @ inverse)
