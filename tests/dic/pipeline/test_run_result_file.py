@@ -142,9 +142,17 @@ def test_loaded_run_is_saved_as_the_same_file(kind: str, files: dict[str, Path],
     assert_equal(load_run_result(tmp_path / "again.h5"), again)
 
 
-@pytest.mark.parametrize("kind", ["tension", pytest.param("rotation", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    ("kind", "drawn"),
+    [
+        ("tension", False),
+        pytest.param("tension", True, marks=pytest.mark.extended),
+        pytest.param("rotation", True, marks=pytest.mark.long),
+    ],
+)
 def test_reading_and_reporting_measure_and_correct_nothing(
     kind: str,
+    drawn: bool,
     results: dict[str, RunResult],
     files: dict[str, Path],
     tmp_path: Path,
@@ -152,7 +160,7 @@ def test_reading_and_reporting_measure_and_correct_nothing(
 ) -> None:
     origin = load_run_result(files[kind]).provenance
     assert origin is not None
-    expected = written(tmp_path, replace(results[kind], provenance=origin))
+    expected = written(tmp_path, replace(results[kind], provenance=origin), drawn=drawn)
     assert origin.command in unescape(expected)
 
     def forbidden(*_: Any, **__: Any) -> None:
@@ -172,7 +180,7 @@ def test_reading_and_reporting_measure_and_correct_nothing(
         "dic.pipeline.run_corrections.correct_with_two_cameras",
     ):
         monkeypatch.setattr(name, forbidden)
-    assert written(tmp_path, load_run_result(files[kind])) == expected
+    assert written(tmp_path, load_run_result(files[kind]), drawn=drawn) == expected
 
 
 class TestTamperedFile:
@@ -217,7 +225,7 @@ class TestTamperedFile:
         assert "  somebody was here" in lines
 
     def test_means_in_the_report(self, tampered: Path, tmp_path: Path) -> None:
-        page = Page(written(tmp_path, load_run_result(tampered), fields=False))
+        page = Page(written(tmp_path, load_run_result(tampered), fields=False, drawn=False))
         rows = [row for kind in ("steps", "steps together") for t in page.all_tables(kind) for row in t]
         cells = {cell for row in rows for cell in row}
         assert {"12 346", "37 037 ± 4000"} <= cells
@@ -237,7 +245,7 @@ class TestTamperedFile:
 class TestFileWrittenBefore:
     """Result files of earlier versions, without points, rotations, findings, alignments, corrected fields."""
 
-    @pytest.fixture(params=["tension", "rotation"])
+    @pytest.fixture(params=[pytest.param("tension", marks=pytest.mark.extended), "rotation"])
     def kind(self, request: pytest.FixtureRequest) -> str:
         return str(request.param)
 

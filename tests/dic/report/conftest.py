@@ -1,4 +1,4 @@
-"""Reports that several test modules read. Drawing one takes seconds, so all workers share them."""
+"""Reports that several test modules read. Writing one takes seconds, so all workers share them."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -22,24 +22,30 @@ from tests.made_once import made_once
 
 
 def drawn_once(
-    tmp_path_factory: pytest.TempPathFactory, name: str, runs: Callable[[], list[RunResult]]
+    tmp_path_factory: pytest.TempPathFactory,
+    name: str,
+    runs: Callable[[], list[RunResult]],
+    *,
+    fields: bool = True,
 ) -> str:
-    """Return the HTML of a report that the first worker to need it has written."""
+    """Return the HTML of a report, without drawn pictures, that the first worker to need it has written."""
 
     def draw(folder: Path) -> None:
-        (folder / "kept.html").write_text(written(folder, *runs()), encoding="utf-8")
+        (folder / "kept.html").write_text(
+            written(folder, *runs(), fields=fields, drawn=False), encoding="utf-8"
+        )
 
     return (made_once(tmp_path_factory, f"{name}-report", draw) / "kept.html").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="session")
 def tension_html(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return drawn_once(tmp_path_factory, "tension", lambda: [tension_run()])
+    return drawn_once(tmp_path_factory, "tension", lambda: [tension_run()], fields=False)
 
 
 @pytest.fixture(scope="session")
 def corrected_html(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return drawn_once(tmp_path_factory, "corrected", lambda: [corrected_tension_run()])
+    return drawn_once(tmp_path_factory, "corrected", lambda: [corrected_tension_run()], fields=False)
 
 
 @pytest.fixture(scope="session")

@@ -8,6 +8,7 @@ import pytest
 from dic.pipeline.run_result import RunResult
 from dic.report import write_report
 
+UNDRAWN = "data:image/png;base64,"
 _VOID = {"meta", "img", "br", "link", "hr", "input"}
 
 
@@ -68,14 +69,18 @@ def number(text: str) -> float:
     return float(text.replace("−", "-").replace("\u202f", ""))
 
 
-def written(tmp_path: Path, *results: RunResult, fields: bool = True) -> str:
-    """Return the HTML of a report; without `fields`, the pictures of strain fields are not drawn.
+def written(tmp_path: Path, *results: RunResult, fields: bool = True, drawn: bool = True) -> str:
+    """Return the HTML of a report.
 
-    Drawing these pictures takes more than half of the time of a report.
+    Without `fields`, the report has no pictures of strain fields. Unless the pictures are `drawn`, an empty
+    one stands for every picture in PNG format. Drawing these pictures takes most of the time of a report.
     """
     path = tmp_path / "report.html"
     with pytest.MonkeyPatch.context() as patch:
         if not fields:
             patch.setattr("dic.report.page.field_pictures", lambda run: [])
+        if not drawn:
+            for module in ("fields", "calibration", "setup_figures"):
+                patch.setattr(f"dic.report.{module}.png_uri", lambda figure, **how: UNDRAWN)
         write_report(results, path)
     return path.read_text(encoding="utf-8")

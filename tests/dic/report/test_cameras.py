@@ -54,10 +54,17 @@ def test_rig_file_that_contradicts_the_fitted_camera_changes_nothing_but_its_own
     tmp_path: Path, tension_html: str
 ) -> None:
     """Nor does anything else differ between two reports of the same run."""
-    html = written(tmp_path, tension_run(configuration=INFO.configuration + OTHER_ANGLES))
+    contradicted = tension_run(configuration=INFO.configuration + OTHER_ANGLES)
+    html = written(tmp_path, contradicted, fields=False, drawn=False)
     assert OTHER_ANGLES in html
     assert html.replace(OTHER_ANGLES, "") == tension_html
     assert "off_axis 30.0°" in html
+
+
+@pytest.mark.extended
+def test_rig_file_changes_no_drawn_picture_and_no_field(tmp_path: Path) -> None:
+    html = written(tmp_path, tension_run(configuration=INFO.configuration + OTHER_ANGLES))
+    assert html.replace(OTHER_ANGLES, "") == written(tmp_path, tension_run())
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ def test_set_up_is_what_geometry_says_of_the_camera(tmp_path: Path) -> None:
         replace(run, cameras=known), "tension", dict(run.corrections.cameras),
         joint=run.corrections.joint, findings=run.corrections.findings,
     )  # fmt: skip
-    page = Page(written(tmp_path, run, fields=False))
+    page = Page(written(tmp_path, run, fields=False, drawn=False))
     row = page.table("setup")[3]
     assert row[:2] == ["off_axis 30.0°", "30.000 ± 0.076"]
     assert [cell.lstrip("−") for cell in row[2:5]] == ["0.000 ± 0.010", "20.000 ± 0.020", "34.64 ± 0.10"]
@@ -63,6 +63,9 @@ def test_harmonics_are_shown_where_the_angles_tell_them(tmp_path: Path, rotation
     run = rotation_run(30.0, 0.001)
     full = replace(run, cameras=[camera("on_axis", steps, [turn(a, 0.001) for a in angles])])
     alt = "Strain in the grid's axes with its harmonics"
-    assert Page(written(tmp_path, given(full, "free", {}), fields=False)).values("alt").count(alt) == 1
+    assert (
+        Page(written(tmp_path, given(full, "free", {}), fields=False, drawn=False)).values("alt").count(alt)
+        == 1
+    )
     # Three angles do not tell five coefficients.
     assert alt not in Page(rotation_html).values("alt")
