@@ -1,6 +1,6 @@
 """Images of calibration grids with known intersections, drawn without code of `dic`."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -10,6 +10,7 @@ import pytest
 from scipy.special import erf
 
 from dic.correlation.series import Series
+from dic.targets.line_grid.find import find_grid
 from dic.targets.points import GridPoints
 
 
@@ -142,6 +143,25 @@ def draw_grid() -> Callable[..., GridPicture]:
         return replace(picture, image=picture.image.copy())
 
     return draw
+
+
+@pytest.fixture(scope="module")
+def grids_found_once() -> Iterator[None]:
+    """Within a module whose tests process the same image of a grid again and again, find it once.
+
+    The finder has tests of its own. Only the name of the file in error messages is not compared.
+    """
+    known: dict[tuple[object, ...], GridPoints] = {}
+
+    def found(image: np.ndarray, lines: object, pitch_mm: object, source: str, **how: object) -> GridPoints:
+        key = (image.shape, image.tobytes(), lines, pitch_mm, *how.values())
+        if key not in known:
+            known[key] = find_grid(image, lines, pitch_mm, source, **how)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("dic.targets.line_grid.find.find_grid", found)
+        yield
 
 
 @pytest.fixture

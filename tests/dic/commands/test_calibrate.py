@@ -14,11 +14,17 @@ from dic.calibration.file import load_calibration
 from tests.command_line import refusal, run_dic
 from tests.image_files import write_image
 
+pytestmark = pytest.mark.usefixtures("grids_found_once")
+
+
+@pytest.fixture(scope="module")
+def drawn_grid(draw_grid: Callable[..., Any]) -> Any:
+    return draw_grid(pan_deg=30, roll_deg=5, noise=2)
+
 
 @pytest.fixture
-def picture(tmp_path: Path, draw_grid: Callable[..., Any]) -> tuple[Path, Any]:
-    drawn = draw_grid(pan_deg=30, roll_deg=5, noise=2)
-    return write_image(tmp_path / "grid.png", drawn.image), drawn
+def picture(tmp_path: Path, drawn_grid: Any) -> tuple[Path, Any]:
+    return write_image(tmp_path / "grid.png", drawn_grid.image), drawn_grid
 
 
 def test_every_output_is_written_and_agrees(picture: tuple[Path, Any], tmp_path: Path) -> None:

@@ -7,16 +7,17 @@ import pytest
 from dic.commands import run_work
 from dic.pipeline.run_files import list_run_files
 from tests.command_line import refusal, run_dic
-from tests.dic.pipeline.rendered_run import slid, write_rendered_run
+from tests.dic.pipeline.rendered_run import SMALL, slid, write_rendered_run
 from tests.dic.result_values import results
 from tests.run_files import write_continued_run
 
+pytestmark = pytest.mark.usefixtures("grids_found_once")
 WORDS = ("--step", 40, "--subset", 31)
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    return write_rendered_run(tmp_path_factory.mktemp("run") / "run.h5", [slid(0.05)])
+    return write_rendered_run(tmp_path_factory.mktemp("run") / "run.h5", [slid(0.05)], camera=SMALL)
 
 
 @pytest.fixture

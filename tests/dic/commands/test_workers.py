@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 from tests.command_line import refusal, run_dic
@@ -17,12 +18,12 @@ from tests.image_files import write_image
 
 @pytest.fixture(scope="module")
 def images(speckle, tmp_path_factory):
-    """A reference and eleven images; one shows something else, and one is damaged."""
+    """A reference and eleven images; one shows nothing, and one is damaged."""
     folder = tmp_path_factory.mktemp("images")
     pattern = speckle(seed=21, shape=(120, 120))
     for number in range(12):
-        shown = speckle(seed=99, shape=(120, 120)) if number == 4 else pattern
-        write_image(folder / f"img{number:02d}.png", shown.draw(lambda x, y, by=0.37 * number: (x - by, y)))
+        moved = pattern.draw(lambda x, y, by=0.37 * number: (x - by, y))
+        write_image(folder / f"img{number:02d}.png", np.full((120, 120), 128.0) if number == 4 else moved)
     damaged = folder / "img07.png"
     damaged.write_bytes(damaged.read_bytes()[:2000])
     return folder

@@ -21,6 +21,8 @@ from tests.run_files import HEADER, START
 
 SIDE_PX, PITCH_MM = 420, 0.35
 CAMERA = PinholeCamera(SIDE_PX, SIDE_PX, 2000.0, tilt_deg=30.0)
+SMALL = PinholeCamera(280, 280, 1400.0, tilt_deg=30.0)
+"""A camera with a smaller part of the same view, for tests in which only files and decisions count."""
 SENSOR = Sensor(8, 32_500.0, 20.0, 12_000.0)
 LINES = LineGrid(pitch_mm=PITCH_MM, overhang_mm=0.05, plate_half_mm=4.2)
 
@@ -31,18 +33,24 @@ def slid(slide_mm: float) -> Pose:
 
 
 def write_rendered_run(
-    path: Path, loads: Sequence[Pose], *, repeats: int = 1, grid_pose: Pose | None = None, **mounting: object
+    path: Path,
+    loads: Sequence[Pose],
+    *,
+    repeats: int = 1,
+    grid_pose: Pose | None = None,
+    camera: PinholeCamera = CAMERA,
+    **mounting: object,
 ) -> Path:
     """Write a run of a camera at 30° off-axis: grid, reference, and `repeats` times the poses in `loads`.
 
     The noise differs from image to image.
     """
     rng, texture = np.random.default_rng(3), Speckle.sprayed(11)
-    reference, *loaded = (render(CAMERA, Surface(texture, pose)) for pose in (Pose(), *loads))
-    pictures = [("grid", render(CAMERA, Surface(LINES, grid_pose or Pose()))), ("reference", reference)]
+    reference, *loaded = (render(camera, Surface(texture, pose)) for pose in (Pose(), *loads))
+    pictures = [("grid", render(camera, Surface(LINES, grid_pose or Pose()))), ("reference", reference)]
     pictures += [("load", picture) for picture in loaded] * repeats
     header = replace(HEADER, grid=Grid(pitch_mm=PITCH_MM), mounting=Mounting(**mounting))
-    info = CameraInfo("v", "m", "s", width_px=SIDE_PX, height_px=SIDE_PX, bits=8)
+    info = CameraInfo("v", "m", "s", width_px=camera.width_px, height_px=camera.height_px, bits=8)
     recorder = Recorder(path, header, {"aside": info}, load_frame=DeviceInfo("v", "m", "s"))
     for index, (kind, picture) in enumerate(pictures):
         image = SENSOR.expose(picture, 10_000.0, 1.0, rng)

@@ -55,15 +55,15 @@ class Late(Workers):
 @pytest.fixture(scope="module")
 def images(speckle):
     """A reference, images whose pattern changes in the middle, one of something else, and one too small."""
-    first, then = speckle(seed=71, shape=(100, 100), noise=1.0), speckle(seed=72, shape=(100, 100))
+    first, then = speckle(seed=71, shape=(80, 80), noise=1.0), speckle(seed=72, shape=(80, 80))
     pictures = [first.draw()]
     for k in range(1, 11):
         # From the fifth image on, the pattern consists more and more of another one.
         share = np.clip((k - 4) / 7, 0.0, 0.8)
         moved = [own.draw(lambda x, y, by=0.6 * k: (x - by, y), k) for own in (first, then)]
         pictures.append((1 - share) * moved[0] + share * moved[1])
-    pictures[3] = speckle(seed=73, shape=(100, 100)).draw()
-    pictures[9] = pictures[9][:80]
+    pictures[3] = speckle(seed=73, shape=(80, 80)).draw()
+    pictures[9] = pictures[9][:60]
     return pictures
 
 
@@ -99,7 +99,7 @@ def test_judging_in_order_makes_the_bits_independent_of_the_workers(images, alon
     require_equal(alone, outcomes(images, kind()))
 
 
-@pytest.mark.parametrize("begun", [0, 6])
+@pytest.mark.parametrize("begun", [pytest.param(0, marks=pytest.mark.extended), 6])
 @pytest.mark.parametrize("kind", [None, Eager])
 def test_fields_on_disk_are_used_if_their_image_becomes_a_reference(images, alone, kind, begun, tmp_path):
     finished, workers = FinishedImages(tmp_path), None if kind is None else kind()

@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 
 from dic.pipeline.run_result_file import RunResultWriter
-from dic.results.unfinished import ENDING, unfinished
+from dic.results.unfinished import ENDING, FinishedImages, unfinished
 from tests.command_line import refusal, run_dic
-from tests.dic.pipeline.rendered_run import slid, write_rendered_run
+from tests.dic.pipeline.rendered_run import SMALL, slid, write_rendered_run
 from tests.dic.result_values import bits
 from tests.image_files import write_image
 
+pytestmark = pytest.mark.usefixtures("grids_found_once")
 KILLED = """
 import os, signal, sys
 from dic.cli import main
@@ -43,23 +44,41 @@ def start_killed(last: int, *words: object) -> None:
     assert done.returncode == -signal.SIGKILL, done
 
 
+def interrupt(patch: pytest.MonkeyPatch, last: int, *words: object) -> None:
+    """Run `dic` in this process; it is interrupted after it has finished the image number `last`.
+
+    What was finished before is the same as after a kill, which takes the time of a program's start.
+    """
+    written = FinishedImages.write
+
+    def write(self: FinishedImages, number: int, key: str, image: object) -> None:
+        written(self, number, key, image)
+        if number == last:
+            raise KeyboardInterrupt
+
+    with patch.context() as patched:
+        patched.setattr(FinishedImages, "write", write)
+        done = run_dic(*words)
+    assert done.status == 2, done
+    assert "error: interrupted before the end" in done.err, done
+
+
 def folder_of(result: Path) -> Path:
     return result.with_name(result.name + ENDING)
 
 
 @pytest.fixture(scope="module")
 def images(speckle, tmp_path_factory):
-    """A folder with a reference and five images of a growing shift; the fourth shows another pattern."""
+    """A folder with a reference and five images of a growing shift; the fourth shows nothing."""
     folder = tmp_path_factory.mktemp("images")
     pattern = speckle(seed=21, shape=(160, 160))
     for number in range(6):
-        shown = speckle(seed=99, shape=(160, 160)) if number == 4 else pattern
-        moved = shown.draw(lambda x, y, by=0.37 * number: (x - by, y))
-        write_image(folder / f"img{number}.png", moved)
+        moved = pattern.draw(lambda x, y, by=0.37 * number: (x - by, y))
+        write_image(folder / f"img{number}.png", np.full((160, 160), 128.0) if number == 4 else moved)
     return folder
 
 
-@pytest.mark.parametrize("incremental", ["auto", "always"])
+@pytest.mark.parametrize("incremental", ["auto", pytest.param("always", marks=pytest.mark.extended)])
 def test_killed_series_goes_on_with_the_same_bits(images, incremental, tmp_path, correlated, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = (
@@ -85,10 +104,11 @@ def test_killed_series_goes_on_with_the_same_bits(images, incremental, tmp_path,
     assert "one that exists" in refusal(*words)
 
 
-def test_series_with_another_image_correlates_from_there_on(images, tmp_path, correlated):
+def test_series_with_another_image_correlates_from_there_on(images, tmp_path, correlated, monkeypatch):
     result = tmp_path / "r.h5"
     words = ("correlate", *sorted(images.glob("img[0-3].png")), "--subset", 21, "--step", 20, "-o", result)
-    start_killed(2, *words)
+    interrupt(monkeypatch, 2, *words)
+    correlated.clear()
     changed = tmp_path / "img2.png"
     changed.write_bytes((images / "img3.png").read_bytes())
     other = [changed if word == images / "img2.png" else word for word in words]
@@ -96,10 +116,11 @@ def test_series_with_another_image_correlates_from_there_on(images, tmp_path, co
     assert len(correlated) == 2
 
 
-def test_other_settings_leave_what_was_finished(images, tmp_path, correlated):
+def test_other_settings_leave_what_was_finished(images, tmp_path, correlated, monkeypatch):
     result = tmp_path / "r.h5"
     words = ("correlate", *sorted(images.glob("img[0-2].png")), "--subset", 21, "--step", 20, "-o", result)
-    start_killed(1, *words)
+    interrupt(monkeypatch, 1, *words)
+    correlated.clear()
     assert run_dic(*words, "--min-zncc", 0.7).status == 0
     assert len(correlated) == 2
     correlated.clear()
@@ -127,18 +148,18 @@ def test_two_programs_on_one_result_are_refused_in_one_sentence(images, tmp_path
 @pytest.fixture(scope="module")
 def run_file(tmp_path_factory):
     loads = [slid(0.05 * number) for number in range(1, 4)]
-    return write_rendered_run(tmp_path_factory.mktemp("run") / "run.h5", loads)
+    return write_rendered_run(tmp_path_factory.mktemp("run") / "run.h5", loads, camera=SMALL)
 
 
-def test_killed_run_goes_on_with_the_same_bits(run_file, tmp_path, correlated, monkeypatch):
+def test_interrupted_run_goes_on_with_the_same_bits(run_file, tmp_path, correlated, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    words = ("process", run_file, "--step", 30, "-o", "r.h5")
+    words = ("process", run_file, "--step", 40, "-o", "r.h5")
     assert run_dic(*words).status == 0
     assert len(correlated) == 3
     result = tmp_path / "r.h5"
     whole = bits(result)
     result.unlink()
-    start_killed(2, *words)
+    interrupt(monkeypatch, 2, *words)
     correlated.clear()
     add = RunResultWriter.add
 

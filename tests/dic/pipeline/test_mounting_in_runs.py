@@ -13,6 +13,7 @@ from simulators.scene.pose import Pose
 from tests.command_line import run_dic
 from tests.dic.pipeline.rendered_run import slid, write_rendered_run
 
+pytestmark = pytest.mark.usefixtures("grids_found_once")
 PLATE_MM, SLIDE_MM = 1.0, 0.3
 COARSE = CorrelationSettings(step_px=30, shape="quadratic")
 

@@ -14,6 +14,7 @@ from tests.command_line import refusal, run_dic
 from tests.dic.pipeline.rendered_run import SIDE_PX, slid, write_rendered_run
 from tests.run_files import write_run
 
+pytestmark = pytest.mark.usefixtures("grids_found_once")
 SLIDE_MM = 0.05
 CORNERS = [[120, 100], [300, 100], [300, 330], [120, 330]]
 FORMATS = {

@@ -2,14 +2,20 @@
 
 from collections import Counter
 
+import pytest
+
 import dic
 from dic.results.fields import StoredFields
 from tests.command_line import run_dic
-from tests.dic.pipeline.rendered_run import slid, write_rendered_run
+from tests.dic.pipeline.rendered_run import SMALL, slid, write_rendered_run
+
+pytestmark = pytest.mark.usefixtures("grids_found_once")
 
 
 def test_steps_of_a_written_run_are_read_for_the_table_and_for_the_problems(tmp_path, monkeypatch):
-    run = write_rendered_run(tmp_path / "run.h5", [slid(0.05 * number) for number in range(1, 4)])
+    run = write_rendered_run(
+        tmp_path / "run.h5", [slid(0.05 * number) for number in range(1, 4)], camera=SMALL
+    )
     read, field = Counter(), StoredFields.field
 
     def counted(self, k, **named):
@@ -22,7 +28,7 @@ def test_steps_of_a_written_run_are_read_for_the_table_and_for_the_problems(tmp_
 
 
 def test_raw_gradients_are_read_for_strain_from_shape_functions_only(tmp_path):
-    run = write_rendered_run(tmp_path / "run.h5", [slid(0.05)])
+    run = write_rendered_run(tmp_path / "run.h5", [slid(0.05)], camera=SMALL)
     settings = dic.CorrelationSettings(step_px=30)
     for source in ("fit", "shape"):
         measured = dic.process_run(run, settings, dic.StrainSettings(source=source))
