@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 import dic
 from rig.run import run_protocol
 from tests.command_line import run_dic
-from tests.places import EXAMPLES, example
+from tests.places import EXAMPLES, example, small_cameras
 
 # x and y of the image; y points down, so that a shear has the other sign in strains, whose y points up
 F = np.array([[1.01, 0.004], [-0.002, 0.9967]])
@@ -215,7 +215,9 @@ def test_a_run_file_gives_mean_strain_and_a_strain_map_in_six_lines(tmp_path, mo
     monkeypatch.chdir(tmp_path)
     protocol = tmp_path / "short.toml"
     protocol.write_text(example("rotation", ("total_deg = 360.0", "total_deg = 45.0")))
-    assert run_protocol(protocol, EXAMPLES / "rig-virtual-rotation-30.toml", tmp_path / "run.h5")
+    rig = tmp_path / "rig.toml"
+    rig.write_text(example("rig-virtual-rotation-30", small_cameras(600, 1400.0)))
+    assert run_protocol(protocol, rig, tmp_path / "run.h5")
     code = """
 import dic
 run = dic.process_run("run.h5", dic.CorrelationSettings(step_px=40, shape="quadratic"))

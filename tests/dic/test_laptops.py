@@ -80,6 +80,7 @@ def test_what_is_taken_away_is_missed(bare, tmp_path):
     assert "not a socket" in bare(cwd=tmp_path, code="import select; select.select([0], [], [], 0)").stderr
 
 
+@pytest.mark.extended
 def test_images_are_measured_to_tables_maps_and_result_files(bare, tmp_path):
     assert_good(bare("example", "first", cwd=tmp_path))
     assert_good(bare("quality", "first/reference.png", "--plot", "quality.png", cwd=tmp_path))

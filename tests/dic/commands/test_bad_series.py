@@ -87,15 +87,6 @@ def test_truncated_last_image_is_left_out(pattern, tmp_path):
     assert shifts_px(tmp_path / "r.h5") == expected_px(1, ending="tif")
 
 
-LIMITED = """
-import resource, sys
-resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
-from dic.cli import main
-sys.argv = {argv!r}
-main()
-"""
-
-
 @pytest.mark.parametrize("share", [0.02, 0.6])
 def test_full_disk_ends_in_one_sentence_and_loses_no_finished_image(
     pattern, share, tmp_path, correlated, monkeypatch
@@ -108,12 +99,9 @@ def test_full_disk_ends_in_one_sentence_and_loses_no_finished_image(
     whole = bits(result)
     size = int(share * result.stat().st_size)
     result.unlink()
-    script = LIMITED.format(size=size, argv=["dic", *map(str, words)])
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=False, env=without_caches()
-    )
-    assert done.returncode == 2, done
-    (said,) = done.stderr.splitlines()
+    correlated.clear()
+    with full_disk(size):
+        said = refusal(*words)
     assert "expected a disk with room for them, got File too large; make room, and give the same" in said
     assert not result.exists()
     finished = len(list(tmp_path.glob("r.h5.unfinished/*/*/*.npz")))
@@ -123,11 +111,6 @@ def test_full_disk_ends_in_one_sentence_and_loses_no_finished_image(
     assert len(correlated) == 3 - finished
     assert bits(result) == whole
     assert list(tmp_path.glob(".*")) == []
-
-
-def without_caches():
-    """Return environment variables for a program that must write no files except its results."""
-    return {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
 
 
 def test_table_on_a_full_disk_is_named(pattern, tmp_path):
@@ -206,6 +189,7 @@ main()
 """
 
 
+@pytest.mark.extended
 def test_second_program_on_a_result_is_refused_and_the_first_loses_nothing(pattern, tmp_path, correlated):
     images = write_series(pattern, tmp_path / "images", range(4))
     result, whole = tmp_path / "r.h5", tmp_path / "whole.h5"

@@ -310,7 +310,7 @@ def test_deformed_images_that_are_gone_or_changed_are_not_shown(folder, tmp_path
     assert "expected the image that was measured, got another image" in other
 
 
-@pytest.mark.long
+@pytest.mark.extended
 def test_pdf_has_every_table_whole_on_a_page(folder, tmp_path):
     require_pango()
     pdfium = pytest.importorskip("pypdfium2")

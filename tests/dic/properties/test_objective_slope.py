@@ -18,7 +18,11 @@ AREA = PropertySettings(area_mm2=1.0)
 
 @pytest.mark.parametrize(
     "seeds",
-    [range(3), *(pytest.param(range(k, k + 10), marks=pytest.mark.long) for k in (3, 13, 23, 33, 43))],
+    [
+        range(1),
+        pytest.param(range(1, 3), marks=pytest.mark.extended),
+        *(pytest.param(range(k, k + 10), marks=pytest.mark.long) for k in (3, 13, 23, 33, 43)),
+    ],
 )
 def test_it_is_the_slope_that_brute_force_chooses(seeds):
     for seed in seeds:

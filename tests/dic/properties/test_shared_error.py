@@ -119,7 +119,7 @@ def test_a_record_with_a_loop_keeps_its_window_when_the_error_is_added():
 
 
 def test_a_strength_that_an_error_of_strain_takes_away_keeps_its_error_from_the_other_side():
-    whole = record(4000)
+    whole = record(2000)
     keep = whole.strain <= 0.00405
     curve = Curve("made", whole.load_n[keep], whole.strain[keep])
     # Beyond the elastic window, strains that are smaller by 2 % end before the shifted elastic line. Without

@@ -115,7 +115,9 @@ class TestNoise:
 
 
 class TestFocus:
-    @pytest.mark.parametrize("blur_px", [0.7, 1.2, 2.0, 3.0])
+    @pytest.mark.parametrize(
+        "blur_px", [0.7, *(pytest.param(blur_px, marks=pytest.mark.extended) for blur_px in (1.2, 2.0)), 3.0]
+    )
     def test_blur_is_that_of_the_edges(self, blur_px):
         grey = edges(blur_px)
         assert edge_blur(grey, everywhere(grey), 0.0) == pytest.approx(blur_px, rel=0.15, abs=0.05)
@@ -157,7 +159,10 @@ class TestNoiseFloor:
         pan = np.sqrt(2 / squared_gradients(spline, points, region, 61))
         assert np.mean(std / pan) == pytest.approx(factor, rel=0.06)
 
-    @pytest.mark.parametrize(("shape", "noise"), [("affine", 2.0), ("affine", 6.0), ("quadratic", 2.0)])
+    @pytest.mark.parametrize(
+        ("shape", "noise"),
+        [("affine", 2.0), pytest.param("affine", 6.0, marks=pytest.mark.extended), ("quadratic", 2.0)],
+    )
     def test_is_the_scatter_that_correlation_shows(self, speckle, shape, noise):
         settings = CorrelationSettings(subset_px=21, step_px=15, shape=shape)
         pattern = speckle(seed=31)
