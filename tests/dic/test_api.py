@@ -211,6 +211,7 @@ class TestSeries:
             dic.measure_images(images[0][:-1], images[1][:-1], calibration=calibration)
 
 
+@pytest.mark.extended
 def test_a_run_file_gives_mean_strain_and_a_strain_map_in_six_lines(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     protocol = tmp_path / "short.toml"

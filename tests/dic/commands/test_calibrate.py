@@ -61,7 +61,9 @@ def test_the_area_is_that_of_the_grid_s_outline(picture: tuple[Path, Any], tmp_p
     assert area == pytest.approx(cv2.contourArea(np.array(px, np.float32)), rel=1e-3)
 
 
-@pytest.mark.parametrize(("x_axis", "turn_deg"), [("up", 90.0), ("-90", -90.0)])
+@pytest.mark.parametrize(
+    ("x_axis", "turn_deg"), [("up", 90.0), pytest.param("-90", -90.0, marks=pytest.mark.extended)]
+)
 def test_x_points_the_way_it_is_told(
     picture: tuple[Path, Any], tmp_path: Path, x_axis: str, turn_deg: float
 ) -> None:
@@ -101,7 +103,10 @@ def test_both_models_are_printed_side_by_side_with_the_camera_and_the_recommenda
     assert abs(camera["distance_mm"] - 40) < 3 * max(camera["centre_std_mm"])
 
 
-@pytest.mark.parametrize(("asked", "used"), [("bicubic", "bicubic"), ("pinhole", "pinhole")])
+@pytest.mark.parametrize(
+    ("asked", "used"),
+    [pytest.param("bicubic", "bicubic", marks=pytest.mark.extended), ("pinhole", "pinhole")],
+)
 def test_the_model_that_is_asked_for_is_the_one_that_is_saved(
     picture: tuple[Path, Any], tmp_path: Path, asked: str, used: str
 ) -> None:

@@ -1,6 +1,7 @@
 """`dic process` with several runs: one result each, and no run stops the others."""
 
 import shutil
+from pathlib import Path
 
 import pytest
 
@@ -135,6 +136,15 @@ def test_two_runs_with_one_place_are_refused_even_with_force(shelf, other, place
     assert not (shelf.parent / "out").exists()
 
 
+def test_a_run_with_two_names_is_listed_once(shelf):
+    link = shelf.parent / "link"
+    link.symlink_to(shelf)
+    names = ("runs/run2.h5", shelf / "run2.h5", "link/run2.h5", "runs/run10.h5")
+    listed = list_run_files(list(map(Path, names))).paths
+    assert listed == [Path("runs/run2.h5"), Path("runs/run10.h5")]
+
+
+@pytest.mark.extended
 def test_a_run_with_two_names_is_processed_once(shelf, correlated):
     link = shelf.parent / "link"
     link.symlink_to(shelf)
@@ -143,6 +153,7 @@ def test_a_run_with_two_names_is_processed_once(shelf, correlated):
     assert list(closing(done)[1]) == ["runs/run2.h5", "runs/run10.h5"]
 
 
+@pytest.mark.extended
 def test_the_same_command_goes_on_with_force_too(shelf, correlated, monkeypatch):
     words = ("process", "runs/run2.h5", "runs/run10.h5", *WORDS, "--force")
     with monkeypatch.context() as patched:

@@ -12,7 +12,11 @@ from tests.dic.report.runs import affine
 MAPS = 5
 
 
-@pytest.fixture(scope="module", params=[("px", 250.0), ("off", 250.0), ("px", 85.0)], ids=str)
+@pytest.fixture(
+    scope="module",
+    params=[("off", 250.0), ("px", 85.0), pytest.param(("px", 250.0), marks=pytest.mark.extended)],
+    ids=str,
+)
 def settings(request):
     axes, width_mm = request.param
     return dic.MapSettings(axes=axes, width_mm=width_mm)

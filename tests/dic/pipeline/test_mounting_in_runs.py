@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import CalibrationError
+from dic.errors import CalibrationError, RunFileError
 from dic.pipeline.run import process_run
 from dic.pipeline.run_corrections import CorrectionSettings
 from dic.specimen.find import SpecimenNotFound
@@ -40,6 +40,12 @@ def slide_mm(result):
 @pytest.fixture(scope="module")
 def result(run_file):
     return process_run(run_file, COARSE)
+
+
+def test_the_series_of_a_camera_is_chosen_by_its_name(result):
+    assert [image.label for image in result.series("aside").images] == ["step 2"]
+    with pytest.raises(RunFileError, match=r"choose a camera: expected .*aside.*, got above"):
+        result.series("above")
 
 
 def test_the_plate_of_the_run_file_is_taken_out_of_the_scale(run_file, result):

@@ -72,8 +72,8 @@ def test_the_tension_protocol_with_three_elastic_points_gives_no_slope():
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("step", [0.0005, 0.002, 0.005])
-@pytest.mark.parametrize("noise", [0.0, 5e-6])
+@pytest.mark.parametrize("step", [0.0005, 0.002, pytest.param(0.005, marks=pytest.mark.extended)])
+@pytest.mark.parametrize("noise", [pytest.param(0.0, marks=pytest.mark.extended), 5e-6])
 def test_twelve_elastic_points_and_large_plastic_steps_give_values_within_their_deviations(law, step, noise):
     loaded = np.linspace(0.0, 0.72 * YIELD_MPA, 12)
     for begin in (0.2, 0.5, 0.9):

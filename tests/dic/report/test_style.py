@@ -23,7 +23,7 @@ def test_labels_and_legend_are_inside_the_figure_and_do_not_cover_each_other(pan
     assert_apart_inside(figure, boxes)
 
 
-@pytest.mark.parametrize("letter", ["x", "W"])
+@pytest.mark.parametrize("letter", [pytest.param("x", marks=pytest.mark.extended), "W"])
 def test_forty_long_names_leave_room_for_the_axes(letter: str) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 

@@ -90,6 +90,7 @@ def test_names_beyond_ascii_have_the_mark_that_spreadsheets_need(tmp_path):
     assert not (tmp_path / "strain.csv").read_bytes().startswith(b"\xef")
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(("comma", "filter_"), [(False, "44,34,76,1,,1033"), (True, "59,34,76,1,,1031")])
 def test_a_spreadsheet_reads_the_numbers_as_numbers(tmp_path, comma, filter_):
     """LibreOffice reads the table in the language of the decimal sign, and writes it with decimal points."""

@@ -141,7 +141,7 @@ def test_strain_of_complete_windows_is_that_of_the_measurement(speckle):
             assert np.isnan(ours[0]).all()
 
 
-@pytest.mark.parametrize("window", [3, 5, 9])
+@pytest.mark.parametrize("window", [pytest.param(3, marks=pytest.mark.extended), 5, 9])
 def test_noise_of_strain_is_that_of_a_slope_if_subsets_do_not_overlap(window):
     correlation = dic.CorrelationSettings(subset_px=15, step_px=20)
     offset = 20.0 * (np.arange(window) - window // 2)
