@@ -11,6 +11,7 @@ import pytest
 from dic.errors import RunFileError
 from dic.pipeline.run_result_file import load_run_result, save_run_result
 from tests.command_line import refusal, run_dic
+from tests.dic.report.page import leave_undrawn
 from tests.dic.report.runs import tension_run
 
 SERIES = "cameras/on_axis/series"
@@ -72,7 +73,12 @@ def changed(good: Path, path: Path, change: Change) -> Path:
     return path
 
 
-def test_the_results_that_are_changed_here_are_good(good: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("drawn", [False, pytest.param(True, marks=pytest.mark.extended)])
+def test_the_results_that_are_changed_here_are_good(
+    good: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, drawn: bool
+) -> None:
+    if not drawn:
+        leave_undrawn(monkeypatch)
     assert run_dic("report", good, "-o", tmp_path / "report.html").status == 0
 
 

@@ -160,7 +160,7 @@ def test_reading_and_reporting_measure_and_correct_nothing(
 ) -> None:
     origin = load_run_result(files[kind]).provenance
     assert origin is not None
-    expected = written(tmp_path, replace(results[kind], provenance=origin), drawn=drawn)
+    expected = written(tmp_path, replace(results[kind], provenance=origin), fields=drawn, drawn=drawn)
     assert origin.command in unescape(expected)
 
     def forbidden(*_: Any, **__: Any) -> None:
@@ -180,7 +180,7 @@ def test_reading_and_reporting_measure_and_correct_nothing(
         "dic.pipeline.run_corrections.correct_with_two_cameras",
     ):
         monkeypatch.setattr(name, forbidden)
-    assert written(tmp_path, load_run_result(files[kind]), drawn=drawn) == expected
+    assert written(tmp_path, load_run_result(files[kind]), fields=drawn, drawn=drawn) == expected
 
 
 class TestTamperedFile:

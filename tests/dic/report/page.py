@@ -69,6 +69,12 @@ def number(text: str) -> float:
     return float(text.replace("−", "-").replace("\u202f", ""))
 
 
+def leave_undrawn(patch: pytest.MonkeyPatch) -> None:
+    """Let an empty picture stand for every picture in PNG format of a run's report."""
+    for module in ("fields", "calibration", "setup_figures"):
+        patch.setattr(f"dic.report.{module}.png_uri", lambda figure, **how: UNDRAWN)
+
+
 def written(tmp_path: Path, *results: RunResult, fields: bool = True, drawn: bool = True) -> str:
     """Return the HTML of a report.
 
@@ -80,7 +86,6 @@ def written(tmp_path: Path, *results: RunResult, fields: bool = True, drawn: boo
         if not fields:
             patch.setattr("dic.report.page.field_pictures", lambda run: [])
         if not drawn:
-            for module in ("fields", "calibration", "setup_figures"):
-                patch.setattr(f"dic.report.{module}.png_uri", lambda figure, **how: UNDRAWN)
+            leave_undrawn(patch)
         write_report(results, path)
     return path.read_text(encoding="utf-8")
