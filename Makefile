@@ -14,6 +14,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check $(if $(L
 # Idle threads of linear algebra within a worker of the tests would only compete.
 PYTESTFLAGS :=
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest --dist worksteal $(PYTESTFLAGS)
+REALTIME = $(shell grep -rl --include=test_*.py mark.realtime tests)
 COMPILED := $(BIN)/uv pip compile --quiet pyproject.toml --no-header --no-annotate --no-emit-index-url --no-emit-find-links
 LOWEST := .venv-lowest
 EXTRAS := http tables pdf cluster
@@ -74,11 +75,12 @@ test: $(STAMP)
 	$(MAKE) --no-print-directory -j 2 types compiled lint laws
 # Four workers keep two processors busy while some tests wait.
 	$(PYTEST) -n 4 -m "not extended and not long and not realtime"
-	$(PYTEST) -n 2 -m "realtime and not extended and not long"
+# One after the other: a test beside them would take the processor time that they need. Few files have such tests.
+	$(PYTEST) -m "realtime and not extended and not long" $(REALTIME)
 
 test-extended: $(STAMP)
 	$(PYTEST) -n 4 -m "extended and not long and not realtime"
-	$(PYTEST) -n 2 -m "extended and realtime and not long"
+	$(PYTEST) -m "extended and realtime and not long" $(REALTIME)
 
 test-cost: $(STAMP) compiled
 	$(PYTEST) -n 2 -p tests.cost --cost-file test-cost.csv -m "not long and not realtime"
@@ -88,7 +90,7 @@ test-kernel: $(STAMP)
 
 test-long: $(STAMP)
 	$(PYTEST) -n 2 -m "long and not realtime"
-	$(BIN)/pytest -m "long and realtime"
+	$(PYTEST) -m "long and realtime" $(REALTIME)
 
 # Peers and tools of the tests are not the lowest: only what a user installs is.
 test-lowest: $(STAMP)

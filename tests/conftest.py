@@ -23,7 +23,7 @@ for _number, _usual in (
     if signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, _usual)
 
-pytest_plugins = ("tests.limits",)
+pytest_plugins = ("tests.limits", "tests.realtime")
 
 
 @pytest.fixture(scope="session", autouse=True)

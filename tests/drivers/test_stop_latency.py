@@ -160,7 +160,13 @@ def opened() -> Iterator[ExitStack]:
         yield stack
 
 
-@pytest.mark.parametrize("name", LINES)
+FIRST = ("zaber on a serial line", "ESP301 on TCP", "Modbus TCP")
+"""Each driver, on each kind of line."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in FIRST else pytest.mark.extended) for name in LINES]
+)
 def test_stop_is_on_the_wire_within_5_ms_while_another_request_waits(name, opened):
     bench = Bench(LINES[name], opened)
     with ThreadPoolExecutor(1) as pool:

@@ -111,7 +111,9 @@ CALLS = [
 ]
 
 
-@pytest.mark.parametrize(("device", "hang_in", "hang_at", "said"), [CALLS[0], CALLS[3]])
+@pytest.mark.parametrize(
+    ("device", "hang_in", "hang_at", "said"), [pytest.param(*CALLS[0], marks=pytest.mark.extended), CALLS[3]]
+)
 def test_machine_stands_and_the_program_ends_although_a_call_hangs_in_motion(
     simulation, start, files, device, hang_in, hang_at, said
 ):
@@ -125,6 +127,7 @@ def test_machine_stands_and_the_program_ends_although_a_call_hangs_in_motion(
     print(f"{device}.{hang_in}: stood {stood_after_s(files, device):.2f} s after the hang")
 
 
+@pytest.mark.extended
 def test_program_ends_although_a_camera_hangs(simulation, start, files):
     running = run(start, files, "cameras.front", "grab", 2)
     status, complaints = running.end()
@@ -133,6 +136,7 @@ def test_program_ends_although_a_camera_hangs(simulation, start, files):
     assert "rig: cameras.front: its driver hangs in grab" in complaints
 
 
+@pytest.mark.extended
 def test_sigterm_ends_a_run_while_a_call_hangs(simulation, start, files):
     running = run(start, files, "cameras.front", "grab", 3)
     running.wait_for("step 1 ")

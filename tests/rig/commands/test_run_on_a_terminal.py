@@ -10,7 +10,7 @@ from tests.command_line import RIG
 from tests.places import example
 from tests.screens import TerminalProgram
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.extended]
 
 CAMERA = 'driver = "simulated-camera"'
 TORN = re.compile(r"step \d+ \(.*step \d+ \(|settled at .*MOVES")

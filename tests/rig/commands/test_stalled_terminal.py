@@ -136,6 +136,7 @@ AT_ONCE = ('driver = "simulated-operator"', 'driver = "simulated-operator"\ndura
 
 
 @pytest.mark.realtime
+@pytest.mark.extended
 def test_signal_ends_a_run_and_then_the_program_although_nothing_can_be_written(terminal, tmp_path):
     """The program hangs in its last line, as it should: somebody may read on. A further signal ends it."""
     protocol, rig_path, run_path = (tmp_path / name for name in ("protocol.toml", "rig.toml", "run.h5"))

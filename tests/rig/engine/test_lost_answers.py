@@ -27,6 +27,11 @@ LINES = {
     "Modbus RTU": ("modbus-frame", "load_frame", {"address": "@load_frame_rtu"} | FRAME),
     "RTU over TCP": ("modbus-frame", "load_frame", {"address": "@load_frame_rtu_tcp"} | FRAME),
 }
+FIRST = ("zaber", "ESP301", "Modbus TCP")
+"""Each driver, which waits in the same way on its other lines."""
+LINE = pytest.mark.parametrize(
+    "line", [pytest.param(line, marks=[] if line in FIRST else pytest.mark.extended) for line in LINES]
+)
 
 
 @pytest.fixture
@@ -43,7 +48,7 @@ def opened(virtual: VirtualRig, line: str) -> Any:
 
 
 @pytest.mark.realtime
-@pytest.mark.parametrize("line", LINES)
+@LINE
 @pytest.mark.parametrize(
     "fault",
     [
@@ -100,7 +105,7 @@ def test_a_busy_computer_does_not_make_a_simulated_device_silent(device, tmp_pat
 
 
 @pytest.mark.realtime
-@pytest.mark.parametrize("line", LINES)
+@LINE
 def test_driver_reports_silence_itself_before_its_call_is_given_up(virtual, line):
     """Its message says more than that the call hangs."""
     with closing(opened(virtual, line)) as device:

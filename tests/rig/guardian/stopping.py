@@ -187,11 +187,18 @@ class Bench:
         """
         with closing(self.started(machine)) as run:
             time.sleep(self._rng.uniform(0.1, 0.5))
-            self._skip_to_end()
-            before_s = time.monotonic()
-            began_s = event(run) or before_s
-            stood_s = self._wait_for_standstill(machine, began_s)
+            stood_ms = self.stood_after_ms(machine, run, event)
             self._end(run)
+        return stood_ms
+
+    def stood_after_ms(
+        self, machine: Machine, run: Program, event: Callable[[Program], float | None]
+    ) -> float:
+        """Cause an event of a run whose machine moves, and return the time from it to the standstill, ms."""
+        self._skip_to_end()
+        before_s = time.monotonic()
+        began_s = event(run) or before_s
+        stood_s = self._wait_for_standstill(machine, began_s)
         assert stood_s > began_s, f"{machine.name} stood before the event"
         return 1000.0 * (stood_s - began_s)
 

@@ -7,21 +7,27 @@ from contextlib import closing
 import pytest
 
 from tests.command_line import run_rig
-from tests.rig.guardian.stopping import FRAME, STAGE, guardian_of
+from tests.rig.guardian.stopping import EVENTS, FRAME, STAGE, guardian_of, hang, kill, signals
 
 pytestmark = pytest.mark.realtime
 
 SHARED, RELAYED = ("stage", "load_frame"), ("stage_tcp", "load_frame_rtu_tcp")
 CASES = [
     pytest.param(SHARED, FRAME, id="load frame on tcp"),
-    pytest.param(SHARED, STAGE, id="stage on a pty"),
+    pytest.param(SHARED, STAGE, id="stage on a pty", marks=pytest.mark.extended),
     pytest.param(RELAYED, FRAME, id="load frame on rtu", marks=pytest.mark.long),
     pytest.param(RELAYED, STAGE, id="stage on tcp", marks=pytest.mark.long),
 ]
 
 
 @pytest.mark.parametrize(("lines", "machine"), CASES)
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "frozen"])
+@pytest.mark.parametrize(
+    "how",
+    [
+        pytest.param(signal.SIGKILL, id="killed"),
+        pytest.param(signal.SIGSTOP, id="frozen", marks=pytest.mark.extended),
+    ],
+)
 def test_a_run_without_its_guardian_ends_with_its_machine_at_rest(how, machine, lines, bench_on):
     measured = bench_on(*lines)
     with closing(measured.started(machine)) as run:
@@ -43,8 +49,7 @@ def test_a_run_that_was_frozen_finds_its_machine_at_rest_and_ends(machine, lines
     """After the guardian's stop, no later command of the run may be executed."""
     measured = bench_on(*lines)
     with closing(measured.started(machine)) as run:
-        run.process.send_signal(signal.SIGSTOP)
-        assert measured.stands(machine)
+        assert measured.stood_after_ms(machine, run, hang(measured, machine)) <= EVENTS["engine hangs"][1]
         run.process.send_signal(signal.SIGCONT)
         status, said = run.end()
         assert status == 1
@@ -56,16 +61,15 @@ def test_a_run_that_was_frozen_finds_its_machine_at_rest_and_ends(machine, lines
 def test_a_dead_run_leaves_one_line_on_the_terminal_and_in_a_log_beside_the_run_file(bench_on):
     measured = bench_on()
     with closing(measured.started(STAGE)) as run:
-        run.process.kill()
+        assert measured.stood_after_ms(STAGE, run, kill(measured, STAGE)) <= EVENTS["kill -9"][1]
         _, said = run.process.communicate(timeout=60)
         (line,) = said.splitlines()
         assert line.startswith("rig guardian: the process of the run is gone: load_frame and stage stopped, ")
         (logged,) = (measured.folder / "run.guardian.log").read_text().splitlines()
         assert logged.endswith(line)
-        assert measured.stands(STAGE)
 
 
-def test_the_machines_of_a_run_belong_to_it_alone(bench_on):
+def test_the_machines_of_a_run_belong_to_it_alone_until_a_signal_stops_them(bench_on):
     measured = bench_on()
     with closing(measured.started(STAGE)) as run:
         folder = measured.folder
@@ -78,7 +82,7 @@ def test_the_machines_of_a_run_belong_to_it_alone(bench_on):
             assert f"pid {run.process.pid} (" in refused.err
             assert len(refused.err.splitlines()) == 1
         assert run.process.poll() is None
-        run.process.send_signal(signal.SIGINT)
+        assert measured.stood_after_ms(STAGE, run, signals(measured, STAGE)) <= EVENTS["signal"][1]
         assert run.end()[0] == 1
 
 

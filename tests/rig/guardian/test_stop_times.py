@@ -2,7 +2,7 @@
 
 The measured times are real times of the programs, the lines and the system's scheduling. The quick test
 checks the median of three times, which other programs hardly affect. The long test checks the largest of
-thirty times.
+thirty times. `test_guarded_run.py` measures one time each after a signal, a kill and a hang.
 """
 
 from statistics import median
@@ -26,6 +26,7 @@ QUICK = [
 ]
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(("event", "machine"), QUICK)
 def test_a_machine_stands_in_time(event, machine, bench_on):
     # a hang takes most of its second in any case, so one is enough to see its bound
@@ -34,11 +35,13 @@ def test_a_machine_stands_in_time(event, machine, bench_on):
     assert median(times.ms) <= bound_ms, times
 
 
+@pytest.mark.extended
 def test_a_load_frame_stands_by_its_own_watchdog_when_everything_of_ours_is_frozen(bench_on):
     times = measure(bench_on(), FRAME, "all frozen", 1)
     assert max(times.ms) <= FROZEN_MS, times
 
 
+@pytest.mark.extended
 @MACHINES
 def test_a_machine_on_a_line_that_only_the_guardian_has_stands_in_time(machine, bench_on):
     bound_ms = EVENTS["kill -9"][1]
