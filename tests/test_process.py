@@ -26,13 +26,17 @@ from dic.report.stated_facts import StatedFacts
 from dic.runfile.reader import RunFile
 from rig.run import run_protocol
 from tests.command_line import refusal, run_both, run_dic
-from tests.places import EXAMPLES, example
+from tests.places import example, small_cameras
 from tests.screens import terminal
 
 BAR = r"correlating [━╸╺ ]+(\d+/\S+)? ?([-\d:]+)?"
 """The progress bar, possibly cut off at its end."""
 
 COARSE = CorrelationSettings(step_px=40)
+
+
+SMALL = small_cameras(450, 1400.0)
+"""A quarter of the pixels of the examples; a point every 40 px is then one of some sixty."""
 
 
 def short_protocol(folder):
@@ -45,7 +49,8 @@ def short_protocol(folder):
 def run_file(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
     path = folder / "run.h5"
-    rig = EXAMPLES / "rig-virtual-rotation-30.toml"
+    rig = folder / "rig.toml"
+    rig.write_text(example("rig-virtual-rotation-30", SMALL))
     assert run_protocol(short_protocol(folder), rig, path).status == "completed"
     return path
 
@@ -115,10 +120,10 @@ def test_report_reads_the_images_and_the_cameras_of_a_run_from_its_file(result, 
 
 
 def test_the_command_prints_the_table_and_writes_what_it_printed(run_file, tmp_path):
-    files = {name: tmp_path / name for name in ("r.h5", "r.json", "r.html", "again.html")}
+    files = {name: tmp_path / name for name in ("r.h5", "r.json")}
     done = run_dic(
         "process", run_file, "--step", 40, "-o", files["r.h5"], "--json", files["r.json"],
-        "--report", files["r.html"], "--csv", tmp_path / "csv", "--decimal-comma",
+        "--csv", tmp_path / "csv", "--decimal-comma",
     )  # fmt: skip
     assert done.status == 0
     with (tmp_path / "csv" / "strain.csv").open(encoding="utf-8", newline="") as file:
@@ -144,8 +149,14 @@ def test_the_command_prints_the_table_and_writes_what_it_printed(run_file, tmp_p
         assert steps[0]["load_n"] is None
         shown = f"{1e6 * steps[1]['calibrated']['eyy']:8.0f}"
         assert shown in done.out
-    assert run_dic("report", files["r.h5"], "-o", files["again.html"]).status == 0
-    assert files["again.html"].read_bytes() == files["r.html"].read_bytes()
+
+
+@pytest.mark.extended
+def test_the_report_of_the_command_is_that_of_its_result_file(run_file, tmp_path):
+    result, ours, again = (tmp_path / name for name in ("r.h5", "r.html", "again.html"))
+    assert run_dic("process", run_file, "--step", 40, "-o", result, "--report", ours).status == 0
+    assert run_dic("report", result, "-o", again).status == 0
+    assert again.read_bytes() == ours.read_bytes()
 
 
 def test_terminal_shows_the_table_in_100_columns_and_nothing_of_the_bar_is_left(
@@ -180,9 +191,9 @@ def step(self, record, record_step=Recorder.step):
     return written
 Recorder.step = step
 folder = Path({str(tmp_path)!r})
-rig = Path({str(EXAMPLES)!r}) / "rig-virtual-rotation-30.toml"
-run_protocol(Path({str(short_protocol(tmp_path))!r}), rig, folder / "killed.h5")
+run_protocol(Path({str(short_protocol(tmp_path))!r}), folder / "rig.toml", folder / "killed.h5")
 """
+    (tmp_path / "rig.toml").write_text(example("rig-virtual-rotation-30", SMALL))
     ended = subprocess.run([sys.executable, "-c", script], check=False)
     assert ended.returncode == -signal.SIGKILL
     result = process_run(tmp_path / "killed.h5", COARSE)

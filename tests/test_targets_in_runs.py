@@ -33,9 +33,15 @@ TARGETS = {
 }
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=[pytest.mark.long] * (kind == "asymmetric-dots")) for kind in TARGETS]
-)
+MARKS = {
+    "checkerboard": pytest.mark.extended,
+    "dots": pytest.mark.extended,
+    "asymmetric-dots": pytest.mark.long,
+}
+"""A ChArUco board has most settings, and stands in the first part for all targets but the line grid."""
+
+
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=MARKS.get(kind, [])) for kind in TARGETS])
 def test_the_target_of_the_protocol_calibrates_the_run(tmp_path, monkeypatch, kind):
     table, texture, points = TARGETS[kind]
     # the simulated operator attaches this target instead of the line grid

@@ -18,7 +18,7 @@ FROM_IMAGES, FROM_A_RUN = re.findall(
 SHOWN = commands(README)
 
 
-pytestmark = pytest.mark.usefixtures("beside_the_examples")
+pytestmark = [pytest.mark.extended, pytest.mark.usefixtures("beside_the_examples")]
 
 
 def run(*words):

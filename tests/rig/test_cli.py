@@ -160,7 +160,7 @@ def long_run(start: Callable[..., Program], tmp_path: Path, kind: str) -> tuple[
     return run_file, program
 
 
-@pytest.mark.parametrize("kind", ["rotation", "tension"])
+@pytest.mark.parametrize("kind", ["rotation", pytest.param("tension", marks=pytest.mark.extended)])
 def test_sigterm_ends_a_run_as_aborted_with_its_steps(start, tmp_path, kind):
     run_file, program = long_run(start, tmp_path, kind)
     program.process.send_signal(signal.SIGTERM)

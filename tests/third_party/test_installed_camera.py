@@ -13,6 +13,8 @@ import pytest
 from drivers.settings import toml_table
 from tests.places import EXAMPLES
 
+pytestmark = pytest.mark.extended
+
 PACKAGE = Path(__file__).parent / "swan_camera"
 OFFLINE = ("--no-index", "--no-deps", "--no-build-isolation", "--disable-pip-version-check", "--quiet")
 RIG = (sys.executable, "-c", "from rig.cli import main; main()")

@@ -24,7 +24,12 @@ def begin(start) -> Callable[..., Program]:
     return partial(start, "simulate")
 
 
-@pytest.mark.parametrize("way", ["SIGINT", "SIGTERM", "SIGHUP", "quit"])
+EXTENDED = pytest.mark.extended
+
+
+@pytest.mark.parametrize(
+    "way", [pytest.param("SIGINT", marks=EXTENDED), "SIGTERM", pytest.param("SIGHUP", marks=EXTENDED), "quit"]
+)
 def test_it_ends_at_once_with_status_0(begin, way, tmp_path):
     # an hour between samples must not be waited for
     program = begin("--json", tmp_path / "addresses.json", "--period-s", 3600)

@@ -29,8 +29,11 @@ def faults_of(result: Result, case: Case) -> list[str]:
     return found
 
 
+SEEDS = pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.extended)])
+
+
 @pytest.mark.parametrize("lie", LIES[:4])
-@pytest.mark.parametrize("seed", range(2))
+@SEEDS
 def test_a_load_cell_that_lies_from_the_start_overloads_no_specimen(lie, seed, tmp_path, monkeypatch):
     case = draw(random.Random(100 * LIES.index(lie) + seed))
     result = drive(case, tmp_path, monkeypatch, lie, lambda load_n: True)
@@ -83,7 +86,7 @@ def test_the_paper_s_protocol_needs_no_declaration_to_notice_a_lie(lie, tmp_path
     assert faults_of(drive(paper, tmp_path, monkeypatch, lie, lambda load_n: True), paper) == []
 
 
-@pytest.mark.parametrize("seed", range(2))
+@SEEDS
 def test_no_honest_test_is_stopped(seed, tmp_path, monkeypatch):
     case = draw(random.Random(1000 + seed))
     result = drive(case, tmp_path, monkeypatch)

@@ -14,7 +14,11 @@ from tests.rig.limits.test_lies import OVER_MAX
 
 LATER = [
     # the long campaign has every lie from a load on
-    pytest.param(lie, 0.5, marks=[pytest.mark.long] if lie in ("tenth-load", "reversed-load") else [])
+    pytest.param(
+        lie,
+        0.5,
+        marks=pytest.mark.long if lie in ("tenth-load", "reversed-load") else pytest.mark.extended,
+    )
     for lie in LIES[:4]
 ]
 

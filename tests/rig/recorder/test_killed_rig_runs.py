@@ -98,6 +98,12 @@ def random_moments(count: int, seed: int, steps_max: int) -> list[tuple[int, flo
 
 
 def test_what_a_killed_rig_run_has_told_is_on_file(runs, tmp_path):
+    # in the beginning, after a step, and amid one
+    check_random_kills(runs, tmp_path, [(0, OPENING_S / 2), (4, 0.0), (4, STEP_S / 2)])
+
+
+@pytest.mark.extended
+def test_what_some_killed_rig_runs_have_told_is_on_file(runs, tmp_path):
     check_random_kills(runs, tmp_path, [(0, OPENING_S / 2), *random_moments(3, 1, 8), (6, STEP_S / 2)])
 
 

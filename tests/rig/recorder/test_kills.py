@@ -60,6 +60,12 @@ def check_random_kills(runs: ForkedRuns, folder: Path, count: int, seed: int) ->
 
 
 @pytest.mark.timeout(400)
+def test_no_acknowledged_image_is_lost_in_six_kills(runs, tmp_path):
+    check_random_kills(runs, tmp_path, 6, seed=3)
+
+
+@pytest.mark.extended
+@pytest.mark.timeout(400)
 def test_no_acknowledged_image_is_lost_in_twenty_kills(runs, tmp_path):
     check_random_kills(runs, tmp_path, 20, seed=1)
 

@@ -12,7 +12,10 @@ from simulators.stage.zaber import ZaberServer
 from tests.peers import INSTALL_S, RUN_S, interpreter, run
 from tests.tcp_servers import newport_on_tcp, zaber_on_tcp
 
-pytestmark = pytest.mark.timeout(2 * INSTALL_S + RUN_S)  # an environment is made on first use
+pytestmark = [
+    pytest.mark.extended,
+    pytest.mark.timeout(2 * INSTALL_S + RUN_S),  # an environment is made on first use
+]
 
 ZABER_MOTION = """
 import json, sys
