@@ -6,6 +6,7 @@ calls a driver itself.
 
 import math
 import queue
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
@@ -24,7 +25,9 @@ CAMERA_MARGIN_S = 2.0
 """A camera's call may take this time in s longer than the protocol's `timeout_s`, for copying the image."""
 PATIENCE_S = 30.0
 """Real time in s added to each deadline on a virtual rig. Its devices compute while simulated time stands
-still."""
+still. A device that computes gets this time again, on a busy computer up to this processor time in all."""
+_COMPUTING = 0.05
+"""Part of a processor that a computing device gets even on a busy computer; one that waits uses less."""
 LEAVING_S = 2.0
 """Real time in s for which the end of a run waits for calls that still run, such as a long exposure."""
 _TICK_S = 1e-9
@@ -54,7 +57,13 @@ class Call(Generic[T]):
     """
 
     def __init__(
-        self, device: str, action: str, function: Callable[[], T], deadline: Deadline, clock: Clock
+        self,
+        device: str,
+        action: str,
+        function: Callable[[], T],
+        deadline: Deadline,
+        clock: Clock,
+        patience_s: float = PATIENCE_S,
     ) -> None:
         self.device = device
         self.action = action
@@ -66,7 +75,9 @@ class Call(Generic[T]):
         self._error: BaseException | None = None
         self._clock = clock
         self._due_s = clock.now_s() + deadline.duration_s
-        self._real_due_s = SystemClock().now_s() + deadline.duration_s + PATIENCE_S
+        self._patience_s = patience_s
+        self._real_due_s = SystemClock().now_s() + deadline.duration_s + patience_s
+        self._begun_processor_s = self._seen_processor_s = time.process_time()
 
     def run(self) -> None:
         """Call the function. This method runs on the device's thread."""
@@ -103,7 +114,16 @@ class Call(Generic[T]):
     @property
     def real_left_s(self) -> float:
         """Real time in s until the engine gives up the call, even if the rig's clock stands still."""
+        if self._real_due_s <= SystemClock().now_s() and self._computes():
+            self._real_due_s += self._patience_s
         return self._real_due_s - SystemClock().now_s()
+
+    def _computes(self) -> bool:
+        """Return whether the program has computed since the last question, so that the call may not hang."""
+        before_s, self._seen_processor_s = self._seen_processor_s, time.process_time()
+        recent_s = self._seen_processor_s - before_s
+        whole_s = self._seen_processor_s - self._begun_processor_s
+        return recent_s >= _COMPUTING * self._patience_s and whole_s < self._patience_s
 
 
 class Calls:
@@ -120,10 +140,19 @@ class Calls:
         raises an exception to end the run.
     lost : dict of str to str
         Receives for each lost device the name of the call that hangs.
+    patience_s : float
+        See `PATIENCE_S`.
     """
 
-    def __init__(self, clock: Clock, check: Callable[[], None], lost: dict[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        check: Callable[[], None],
+        lost: dict[str, str] | None = None,
+        patience_s: float = PATIENCE_S,
+    ) -> None:
         self.lost = {} if lost is None else lost
+        self._patience_s = patience_s
         self._clock = clock
         self._check = check
         self._news = Event()
@@ -150,7 +179,7 @@ class Calls:
             raise LinkLost(
                 device, action, "a device that answers", self.lost[device], "start the program again"
             )
-        call = Call(device, action, function, deadline, self._clock)
+        call = Call(device, action, function, deadline, self._clock, self._patience_s)
         if device not in self._workers:
             self._workers[device] = _Worker(device, self._news)
             self._workers[device].start()

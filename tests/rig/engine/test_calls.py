@@ -1,6 +1,7 @@
 """A driver's call that hangs is given up at its deadline, and until then the other devices are watched."""
 
 import threading
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from itertools import pairwise
@@ -97,6 +98,42 @@ def test_simulated_device_may_compute_for_longer_than_its_deadline():
         threading.Timer(0.05, go_on.set).start()
         assert calls.finish(call)
         assert clock.now_s() == 0.0
+
+
+def test_simulated_device_that_computes_on_a_busy_computer_does_not_hang():
+    """It takes longer than the patience, and the processor time shows that it computes."""
+    clock, patience_s = VirtualClock(), 0.5
+    calls = Calls(clock, lambda: None, patience_s=patience_s)
+
+    def compute_slowly() -> str:
+        # as if other programs had nine tenths of the processors
+        began_s, real = time.process_time(), SystemClock()
+        begin_s = real.now_s()
+        while real.now_s() < begin_s + 2.5 * patience_s:
+            while time.process_time() < began_s + 0.1 * (real.now_s() - begin_s):
+                pass
+            real.sleep(0.01)
+        return "an image"
+
+    with clock.activity():
+        call = calls.begin("cameras.left", "grab", compute_slowly, Deadline(0.001))
+        assert calls.finish(call) == "an image"
+
+
+@pytest.mark.parametrize("computes", [False, True], ids=["waits", "computes"])
+def test_simulated_device_that_hangs_is_given_up_even_if_it_computes(computes):
+    clock, go_on = VirtualClock(), threading.Event()
+    calls = Calls(clock, lambda: None, patience_s=0.2)
+
+    def hang() -> None:
+        while not go_on.wait(0.0 if computes else 60.0):
+            pass
+
+    with clock.activity():
+        call = calls.begin("cameras.left", "grab", hang, Deadline(0.001))
+        with pytest.raises(DeviceTimeout, match="the call hangs"):
+            calls.finish(call)
+        go_on.set()
 
 
 @pytest.mark.parametrize("clock", [SystemClock(), VirtualClock()])

@@ -12,7 +12,7 @@ from rig.mounting import Mounting
 from rig.protocol.protocol import parse_protocol, read_protocol
 from rig.rigfile import read_rig
 from rig.run import plan_protocol, run_protocol
-from tests.places import EXAMPLES, example
+from tests.places import example, small_cameras
 
 DECLARED = "\n[mounting]\nplate_mm = 1\ntilt_axis_mm = [2.5, -30]\nshift_std_um = 4.0\n"
 
@@ -69,7 +69,7 @@ def test_a_rotation_stage_has_no_hinge():
 
 def test_a_run_records_the_mounting_that_both_files_declare(tmp_path):
     short = example("rotation", ("total_deg = 360.0", "total_deg = 22.5")) + "\n[mounting]\nplate_mm = 1.0\n"
-    rig = (EXAMPLES / "rig-virtual-rotation-30.toml").read_text() + "\n[mounting]\nshift_std_um = 4.0\n"
+    rig = example("rig-virtual-rotation-30", small_cameras(32, 100.0)) + "\n[mounting]\nshift_std_um = 4.0\n"
     protocol, rig_file = written(tmp_path, "p.toml", short), written(tmp_path, "r.toml", rig)
     assert run_protocol(protocol, rig_file, tmp_path / "run.h5").status == "completed"
     with h5py.File(tmp_path / "run.h5") as file:
