@@ -149,7 +149,7 @@ class TerminalProgram:
         """Type on the terminal; ``\\x03`` is Ctrl-C."""
         os.write(self._ours, keys.encode())
 
-    def wait_for(self, text: str, timeout_s: float = 30.0) -> str:
+    def wait_for(self, text: str, timeout_s: float = 60.0) -> str:
         """Read until the screen shows a text, and return the screen."""
         end_s = SystemClock().now_s() + timeout_s
         while text not in str(self.screen):

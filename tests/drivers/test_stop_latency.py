@@ -145,7 +145,7 @@ class Bench:
         self._stopped_s.clear()
         self._mute.set()
         reading = pool.submit(self.device.read)
-        assert self._asked.wait(30.0)
+        assert self._asked.wait(60.0)
         called_s = time.perf_counter()
         getattr(self.device, self._line.stop)()
         wait([reading])

@@ -14,7 +14,7 @@ from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
 from tests.drivers.cameras.fake_kernel import FakeCamera, FakeSystem
 
-DEADLINE_S = 20.0
+DEADLINE_S = 60.0
 
 
 def opened(plugged: FakeCamera, context: OpenContext) -> V4l2Camera:

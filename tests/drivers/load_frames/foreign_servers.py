@@ -186,7 +186,7 @@ class TkTcpServer(_TkServer):
             port = free.getsockname()[1]
         self.address = f"127.0.0.1:{port}"
         self._begin(Server(port, "127.0.0.1"))
-        assert listening.wait(30.0)
+        assert listening.wait(60.0)
 
 
 class TkRtuServer(_TkServer):

@@ -16,7 +16,7 @@ from drivers.interfaces import OperatorAction
 from drivers.operators.console import SPEC, WORDS, ConsoleOperator
 from drivers.terminal.question import WRONG_LINES_MAX
 
-DEADLINE_S = 20.0
+DEADLINE_S = 60.0
 
 
 @dataclass

@@ -72,7 +72,7 @@ def test_a_stop_is_repeated_however_long_the_rig_file_lets_answers_take(kit, lin
     line.tamper = lambda command, answer: b"" if command == asks and next(lost, False) else answer()
     with ThreadPoolExecutor(1) as pool:
         # long before the answer to the first question is overdue
-        pool.submit(stage.stop).result(30.0)
+        pool.submit(stage.stop).result(60.0)
     assert line.received.count(stop) >= 2
     stage.close()
 
@@ -145,7 +145,7 @@ def test_a_stop_is_repeated_while_new_links_break_too(kit, device, clock, contex
         broken = pool.submit(break_links, relay, 3)
         wire.drop_clients()
         stage.stop()
-        broken.result(30.0)
+        broken.result(60.0)
     assert not device.moving
     stage.close()
     wire.close()

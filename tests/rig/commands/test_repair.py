@@ -33,7 +33,7 @@ def cut_off(tmp_path) -> Path:
     recorder = Recorder(tmp_path / "recorded.h5", HEADER, CAMERAS)
     for index, kind in enumerate(["grid", "reference"]):
         frames = {name: (recorder.frame(name, take(info, index)), 1) for name, info in CAMERAS.items()}
-        recorder.step(StepRecord(ProtocolStep(index, kind), Reading(1.0), frames)).result(20)
+        recorder.step(StepRecord(ProtocolStep(index, kind), Reading(1.0), frames)).result(60.0)
     path = tmp_path / "run.h5"
     shutil.copyfile(tmp_path / "recorded.h5", path)
     recorder.close("aborted", "test", START)

@@ -116,7 +116,7 @@ def test_slow_listener_loses_the_oldest_news_and_their_number_is_said(rotation_t
         go_on.wait(60.0)
 
     def end(status) -> None:
-        first.wait(10.0)
+        first.wait(60.0)
         if status.state.ending:
             go_on.set()
 

@@ -92,7 +92,7 @@ def test_two_signals_at_any_line_end_the_run_safely(rotation, rotation_table, tm
             if line in (first, first + distance):
                 signal.raise_signal(signal.SIGINT)
                 # The second is not waited for: the first may still wait for a lock of the interrupted line.
-                assert arrived.wait(10.0)
+                assert arrived.wait(60.0)
 
         _, status, last_call = run(f"{first}.h5", interrupt)
         assert status == "completed" or (status, last_call) == ("aborted", "stop"), f"line {first}"

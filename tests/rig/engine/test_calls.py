@@ -176,7 +176,7 @@ def test_abort_ends_a_wait_that_has_no_deadline(clock, hang):
             raise Aborted("step 0", "the run to go on", "SIGTERM", "nothing is lost")
 
     def abort() -> None:
-        assert asked.wait(10.0)
+        assert asked.wait(60.0)
         aborted.set()
         calls.interrupt()
 
@@ -199,7 +199,7 @@ def test_abort_ends_a_wait_that_has_no_deadline(clock, hang):
 def test_call_that_was_not_begun_when_the_wait_ended_is_never_begun(hang):
     made, held = [], threading.Event()
     calls = Calls(SystemClock(), lambda: None)
-    first = calls.begin("operator", "wait", lambda: held.wait(10.0), NEVER)
+    first = calls.begin("operator", "wait", lambda: held.wait(60.0), NEVER)
 
     def give_up() -> None:
         raise Aborted("step 0", "the run to go on", "SIGTERM", "nothing is lost")

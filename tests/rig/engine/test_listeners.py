@@ -91,7 +91,7 @@ def test_listener_that_raises_once_the_file_is_closed_is_told_of_in_the_outcome(
 def test_listener_that_asks_for_the_end_of_the_program_ends_the_run_safely(rotation, error):
     listener, _ = failing(State.PREPARING, error)
     asked = threading.Event()
-    rotation.operator.on_perform = lambda action: asked.wait(10.0)
+    rotation.operator.on_perform = lambda action: asked.wait(60.0)
     engine = rotation.engine(on_status=[listener])
     abort = engine.abort
 
@@ -113,7 +113,7 @@ def test_devices_are_told_to_stop_before_the_listeners_are_told_so(rotation):
 
     def listener(status) -> None:
         if status.state is State.SAFING:
-            seen.append(stopped.wait(10.0))
+            seen.append(stopped.wait(60.0))
 
     rotation.engine(on_status=[listener]).run()
     assert seen == [True]

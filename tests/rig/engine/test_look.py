@@ -94,11 +94,11 @@ def test_a_question_that_the_end_of_a_run_interrupts_is_withdrawn(tension):
 
     def wait(action):
         threading.Thread(target=engine.abort, args=("enough",)).start()
-        withdrawn.wait(10.0)
+        withdrawn.wait(60.0)
 
     tension.operator.on_perform = wait
     assert engine.run().status == "aborted"
-    assert withdrawn.wait(10.0)
+    assert withdrawn.wait(60.0)
 
 
 def test_questions_are_announced_with_what_the_operator_says_about_them(tension):

@@ -37,7 +37,7 @@ def test_stage_is_stopped_while_the_frame_is_still_being_asked(both, tension, ro
     stopped = threading.Event()
     rotation.stage.stop = stopped.set
     held = []
-    tension.load_frame.on_hold = lambda: held.append(stopped.wait(10.0))
+    tension.load_frame.on_hold = lambda: held.append(stopped.wait(60.0))
     assert SafeState(both).confirm() == []
     assert held == [True]
 
@@ -74,5 +74,5 @@ def test_both_devices_are_commanded_before_anything_else_is_done(both, tension, 
     commanded = [threading.Event(), threading.Event()]
     tension.load_frame.on_hold, rotation.stage.stop = (event.set for event in commanded)
     seen = []
-    SafeState(both).confirm(meanwhile=lambda: seen.extend(event.wait(10.0) for event in commanded))
+    SafeState(both).confirm(meanwhile=lambda: seen.extend(event.wait(60.0) for event in commanded))
     assert seen == [True, True]

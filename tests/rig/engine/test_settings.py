@@ -127,7 +127,7 @@ def test_a_camera_that_still_exposes_at_the_end_is_not_asked(rotation_table, tmp
 
     def long_exposure(count, frame):
         engine.abort("Ctrl-C")
-        ended.wait(30.0)
+        ended.wait(60.0)
         return frame
 
     camera.on_grab = long_exposure

@@ -21,7 +21,7 @@ def signalling(engine: Engine, number: signal.Signals = signal.SIGINT) -> Callab
     def send() -> None:
         told.clear()
         signal.raise_signal(number)
-        assert told.wait(10.0)
+        assert told.wait(60.0)
 
     engine.abort = note  # type: ignore[method-assign]
     return send

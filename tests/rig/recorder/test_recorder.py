@@ -42,7 +42,7 @@ def frame(level: int, shape=(4, 5), dtype=np.uint16) -> Frame:
 def step(recorder: Recorder, index: int, count: int = 1) -> None:
     rows = [recorder.frame("on_axis", frame(100 * index + i)) for i in range(count)]
     moved = ProtocolStep(index, "load", 2000.0)
-    recorder.step(StepRecord(moved, Reading(2.0, 1999.0), {"on_axis": (rows[0], count)})).result(20)
+    recorder.step(StepRecord(moved, Reading(2.0, 1999.0), {"on_axis": (rows[0], count)})).result(60.0)
 
 
 def test_what_was_recorded_stands_in_the_file(tmp_path):
@@ -191,9 +191,9 @@ def test_closed_file_carries_the_digest_of_everything_but_the_pixels(tmp_path):
 def test_disk_slower_than_the_cameras_ends_the_run_and_loses_nothing_recorded(tmp_path, monkeypatch):
     recorder = record(tmp_path / "run.h5", settings=RecordingSettings(queue_frames=2, sync_frames=1))
     stalled, go_on = threading.Event(), threading.Event()
-    monkeypatch.setattr(os, "fsync", lambda _: (stalled.set(), go_on.wait(20)))
+    monkeypatch.setattr(os, "fsync", lambda _: (stalled.set(), go_on.wait(60.0)))
     recorder.frame("on_axis", frame(1))
-    assert stalled.wait(20)
+    assert stalled.wait(60.0)
     recorder.frame("on_axis", frame(2))
     with pytest.raises(RecordingError, match=r"raise recording\.queue_frames in the rig file to 4"):
         recorder.frame("on_axis", frame(3))
@@ -209,9 +209,9 @@ def test_disk_slower_than_the_cameras_ends_the_run_and_loses_nothing_recorded(tm
 def test_disk_that_does_not_answer_is_one_sentence(tmp_path, monkeypatch):
     recorder = record(tmp_path / "run.h5", settings=RecordingSettings(sync_frames=1, answer_s=1e-3))
     stalled, go_on = threading.Event(), threading.Event()
-    monkeypatch.setattr(os, "fsync", lambda _: (stalled.set(), go_on.wait(20)))
+    monkeypatch.setattr(os, "fsync", lambda _: (stalled.set(), go_on.wait(60.0)))
     recorder.frame("on_axis", frame(1))
-    assert stalled.wait(20)
+    assert stalled.wait(60.0)
     go_on.wait(2e-3)
     with pytest.raises(RecordingError, match=r"no answer of the disk within 0\.001 s; .*recording\.answer_s"):
         recorder.event(0.0, "info", "test", "anything")
@@ -230,7 +230,7 @@ def test_write_that_fails_is_one_sentence_and_the_file_is_released_and_opens(tmp
     record_of_step = StepRecord(ProtocolStep(1, "load", 2000.0), Reading(2.0, 1999.0), {})
     recorder.frame("on_axis", frame(1))
     with pytest.raises(RecordingError, match="recording"):
-        recorder.step(record_of_step).result(20)
+        recorder.step(record_of_step).result(60.0)
     with pytest.raises(RecordingError, match="recording"):
         recorder.event(0.0, "info", "test", "anything")
     recorder.close("failed", "broken", START)
@@ -251,7 +251,7 @@ for index in range({steps}):
     t.step(recorder, index, count=2)
     recorder.event(0.0, "info", "test", "step")
 recorder.frame("on_axis", t.frame(4000))
-recorder.synchronise().result(20)
+recorder.synchronise().result(60.0)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 

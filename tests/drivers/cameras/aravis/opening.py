@@ -5,7 +5,7 @@ from drivers.cameras.aravis.settings import AravisSettings
 from drivers.interfaces import OpenContext
 from tests.drivers.cameras.fake_aravis import HEIGHT, INTERVAL_S, WIDTH, FakeLibrary
 
-DEADLINE_S = 20.0
+DEADLINE_S = 60.0
 """Deadline in s of real time for work on other threads. Only a failing test waits for so long."""
 
 

@@ -96,13 +96,13 @@ def test_a_call_does_not_wait_for_another_beyond_its_deadline(camera, capture):
 
     def slowly() -> tuple[bool, np.ndarray | None]:
         asked.set()
-        going.wait(20.0)
+        going.wait(60.0)
         return read()
 
     capture.read = slowly
     with ThreadPoolExecutor(1) as pool:
         other = pool.submit(camera.grab, 1.0)
-        asked.wait(20.0)
+        asked.wait(60.0)
         with pytest.raises(DeviceTimeout, match="a camera that no other call uses, got one in use"):
             camera.grab(0.01)
         going.set()

@@ -37,18 +37,18 @@ def test_hold_goes_out_while_another_request_waits_for_its_answer(port, device, 
         reply = answer()
         if is_state(request) and next(first, False):
             asked.set()
-            assert release.wait(30.0)
+            assert release.wait(60.0)
         return reply
 
     port.tamper = slow
     with ThreadPoolExecutor(1) as pool:
         reading = pool.submit(frame.read)
-        assert asked.wait(30.0)
+        assert asked.wait(60.0)
         frame.hold()
         assert not reading.done()
         assert device.read().holding
         release.set()
-        assert reading.result(30.0).moving
+        assert reading.result(60.0).moving
     frame.close()
 
 
@@ -67,11 +67,11 @@ def test_a_machine_that_takes_one_connection_is_held_over_it(port, device, conte
     port.tamper = swallow_first
     with ThreadPoolExecutor(1) as pool:
         reading = pool.submit(frame.read)
-        assert asked.wait(30.0)
+        assert asked.wait(60.0)
         frame.hold()
         assert device.read().holding
         # the state is asked for again behind the hold, and the heartbeat is needed no more
-        assert reading.result(30.0).holding is (start[0] == 4)
+        assert reading.result(60.0).holding is (start[0] == 4)
     frame.close()
 
 
@@ -83,17 +83,17 @@ def test_a_motion_command_overtaken_by_hold_is_not_executed(port, device, contex
     def slow(request: bytes, answer: Answer) -> bytes | None:
         if is_command(request) and next(first, False):
             arrived.set()
-            assert release.wait(30.0)
+            assert release.wait(60.0)
         return answer()
 
     port.tamper = slow
     with ThreadPoolExecutor(1) as pool:
         moving = pool.submit(frame.go_to_displacement, 1.0, 0.1)
-        assert arrived.wait(30.0)
+        assert arrived.wait(60.0)
         frame.hold()
         release.set()
         with pytest.raises(DeviceFault, match="expected no hold meanwhile"):
-            moving.result(30.0)
+            moving.result(60.0)
     assert device.read().holding
     frame.close()
 
@@ -115,12 +115,12 @@ def test_a_hold_does_not_wait_for_its_own_proof(port, device, clock, context):
     port.tamper = swallow_proof
     with ThreadPoolExecutor(2) as pool:
         reading = pool.submit(frame.read)
-        assert asked.wait(30.0)
+        assert asked.wait(60.0)
         assert device.read().moving
         # long before the proof is overdue
-        pool.submit(frame.hold).result(30.0)
+        pool.submit(frame.hold).result(60.0)
         assert device.read().holding
-        reading.result(30.0)
+        reading.result(60.0)
     frame.close()
 
 
@@ -153,7 +153,7 @@ def test_a_hold_is_repeated_before_a_long_answer_would_have_come(port, device, c
     lost = iter([True])
     port.tamper = lambda request, answer: None if is_command(request) and next(lost, False) else answer()
     with ThreadPoolExecutor(1) as pool:
-        pool.submit(frame.hold).result(30.0)
+        pool.submit(frame.hold).result(60.0)
     assert device.read().holding
     frame.close()
 

@@ -67,7 +67,7 @@ def test_a_peer_that_sends_without_end_is_told_in_time_and_in_one_short_line(con
     with flood(data) as url, ThreadPoolExecutor(1) as pool:
         opening = pool.submit(open_stage, settings(url), context)
         with pytest.raises((DeviceTimeout, LinkLost)) as caught:
-            opening.result(30.0)
+            opening.result(60.0)
     assert len(str(caught.value)) < 400
 
 

@@ -31,20 +31,20 @@ def test_stop_goes_out_while_a_question_waits_and_the_question_is_asked_again(ho
     polled = swallow_first_position(line)
     with ThreadPoolExecutor(1) as pool:
         reading = pool.submit(homed.read)
-        assert polled.wait(30.0)
+        assert polled.wait(60.0)
         homed.stop()
         assert not device.moving
-        assert 0.0 < reading.result(30.0).angle_deg < 90.0
+        assert 0.0 < reading.result(60.0).angle_deg < 90.0
 
 
 def test_stop_keeps_back_a_move_that_was_not_sent_yet(homed, line):
     polled = swallow_first_position(line)
     with ThreadPoolExecutor(1) as pool:
         moving = pool.submit(homed.move_to, 90.0)
-        assert polled.wait(30.0)
+        assert polled.wait(60.0)
         homed.stop()
         with pytest.raises(DeviceFault, match="no stop meanwhile"):
-            moving.result(30.0)
+            moving.result(60.0)
     assert line.motions() == []
 
 
@@ -53,10 +53,10 @@ def test_a_stop_need_not_wait_for_the_end_of_a_question(line, context):
     polled = swallow_first_position(line)
     with ThreadPoolExecutor(2) as pool:
         reading = pool.submit(stage.read)
-        assert polled.wait(30.0)
-        pool.submit(stage.stop).result(30.0)
+        assert polled.wait(60.0)
+        pool.submit(stage.stop).result(60.0)
         # it is asked again
-        assert not reading.result(30.0).moving
+        assert not reading.result(60.0).moving
     assert line.received.count("1TP") > 1
     stage.close()
 
@@ -74,10 +74,10 @@ def test_a_stop_that_comes_before_the_start_was_seen_is_told(homed, line, comman
     line.tamper = lose_first_error
     with ThreadPoolExecutor(1) as pool:
         moving = pool.submit(homed.home) if command == "1OR" else pool.submit(homed.move_to, 45.0)
-        assert commanded.wait(30.0)
+        assert commanded.wait(60.0)
         homed.stop()
         with pytest.raises(DeviceFault, match="no stop meanwhile"):
-            moving.result(30.0)
+            moving.result(60.0)
 
 
 def test_stop_is_repeated_until_standstill_is_confirmed(homed, line, device, clock):
@@ -94,7 +94,7 @@ def test_stop_is_repeated_until_standstill_is_confirmed(homed, line, device, clo
 def test_a_stop_under_a_flood_ends_in_time(homed, line):
     line.tamper = lambda command, answer: b"x\n" * 2000
     with ThreadPoolExecutor(1) as pool, pytest.raises(DeviceTimeout, match="press the emergency stop"):
-        pool.submit(homed.stop).result(30.0)
+        pool.submit(homed.stop).result(60.0)
 
 
 @stops_end_soon

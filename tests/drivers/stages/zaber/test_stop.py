@@ -33,14 +33,14 @@ def test_stop_goes_out_while_another_request_waits_for_its_answer(line, device, 
     line.tamper = hold_back
     with ThreadPoolExecutor(1) as pool:
         reading = pool.submit(stage.read)
-        assert polled.wait(30.0)
+        assert polled.wait(60.0)
         stage.stop()
         assert not reading.done()
         assert not device.moving
         line.tamper = lambda command, answer: held.pop() + answer()
         # any further traffic brings the late answer along
         stage.stop()
-        assert reading.result(30.0).moving
+        assert reading.result(60.0).moving
     stage.close()
 
 
@@ -62,10 +62,10 @@ def test_stop_keeps_back_a_move_that_was_not_sent_yet(line, device, clock, conte
     line.tamper = hold_back
     with ThreadPoolExecutor(1) as pool:
         moving = pool.submit(stage.move_to, 90.0)
-        assert polled.wait(30.0)
+        assert polled.wait(60.0)
         stage.stop()
         with pytest.raises(DeviceFault, match="no stop meanwhile"):
-            moving.result(30.0)
+            moving.result(60.0)
     assert line.motions() == []
     stage.close()
 
@@ -84,10 +84,10 @@ def test_a_stop_while_the_answer_to_a_motion_is_missing_is_told(homed, line, com
     line.tamper = lose_motion
     with ThreadPoolExecutor(1) as pool:
         moving = pool.submit(homed.home) if command == "home" else pool.submit(homed.move_to, 45.0)
-        assert commanded.wait(30.0)
+        assert commanded.wait(60.0)
         homed.stop()
         with pytest.raises(DeviceFault, match="no stop meanwhile"):
-            moving.result(30.0)
+            moving.result(60.0)
 
 
 def test_stop_is_repeated_until_standstill_is_confirmed(homed, line, device, clock):

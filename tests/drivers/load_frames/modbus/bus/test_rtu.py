@@ -215,9 +215,9 @@ def test_what_is_urgent_ends_the_wait_of_others_and_their_reading_goes_on_after_
     slave.answer = mute_first
     with ThreadPoolExecutor(1) as pool:
         reading = pool.submit(hasty.read, "input", 8, 1)
-        assert asked.wait(30.0)
+        assert asked.wait(60.0)
         hasty.write(0, [1], urgent=True)
-        assert reading.result(30.0) == [5]
+        assert reading.result(60.0) == [5]
     assert [request[1] for request in slave.requests] == [4, 16, 4]
 
 
@@ -233,10 +233,10 @@ def test_a_write_that_was_overtaken_is_not_repeated(slave, hasty):
     slave.answer = mute_first
     with ThreadPoolExecutor(1) as pool:
         writing = pool.submit(hasty.write, 9, [1])
-        assert asked.wait(30.0)
+        assert asked.wait(60.0)
         hasty.write(0, [1], urgent=True)
         with pytest.raises(Overtaken, match="a hold that went first"):
-            writing.result(30.0)
+            writing.result(60.0)
     assert len(slave.requests) == 2
 
 
