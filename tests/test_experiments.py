@@ -10,8 +10,8 @@ from tests.places import example, small_cameras
 
 # A quarter of the default's points: means over a thousand of them still have less than 2 µε of noise.
 COARSE = CorrelationSettings(subset_px=31, step_px=20, shape="quadratic")
-SMALL = small_cameras(600, 1867.0)
-"""The view of the examples with fewer pixels: means of some 500 points have less than 4 µε of noise."""
+SMALL = small_cameras(450, 1400.0)
+"""The view of the examples with fewer pixels: means of some 300 points have less than 4 µε of noise."""
 MICRO = 1e6
 
 

@@ -175,6 +175,7 @@ def test_sigterm_ends_a_run_as_aborted_with_its_steps(start, tmp_path, kind):
     assert "the run aborted" in verified.out
 
 
+@pytest.mark.extended
 def test_killed_run_is_verified_with_its_finished_steps(start, tmp_path):
     run_file, program = long_run(start, tmp_path, "rotation")
     program.process.kill()

@@ -3,9 +3,13 @@
 import pytest
 
 from tests.command_line import run_rig
-from tests.places import EXAMPLES, example
+from tests.places import example
 
 CAMERA = 'driver = "simulated-camera"'
+SHORT = {
+    "rotation": [("increment_deg = 22.5", "increment_deg = 45.0")],
+    "tension": [("total_mm = 5.0", "total_mm = 3.0")],
+}
 
 
 @pytest.mark.parametrize(
@@ -32,7 +36,8 @@ def test_an_experiment_runs_to_its_end(protocol, rig_file, edits, tmp_path):
     small = (CAMERA, f"{CAMERA}\nwidth_px = 32\nheight_px = 24")
     rig_path.write_text(example(rig_file, small, *edits.items()))
     paths = ["--rig", rig_path, "-o", tmp_path / "run.h5", "--json", tmp_path / "run.json"]
-    ended = run_rig("run", EXAMPLES / f"{protocol}.toml", *paths)
+    (tmp_path / "protocol.toml").write_text(example(protocol, *SHORT[protocol]))
+    ended = run_rig("run", tmp_path / "protocol.toml", *paths)
     assert ended.status == 0, ended
     done = ended.report
     assert done["status"] == "completed"

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import dic
+from dic.correlation.settings import CorrelationSettings
 from dic.errors import RunFileError
 from dic.files.digest import file_sha256
 from dic.runfile.joined import open_run
@@ -90,7 +91,7 @@ def test_a_rotation_goes_on_from_its_finished_steps(tmp_path, interrupt_at):
     with open_run(new) as joined:
         assert [step.kind for step in joined.steps] == ["grid", "reference", *["rotation"] * 4]
         assert joined.image("on_axis", joined.steps[2]).shape == (450, 450)
-    result = dic.process_run(new)
+    result = dic.process_run(new, CorrelationSettings(step_px=40))
     for camera in result.cameras:
         assert [step.index for step in camera.steps] == [2, 3, 4, 5]
         assert camera.failures == []

@@ -120,6 +120,7 @@ def test_a_run_measures_what_the_simulation_logs_as_true(simulation, start, file
         assert written.cameras == ["front", "side"]
 
 
+@pytest.mark.extended
 def test_an_emergency_stop_that_is_typed_in_ends_a_run_in_its_safe_state(simulation, start, files):
     # more steps than can be done before the line is read
     (files / "protocol.toml").write_text(PROTOCOL.replace("total_deg = 10.0", "total_deg = 180.0"))

@@ -28,7 +28,7 @@ EXTENDED = pytest.mark.extended
 
 
 @pytest.mark.parametrize(
-    "way", [pytest.param("SIGINT", marks=EXTENDED), "SIGTERM", pytest.param("SIGHUP", marks=EXTENDED), "quit"]
+    "way", ["SIGTERM", *(pytest.param(way, marks=EXTENDED) for way in ("SIGINT", "SIGHUP", "quit"))]
 )
 def test_it_ends_at_once_with_status_0(begin, way, tmp_path):
     # an hour between samples must not be waited for
@@ -65,6 +65,7 @@ def test_another_program_runs_its_rig_and_faults_are_typed_in(begin, tmp_path):
     assert times == sorted(times)
 
 
+@pytest.mark.extended
 def test_under_nohup_it_outlives_its_terminal(begin):
     ignoring = "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN); from rig.cli import main; main()"
     program = begin(command=[sys.executable, "-c", ignoring])
@@ -85,6 +86,7 @@ def test_what_was_commanded_last_is_in_the_log(begin, tmp_path):
     assert '"command": "displacement 0.02 at 1"' in log.read_text()
 
 
+@pytest.mark.extended
 def test_a_log_that_has_no_more_room_ends_it_in_one_sentence(begin):
     status, complaints = begin("--log", "/dev/full").end()
     assert status == 2
@@ -92,6 +94,7 @@ def test_a_log_that_has_no_more_room_ends_it_in_one_sentence(begin):
     assert "Traceback" not in complaints
 
 
+@pytest.mark.extended
 def test_in_the_background_of_a_terminal_it_neither_reads_nor_stops(begin, tmp_path):
     ours, theirs = os.openpty()
     # a session whose foreground is this small shell, and the simulation in its background

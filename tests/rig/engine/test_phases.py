@@ -41,6 +41,7 @@ def readings_of(rig: FakeRig) -> dict[str, np.ndarray]:
         }
 
 
+@pytest.mark.extended
 def test_the_creep_example_runs_for_three_hours_of_simulated_time(tmp_path):
     made = FakeRig(parse_protocol(tomllib.loads(example("creep"))), tmp_path / "run.h5")
     outcome = made.engine().run()

@@ -117,6 +117,7 @@ def enough(tmp_path_factory) -> int:
     return low
 
 
+@pytest.mark.extended
 def test_limit_on_the_size_of_files_is_one_sentence_wherever_it_is(enough, tmp_path):
     rng = random.Random(1)
     assert check_limit(tmp_path / "run.h5", enough) == STEPS

@@ -97,6 +97,7 @@ def random_moments(count: int, seed: int, steps_max: int) -> list[tuple[int, flo
     return [(steps, rng.uniform(0.0, STEP_S if steps else OPENING_S)) for steps in chosen]
 
 
+@pytest.mark.extended
 def test_what_a_killed_rig_run_has_told_is_on_file(runs, tmp_path):
     # in the beginning, after a step, and amid one
     check_random_kills(runs, tmp_path, [(0, OPENING_S / 2), (4, 0.0), (4, STEP_S / 2)])

@@ -8,9 +8,12 @@ import numpy as np
 from click.testing import CliRunner
 
 import dic
+from dic.correlation.settings import CorrelationSettings
 from rig.cli import cli
 from rig.run import run_protocol
 from tests.places import example, small_cameras
+
+COARSE = CorrelationSettings(step_px=40)
 
 
 def test_strains_of_a_replay_are_those_of_the_run(tmp_path: Path) -> None:
@@ -26,7 +29,7 @@ def test_strains_of_a_replay_are_those_of_the_run(tmp_path: Path) -> None:
     assert "8 images" in done.output
     assert json.loads(table.read_text())["identical"] is True
 
-    first, second = dic.process_run(path), dic.process_run(new)
+    first, second = dic.process_run(path, COARSE), dic.process_run(new, COARSE)
     for ours, theirs in zip(first.cameras, second.cameras, strict=True):
         assert len(ours.measurements) == 2
         for a, b in zip(ours.measurements, theirs.measurements, strict=True):
