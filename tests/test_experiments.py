@@ -97,6 +97,7 @@ def test_an_axis_off_by_a_fifth_of_a_degree_gives_the_papers_bias(tmp_path, angl
     assert any("stage's axis leans" in finding for finding in corrections.findings["off_axis"])
 
 
+@pytest.mark.extended
 def test_tension_on_axis_is_the_strain_that_the_specimen_had(tmp_path):
     coarse = ("increment_mm = 0.3", "increment_mm = 1.0")
     cameras, corrections = experiment(tmp_path, "tension", "rig-virtual-tension", coarse, SMALL)

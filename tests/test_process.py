@@ -177,6 +177,7 @@ def test_terminal_shows_the_table_in_100_columns_and_nothing_of_the_bar_is_left(
     assert [len(values) for values in strains] == [3] * 10
 
 
+@pytest.mark.extended
 def test_a_killed_run_is_measured_as_far_as_it_went(tmp_path):
     script = f"""
 import os, signal

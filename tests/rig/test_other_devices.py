@@ -20,7 +20,7 @@ SHORT = {
             "rig-virtual-rotation-10",
             {'driver = "zaber-ascii"': 'driver = "newport-esp301"', '"@stage"': '"@newport"'},
         ),
-        (
+        pytest.param(
             "tension",
             "rig-virtual-tension",
             {
@@ -28,6 +28,7 @@ SHORT = {
                 'map = "generic"': 'map = "scaled-integers"',
                 'driver = "virtual-rig"': 'driver = "virtual-rig"\nload_frame_map = "scaled-integers"',
             },
+            marks=pytest.mark.extended,
         ),
     ],
 )

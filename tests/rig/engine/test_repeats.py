@@ -2,6 +2,7 @@
 
 import h5py
 import numpy as np
+import pytest
 
 from rig.run import run_protocol
 from tests.places import example
@@ -18,6 +19,7 @@ def datasets(path) -> dict[str, np.ndarray]:
     return found
 
 
+@pytest.mark.extended
 def test_two_runs_give_the_same_readings_at_the_same_times(tmp_path):
     protocol, rig_path = tmp_path / "protocol.toml", tmp_path / "rig.toml"
     protocol.write_text(example("tension", ("total_mm = 5.0", "total_mm = 3.0")))

@@ -5,6 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
+import pytest
 from click.testing import CliRunner
 
 import dic
@@ -16,6 +17,7 @@ from tests.places import example, small_cameras
 COARSE = CorrelationSettings(step_px=40)
 
 
+@pytest.mark.extended
 def test_strains_of_a_replay_are_those_of_the_run(tmp_path: Path) -> None:
     protocol, rig_path = tmp_path / "protocol.toml", tmp_path / "rig.toml"
     # half a turn in one step
