@@ -159,8 +159,9 @@ def _possible_reasons(maps: TextureMaps, look: FirstLook) -> dict[str, Mask]:
 def _left_out(reasons: dict[str, Mask], found: Mask, inner: Mask) -> dict[str, float]:
     """Return the share of the inner part for each reason why pixels do not belong to the specimen."""
     rest, shares = inner & ~found, {}
+    searched = max(1, int(np.count_nonzero(inner)))
     for reason, pixels in reasons.items():
-        shares[reason] = float((rest & pixels).sum() / max(1, inner.sum()))
+        shares[reason] = int(np.count_nonzero(rest & pixels)) / searched
         rest = rest & ~pixels
     return shares
 

@@ -36,7 +36,10 @@ def mean_gradient_in_blocks(displacement: Displacement, use: Mask) -> MeanGradie
         return None
     position, vector = displacement.position, displacement.vector
     blocks = bands_of(len(use), max(1, _BLOCK_POINTS // use.shape[1]))
-    centre = sum(position[block][use[block]].sum(axis=0) for block in blocks) / count
+    centre = np.zeros(2)
+    for block in blocks:
+        centre += position[block][use[block]].sum(axis=0)
+    centre /= count
     normal, products = np.zeros((2, 2)), np.zeros((2, 2))
     for block in blocks:
         centred = position[block][use[block]] - centre
