@@ -49,7 +49,7 @@ class TiffExporter(Exporter):
             with replacing(file) as partial:
                 # If Pillow itself writes to a disk that becomes full, the end of the file is missing without
                 # an error.
-                partial.write_bytes(content.getbuffer())
+                partial.write_bytes(content.getvalue())
 
 
 def _step(along: NDArray[Any]) -> int:

@@ -82,4 +82,4 @@ def write_figure(figure: Any, path: str | Path, dpi: float, image_format: str | 
     with replacing(path) as partial:
         # If Pillow itself writes a JPEG or TIFF file to a disk that becomes full, the end of the file is
         # missing without an error.
-        partial.write_bytes(content.getbuffer())
+        partial.write_bytes(content.getvalue())
