@@ -5,7 +5,7 @@ object, and then ends the program with a crash. So HDF5 writes to `NewFile`, whi
 longer fits on the disk. HDF5 then closes the file as usual, and the writer asks `NewFile` for the error.
 """
 
-from io import SEEK_CUR, SEEK_END, SEEK_SET, RawIOBase
+from io import SEEK_CUR, SEEK_END, SEEK_SET, FileIO, RawIOBase
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,13 @@ class NewFile:
     def __init__(self, path: Path, shown: PathLike | None = None, *, track_order: bool = False) -> None:
         import h5py
 
-        self._bytes = _Bytes(path, str(shown or path))
+        name = str(shown or path)
+        try:
+            file = path.open("w+b", buffering=0)
+        except OSError as error:
+            error.filename = name
+            raise
+        self._bytes = _Bytes(file, name)
         try:
             # Turn off the cache, because each row is written once as a whole. The cache would keep a megabyte
             # of rows for each dataset.
@@ -91,14 +97,9 @@ def _limit_index_cache(file_id: Any) -> None:
 class _Bytes(RawIOBase):
     """The file object to which h5py writes. After an error, it keeps new bytes in memory."""
 
-    def __init__(self, path: Path, shown: str) -> None:
+    def __init__(self, file: FileIO, shown: str) -> None:
         self.error: OSError | None = None
-        self._shown = shown
-        try:
-            self._file = path.open("w+b", buffering=0)
-        except OSError as error:
-            error.filename = shown
-            raise
+        self._file, self._shown = file, shown
         self._at = self._size = 0
         self._kept: list[tuple[int, bytes]] = []
 
