@@ -2,6 +2,7 @@
 
 import json
 import threading
+from contextlib import suppress
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,14 @@ class TruthLog:
         self._clock: Clock = rig.clock
         self._lock = threading.Lock()
         self._told = {"stage": 0, "load_frame": 0}
-        self.write("specimen", **rig.exact_properties)
+        try:
+            self.write("specimen", **rig.exact_properties)
+        except OSError:
+            if self._file is not None:
+                # An open file would write the line again when Python frees it, and print the second error.
+                with suppress(OSError):
+                    self._file.close()
+            raise
 
     def sample(self) -> None:
         """Write the current true state, and the commands to the devices since the last sample."""
