@@ -4,7 +4,8 @@ import pickle
 import tempfile
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, Generic, TypeVar, overload
+from contextlib import suppress
+from typing import Any, BinaryIO, Generic, TypeVar, overload
 
 Key = TypeVar("Key")
 Item = TypeVar("Item")
@@ -91,7 +92,7 @@ class Spool(Generic[Item]):
     def __init__(self) -> None:
         self._file: Any = tempfile.TemporaryFile()  # noqa: SIM115
         self._places: dict[int, int] = {}
-        weakref.finalize(self, self._file.close)
+        weakref.finalize(self, _close, self._file)
 
     def __len__(self) -> int:
         return len(self._places)
@@ -109,3 +110,9 @@ class Spool(Generic[Item]):
         """Write an item. An earlier item with the same number is replaced."""
         self._places[number] = self._file.seek(0, 2)
         pickle.dump(item, self._file)
+
+
+def _close(file: BinaryIO) -> None:
+    # On a full disk, closing fails as writing did before, and Python would print a second error at the end.
+    with suppress(OSError):
+        file.close()

@@ -1,11 +1,12 @@
-"""Sequences whose elements are computed when they are used."""
+"""Sequences whose elements are computed when they are used, or kept in a temporary file."""
 
 import weakref
 from operator import attrgetter
 
 import pytest
 
-from dic.files.lazy import Computed, by_index
+from dic.files.lazy import Computed, Spool, by_index
+from tests.full_disk import full_disk
 
 
 class Element:
@@ -52,3 +53,14 @@ def test_an_element_that_cannot_be_computed_leaves_the_others():
     with pytest.raises(ZeroDivisionError):
         elements[0]
     assert elements[1] == 1
+
+
+def test_items_that_found_no_room_are_told_of_once():
+    """Freeing the file writes what is left of them again; nobody could catch that second error."""
+    items: Spool[bytes] = Spool()
+    with full_disk(1000):
+        items.put(0, bytes(900))
+        items.put(1, bytes(900))
+        with pytest.raises(OSError, match="too large"):
+            items[1]
+        del items
