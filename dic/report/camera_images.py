@@ -67,7 +67,8 @@ def images_of(result: Results) -> list[CameraImages]:
     if isinstance(result, SeriesResult):
         labels = tuple(image.label for image in result.series.images)
         times = [one.time for one in result.series.images]
-        times_s = np.array([time.time_s if time.source in _TAKEN else np.nan for time in times], np.float64)
+        # numpy turns an unknown time, None, into NaN
+        times_s = np.array([time.time_s if time.source in _TAKEN else None for time in times], np.float64)
         read = partial(deformed_of_series, result)
         return [CameraImages("", result.series, result.calibration, labels, times_s, read)]
     found = []

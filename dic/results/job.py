@@ -77,7 +77,8 @@ def write_outcomes(group: Any, outcomes: Sequence[Outcome]) -> None:
     images.create_dataset("failed", data=failed).attrs["units"] = "1"
     times = [each.time for each in outcomes]
     if any(time.source for time in times):
-        images.create_dataset("time_s", data=[time.time_s for time in times]).attrs["units"] = "s"
+        times_s = [np.nan if time.time_s is None else time.time_s for time in times]
+        images.create_dataset("time_s", data=times_s).attrs["units"] = "s"
         images.create_dataset("time_source", data=[time.source for time in times], dtype=text)
 
 
@@ -90,7 +91,8 @@ def read_outcomes(group: Any) -> list[Outcome]:
     times = [ImageTime()] * len(columns[0])
     if "time_s" in images:
         sources = images["time_source"].asstr()[:]
-        times = [ImageTime(float(s), str(by)) for s, by in zip(images["time_s"][:], sources, strict=True)]
+        known = zip(images["time_s"][:], sources, strict=True)
+        times = [ImageTime(float(s), str(by)) if np.isfinite(s) else ImageTime() for s, by in known]
     return [
         Outcome(str(label), str(content), str(failure) if failed else None, time)
         for label, content, failure, failed, time in zip(*columns, images["failed"][:], times, strict=True)
