@@ -1,6 +1,7 @@
 """Tests of the server for the simulation's cameras: several clients, bad requests, other servers."""
 
 import contextlib
+import json
 import math
 import socket
 import threading
@@ -111,11 +112,14 @@ def test_nonsense_on_the_port_of_the_scene_is_answered(simulation):
             client.ask(10.0, **request)
         # what is left of the longest
         client.close()
-    deep = b"[" * 4000 + b"\n"
+    # Python 3.11 gives up JSON of this depth, and Python 3.13 reads it.
+    deep = b"[" * 2000 + b"]" * 2000 + b"\n"
     host, port = simulation.addresses["scene"].split(":")
     with socket.create_connection((host, int(port)), 10.0) as raw:
         raw.sendall(deep)
-        assert b"RecursionError" in raw.recv(1000)
+        answer = json.loads(raw.makefile("rb").readline())
+    assert answer["step"] == "understand a request"
+    assert answer["got"].split()[0] in {"RecursionError", "TypeError"}
 
 
 def test_half_a_frame_is_a_lost_link():
