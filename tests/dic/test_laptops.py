@@ -24,6 +24,10 @@ for name in (
 ):
     if hasattr(os, name):
         delattr(os, name)
+# Python's own modules use these with the functions above, and a system without those has not these either.
+os.supports_dir_fd.clear()
+os.supports_fd.clear()
+os.process_cpu_count = os.cpu_count
 for name in dir(signal):
     kept = ("SIGINT", "SIGTERM", "SIGABRT", "SIGFPE", "SIGILL", "SIGSEGV", "SIG_DFL", "SIG_IGN")
     # the module subprocess of this system, which is not that of Windows, needs SIGKILL
