@@ -13,6 +13,7 @@ from tests.engine_matrix.runs import Moment, Run, run_at
 
 WATCHDOG_S = 3.0
 """Time in s, with a margin, after which the watchdog holds a load frame that is not read any more."""
+NEVER_STRUCK = "the fault never struck"
 LONGEST_S = 240.0
 """Longest simulated time of a run in s, which is eight times that of a run without a fault."""
 
@@ -82,7 +83,7 @@ def _check_machine(run: Run, cell: Cell) -> None:
 
 def _check_end(run: Run, fault: RunFault, outcome: Outcome | None, cell: Cell) -> None:
     if not run.struck:
-        cell.broken.append("the fault never struck")
+        cell.broken.append(NEVER_STRUCK)
     if fault.ends and cell.status == "completed":
         cell.broken.append("completed in spite of the fault")
     if fault.borne and cell.status != ("aborted" if run.moment.aborted else "completed"):
