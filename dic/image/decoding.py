@@ -29,6 +29,8 @@ _JPEG_MESSAGES = (
 libjpeg writes only its first warning. So a harmless warning may hide a warning about damage.
 """
 _STDERR = 2
+_SILENT = 0
+"""OpenCV's level of its log at which it writes nothing."""
 _redirecting = threading.Lock()
 
 
@@ -80,11 +82,13 @@ def opencv_silent() -> Iterator[None]:
     """Keep OpenCV's log off the terminal, because the raised error already reports the problem."""
     import cv2
 
-    before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    # OpenCV 4.14 has this function at another place than OpenCV 4.12.
+    set_level = cv2.setLogLevel if hasattr(cv2, "setLogLevel") else cv2.utils.logging.setLogLevel
+    before = set_level(_SILENT)
     try:
         yield
     finally:
-        cv2.utils.logging.setLogLevel(before)
+        set_level(before)
 
 
 def _is_of_libjpeg(line: bytes) -> bool:
