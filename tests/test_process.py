@@ -159,6 +159,7 @@ def test_the_report_of_the_command_is_that_of_its_result_file(run_file, tmp_path
     assert again.read_bytes() == ours.read_bytes()
 
 
+@pytest.mark.extended
 def test_terminal_shows_the_table_in_100_columns_and_nothing_of_the_bar_is_left(
     run_file, tmp_path, monkeypatch
 ):

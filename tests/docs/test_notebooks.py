@@ -40,6 +40,7 @@ def test_notebooks_are_kept_without_output(path):
     assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in code)
 
 
+@pytest.mark.extended
 def test_strain_around_a_hole_is_kirschs(run):
     found = run("images-to-strain")
     assert np.isfinite(found["error"]).all()

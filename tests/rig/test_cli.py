@@ -34,6 +34,7 @@ def test_help_needs_no_heavy_import():
     assert done.stdout.strip() == "set()"
 
 
+@pytest.mark.extended
 def test_tension_runs_from_protocol_to_a_verified_run_file(tmp_path):
     run_file, report = tmp_path / "run.h5", tmp_path / "run.json"
     rig_file = small_rig(tmp_path, "tension")
@@ -91,6 +92,7 @@ def test_rotation_runs_and_an_existing_run_file_is_left_alone(tmp_path):
     assert run_file.read_bytes() == before
 
 
+@pytest.mark.extended
 def test_the_same_run_repeats_bit_by_bit(tmp_path):
     short = example("rotation", ("increment_deg = 22.5", "increment_deg = 120.0"))
     (tmp_path / "short.toml").write_text(short)

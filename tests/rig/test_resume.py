@@ -99,6 +99,7 @@ def test_a_rotation_goes_on_from_its_finished_steps(tmp_path, interrupt_at):
         assert all(abs(m.mean.exx) < 5e-3 for m in camera.measurements)
 
 
+@pytest.mark.extended
 def test_a_run_that_went_on_goes_on_again(tmp_path, interrupt_at):
     protocol, rig_path = files(tmp_path)
     rig_path.write_text(rig_path.read_text().replace("450", "64"))

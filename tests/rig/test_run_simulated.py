@@ -92,6 +92,7 @@ def logged(files: Path, what: str) -> list[dict]:
     return [line for line in lines if line["what"] == what]
 
 
+@pytest.mark.extended
 def test_a_run_measures_what_the_simulation_logs_as_true(simulation, start, files):
     assert run(start, files).end() == (0, "")
     assert simulation.end("quit\n") == (0, "")

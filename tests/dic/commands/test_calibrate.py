@@ -154,6 +154,7 @@ def test_a_camera_that_looks_straight_says_what_it_needs_and_takes_it(
     assert camera["principal_px"] == pytest.approx([224.8, 224.3], abs=1e-3)
 
 
+@pytest.mark.extended
 def test_more_images_of_the_tilted_grid_tell_the_focal_length(
     draw_grid: Callable[..., Any], tmp_path: Path
 ) -> None:

@@ -57,6 +57,7 @@ def test_equal_tables_need_no_toml_file(folder, tmp_path):
     assert [each["name"] for each in again.report["specimens"]] == ["s1", "s2", "s10"]
 
 
+@pytest.mark.extended
 def test_the_report_is_also_a_pdf_file_with_its_title_on_each_page(folder, tmp_path):
     require_pango()
     page, pdf = tmp_path / "r.html", tmp_path / "r.pdf"

@@ -193,6 +193,7 @@ def test_a_table_takes_no_gauges(folder):
     )
 
 
+@pytest.mark.extended
 def test_images_and_a_table_become_a_test_report(folder, tmp_path):
     known = tmp_path / "known.json"
     known.write_text(json.dumps({"E_gpa": E_MPA / 1e3, "nu": 0.33}))

@@ -28,6 +28,7 @@ def test_the_plate_with_a_hole(real_images, tmp_path):
     assert images[-1]["raw"]["exx"] < 0 < eyy[-1]
 
 
+@pytest.mark.extended
 def test_the_necking_specimen(real_images, tmp_path):
     files = sorted((real_images / "tension").glob("img_*.tif"))
     images = run(tmp_path, *files, "--csv", tmp_path / "csv")

@@ -63,6 +63,7 @@ def test_every_run_gets_its_result_and_finished_runs_are_not_correlated_again(sh
     assert closing(again)[0] == "3 runs: 1 known before, 1 not processed, 1 measured"
 
 
+@pytest.mark.extended
 def test_new_strains_of_a_shelf_are_printed_and_called_new(shelf, correlated):
     (shelf / "run3.h5").unlink()
     (shelf / "run10.h5").unlink()
@@ -169,6 +170,7 @@ def test_the_same_command_goes_on_with_force_too(shelf, correlated, monkeypatch)
     assert len(correlated) == 2
 
 
+@pytest.mark.extended
 def test_the_same_command_goes_on_with_tables(shelf, correlated):
     words = ("process", "runs/run2.h5", "runs/run10.h5", *WORDS, "--csv", "tables", "--save-alignment", "al")
     assert run_dic(*words).status == 0

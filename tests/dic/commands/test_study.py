@@ -20,6 +20,7 @@ def folder(tmp_path_factory):
     return made
 
 
+@pytest.mark.extended
 def test_writes_settings_that_the_other_commands_take(folder, tmp_path):
     toml, picture = tmp_path / "settings.toml", tmp_path / "study.png"
     done = run_dic(

@@ -89,6 +89,7 @@ def test_an_upside_down_image_is_found_in_bands(speckle, turn, in_bands):
     np.testing.assert_allclose(banded.warps[whole.converged], whole.warps[whole.converged], atol=1e-3)
 
 
+@pytest.mark.extended
 def test_a_second_body_that_moves_by_many_rows_is_found_in_bands(speckle, in_bands):
     """Its displacement differs from that of the first by more rows than are laid at first."""
     reference, image = pictures(speckle, lambda x, y: (x - 0.6, y + 0.4))

@@ -142,9 +142,8 @@ def test_an_image_that_fails_does_not_end_the_series(speckle):
     assert series.updates == 0
 
 
-@pytest.mark.parametrize(
-    ("incremental", "images"), [pytest.param("never", 20, marks=pytest.mark.extended), ("always", 8)]
-)
+@pytest.mark.extended
+@pytest.mark.parametrize(("incremental", "images"), [("never", 20), ("always", 8)])
 def test_memory_does_not_grow_with_the_number_of_images(speckle, incremental, images):
     pattern = speckle(seed=59, shape=(80, 90), margin=10)
     series = Series(pattern.draw(), settings=SETTINGS, incremental=incremental, threads=1)

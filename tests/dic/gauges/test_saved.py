@@ -216,6 +216,7 @@ def test_measurement_with_gauges_off_its_points_ends_with_one_sentence(folder, t
     assert "at least 3 measured points, got 0" in said
 
 
+@pytest.mark.extended
 def test_run_gives_the_same_readings_while_it_is_processed_and_afterwards(tmp_path):
     run = write_rendered_run(tmp_path / "run.h5", [slid(0.05)])
     gauges = tmp_path / "gauges.toml"

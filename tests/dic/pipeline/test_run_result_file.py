@@ -142,17 +142,10 @@ def test_loaded_run_is_saved_as_the_same_file(kind: str, files: dict[str, Path],
     assert_equal(load_run_result(tmp_path / "again.h5"), again)
 
 
-@pytest.mark.parametrize(
-    ("kind", "drawn"),
-    [
-        ("tension", False),
-        pytest.param("tension", True, marks=pytest.mark.extended),
-        pytest.param("rotation", True, marks=pytest.mark.long),
-    ],
-)
+@pytest.mark.extended
+@pytest.mark.parametrize("kind", ["tension", pytest.param("rotation", marks=pytest.mark.long)])
 def test_reading_and_reporting_measure_and_correct_nothing(
     kind: str,
-    drawn: bool,
     results: dict[str, RunResult],
     files: dict[str, Path],
     tmp_path: Path,
@@ -160,7 +153,7 @@ def test_reading_and_reporting_measure_and_correct_nothing(
 ) -> None:
     origin = load_run_result(files[kind]).provenance
     assert origin is not None
-    expected = written(tmp_path, replace(results[kind], provenance=origin), fields=drawn, drawn=drawn)
+    expected = written(tmp_path, replace(results[kind], provenance=origin))
     assert origin.command in unescape(expected)
 
     def forbidden(*_: Any, **__: Any) -> None:
@@ -180,7 +173,7 @@ def test_reading_and_reporting_measure_and_correct_nothing(
         "dic.pipeline.run_corrections.correct_with_two_cameras",
     ):
         monkeypatch.setattr(name, forbidden)
-    assert written(tmp_path, load_run_result(files[kind]), fields=drawn, drawn=drawn) == expected
+    assert written(tmp_path, load_run_result(files[kind])) == expected
 
 
 class TestTamperedFile:

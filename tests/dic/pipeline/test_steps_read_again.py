@@ -12,6 +12,7 @@ from tests.dic.pipeline.rendered_run import SMALL, slid, write_rendered_run
 pytestmark = pytest.mark.usefixtures("grids_found_once")
 
 
+@pytest.mark.extended
 def test_steps_of_a_written_run_are_read_for_the_table_and_for_the_problems(tmp_path, monkeypatch):
     run = write_rendered_run(
         tmp_path / "run.h5", [slid(0.05 * number) for number in range(1, 4)], camera=SMALL

@@ -100,6 +100,7 @@ def test_python_gives_the_strain_of_measure_images(place, tmp_path):
     np.testing.assert_allclose(anew.strain.exx_std, whole.images[0].strain.exx_std, rtol=0, atol=1e-9)
 
 
+@pytest.mark.extended
 def test_run_has_the_strain_of_a_whole_run_with_another_plate_and_window(tmp_path, correlated):
     run = write_rendered_run(tmp_path / "run.h5", [slid(0.05)], camera=SMALL)
     changed = ("--strain-window", 5, "--plate-mm", 0.5, "--poisson-ratio", 0.3)

@@ -50,6 +50,7 @@ def test_angle_is_that_of_the_fitted_camera_on_a_rig_whose_file_tells_none() -> 
     assert bias(run) == ("run 1, off_axis 30.0°", "εyy −1000 µε")
 
 
+@pytest.mark.extended
 def test_rig_file_that_contradicts_the_fitted_camera_changes_nothing_but_its_own_text(
     tmp_path: Path, tension_html: str
 ) -> None:

@@ -32,6 +32,7 @@ def test_every_anchor_of_the_contents_exists_once(rotation_html: str, tension_ht
         assert {link.removeprefix("#") for link in page.values("href")} <= set(ids)
 
 
+@pytest.mark.extended
 def test_settings_say_which_model_and_which_correction(corrected_html: str) -> None:
     rows = dict(row for row in Page(corrected_html).table("settings") if len(row) == 2)
     assert rows["Calibrated strain by"] == "the paper's bicubic map of 2 × 16 parameters"

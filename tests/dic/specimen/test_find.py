@@ -131,6 +131,7 @@ def test_the_search_may_be_limited_to_a_part_of_the_picture():
     assert field.converged.sum() > 0.97 * field.active.sum()
 
 
+@pytest.mark.extended
 def test_quality_and_correlation_agree_on_the_region():
     drawn = scene("bright_wall", 3).reference
     settings = CorrelationSettings(subset_px=21)

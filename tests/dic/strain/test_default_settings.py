@@ -17,6 +17,7 @@ from dic.strain.resolution import strain_resolution_px
 from dic.strain.strain import StrainSettings
 
 
+@pytest.mark.extended
 def test_noise_times_resolution_squared_of_strain_is_small_at_defaults():
     """Resolution is that of a drawn wave without noise; noise is that of the star images, by theory."""
     choice, wave = Choice.default(), Wave(period_px=55.0, growth=0.1, middle_px=165.0)

@@ -66,6 +66,7 @@ def test_of_an_even_number_of_rows_the_image_or_an_option_gives_the_direction_of
         assert np.abs(seen.project(turn * grid.xy_mm) - grid.uv_px).max() < 0.05
 
 
+@pytest.mark.extended
 def test_hidden_dots_are_left_out_up_to_a_tenth() -> None:
     seen = View.of(asymmetric_dots((7, 13), 1.3, 0.3), roll_deg=8.0, pan_deg=20.0)
     covered, hidden = seen.image(), np.array([[0.2, 0.2], [2.0, 0.2], [2.0, 2.0], [0.2, 2.0]])

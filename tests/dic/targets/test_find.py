@@ -91,6 +91,7 @@ def test_large_dots_are_not_shifted_by_perspective() -> None:
     assert abs(error_px[:, 0].mean()) < shift_px / 10
 
 
+@pytest.mark.extended
 def test_a_board_with_markers_may_be_covered_to_a_half() -> None:
     image, camera, surface = seen(charuco(CHARUCO), roll_deg=20.0)
     covered = image.copy()

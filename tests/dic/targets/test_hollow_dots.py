@@ -60,6 +60,7 @@ def test_a_picture_without_the_third_mark_is_refused() -> None:
         find_target(seen.image(), TARGET)
 
 
+@pytest.mark.extended
 def test_a_reflection_costs_dots_but_not_accuracy() -> None:
     seen = View.of(PLATE, size_px=(720, 560), focal_px=2000.0, shift_mm=SHIFT_MM)
     image = seen.image(noise=1.0)

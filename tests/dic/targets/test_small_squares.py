@@ -62,6 +62,7 @@ def test_small_squares_are_found_and_measured_better_than_by_opencv() -> None:
     assert better == 0
 
 
+@pytest.mark.extended
 def test_the_ends_of_the_squares_at_the_rim_are_no_corners() -> None:
     """In this view OpenCV's finder takes the rim for a row of corners and leaves a true row out."""
     view = View.of(checkerboard((12, 11), 0.9), 8.0, pan_deg=30.0)

@@ -42,6 +42,7 @@ def test_it_ends_at_once_with_status_0(begin, way, tmp_path):
     assert not Path(addresses["stage"]).exists()
 
 
+@pytest.mark.extended
 def test_another_program_runs_its_rig_and_faults_are_typed_in(begin, tmp_path):
     rig_path, log = tmp_path / "rig.toml", tmp_path / "truth.jsonl"
     program = begin("-o", rig_path, "--log", log, "--fault", "stage.drop:1")
@@ -76,6 +77,7 @@ def test_under_nohup_it_outlives_its_terminal(begin):
     assert program.end("quit\n") == (0, "")
 
 
+@pytest.mark.extended
 def test_what_was_commanded_last_is_in_the_log(begin, tmp_path):
     rig_path, log = tmp_path / "rig.toml", tmp_path / "truth.jsonl"
     program = begin("-o", rig_path, "--log", log, "--period-s", 3600)

@@ -53,6 +53,7 @@ class Lines:
         return self._trace
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     ("distance", "stride"),
     [

@@ -86,7 +86,9 @@ def test_a_tear_in_a_cycle_without_images_ends_the_cycles(tmp_path):
     assert rig.calls[last + 1 : last + 3] == ["hold", "load 0"]
 
 
-@pytest.mark.parametrize("images", ["every_s = 30.0", "every_mm = 0.25", "never = true"])
+@pytest.mark.parametrize(
+    "images", [pytest.param("every_s = 30.0", marks=pytest.mark.extended), "every_mm = 0.25", "never = true"]
+)
 def test_a_replay_of_an_event_is_identical(tmp_path, images):
     rig = fake(tmp_path, DROPPING.replace("every_s = 30.0", images))
     tear(rig)
@@ -130,6 +132,7 @@ def test_a_run_that_goes_on_after_an_event_pulls_no_more(tmp_path, images):
     assert "load 0" in rig.calls
 
 
+@pytest.mark.extended
 def test_cycles_without_images_go_on_where_they_ended(tmp_path):
     rig = fake(tmp_path, CYCLES.replace("count = 5", "count = 12").replace("= 2\n", "= 10\n"))
     # Steps 2 and 3 are the first cycle, so step 13 is the end of the sixth, without images.

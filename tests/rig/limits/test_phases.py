@@ -32,6 +32,7 @@ def test_a_load_cell_that_lies_overloads_no_specimen(lie, part, tmp_path, monkey
     assert result.over <= OVER_MAX, result
 
 
+@pytest.mark.extended
 def test_no_honest_test_of_phases_is_stopped(tmp_path, monkeypatch):
     # one of them takes as long as three tests with lies; many more stand in the long campaign
     case = draw_phased(random.Random(2001))

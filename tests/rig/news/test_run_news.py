@@ -116,7 +116,8 @@ def test_a_run_is_watched_and_aborted_by_http(start, files):
     assert all(event["simulated"] for event in found)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.extended)])
+@pytest.mark.extended
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_gives_one_message(start, files, number):
     program = begun(start, files)
     program.process.send_signal(number)

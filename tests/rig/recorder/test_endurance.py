@@ -8,6 +8,7 @@ from benchmarks.endurance import endure, is_good
 from benchmarks.recorder import LEAST_RATIO, compare
 
 
+@pytest.mark.extended
 def test_every_image_of_a_short_run_is_recorded_and_read_back(tmp_path):
     figures = endure(tmp_path / "run.h5", minutes=0.05, recycle=False)
     assert figures["images_checked"] == {"left": 15, "right": 15}

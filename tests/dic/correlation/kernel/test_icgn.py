@@ -69,6 +69,7 @@ def test_a_clipped_subset_is_that_of_plain_numpy(speckle, turn, angle_deg):
     check_same_as_numpy(pattern.draw(noise_seed=1), moved, settings, region, usable)
 
 
+@pytest.mark.extended
 def test_second_derivatives_that_move_the_edge_by_two_pixels_are_found(speckle):
     """The affine optimum of a bent subset is so far from the quadratic one that affine steps end there."""
     pattern = speckle(seed=37, noise=1.0)

@@ -177,6 +177,7 @@ def test_moments_of_the_reference_are_the_sums_of_the_table(pixels, point):
     check_moments(point.work.Q, OF_REFERENCE, vars(pixels), degree_of(point), tolerance=2e-6)
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(("turn", "is_smooth"), [(0.0, True), (0.4, False)], ids=["smooth", "turned"])
 def test_moments_with_the_deformed_image_are_the_sums_of_the_table(pixels, point, turn, is_smooth):
     p = point.p.copy()
