@@ -2,7 +2,6 @@
 
 import os
 import signal
-import sys
 import termios
 import threading
 from collections.abc import Iterator
@@ -67,7 +66,7 @@ def terminal() -> Iterator[Terminal]:
 def news_on(terminal: Terminal) -> Iterator[dict[str, list]]:
     """Yield the listeners of `rig run` for this terminal, and let the output continue after the block."""
     with redirect_stdout(terminal.stream), redirect_stderr(terminal.stream), run_screen() as screen:
-        assert sys.stderr.isatty()
+        assert screen.live is not None
         yield {"on_status": [screen.on_status], "on_step": [screen.on_step]}
         terminal.let_go()
         for thread in threading.enumerate():
