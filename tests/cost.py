@@ -71,6 +71,8 @@ def _timed(item: pytest.Item, phase: str) -> Generator[None, object, object]:
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
     """Print the dearest tests, fixtures and files; the sum is that of all tests."""
+    if hasattr(config, "workerinput"):
+        return
     tests: dict[str, float] = {}
     fixtures: dict[str, float] = defaultdict(float)
     files: dict[str, float] = defaultdict(float)

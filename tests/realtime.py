@@ -4,9 +4,9 @@ Such a test needs two processors' worth of computing at any moment, and threads 
 sleeps. Before each of them a probe of less than 100 ms measures both.
 
 - If no probe of a few seconds is good, the computer is too busy, and the test is skipped with the figures.
-- If a test fails, ten more probes are made. Only if not one of the ten is good, and if the programs that the
-  test itself started are not the reason, the test is skipped with its message and the figures. On an idle
-  computer a failure is a failure.
+- If a test fails, ten more probes are made. Only if not one of the ten is good, and if the test's own threads
+  and programs are not the reason, the test is skipped with its message and the figures. On an idle computer a
+  failure is a failure.
 
 The number of tests skipped in this way is printed at the end of a run.
 """
@@ -33,7 +33,7 @@ PATIENCE_S = 3.0
 """Time to wait for a good probe, once in a run: a short job of the system may be over then."""
 PROBES_AFTER_FAILURE = 10
 OURS_MAX = 0.5
-"""Part of a processor that the test's own programs may use while a failure is excused."""
+"""Part of a processor that the test's own threads and programs may use while a failure is excused."""
 REASON = "the computer is too busy for real time"
 
 _tired = pytest.StashKey[bool]()
@@ -45,6 +45,8 @@ class Probe:
 
     late_ms: float
     share: float
+    used_s: float = 0.0
+    """Processor time of the probe itself."""
 
     @property
     def good(self) -> bool:
@@ -68,17 +70,18 @@ def probe() -> Probe:
     # one thread for each of two processors, or both for the only one
     count = min(2, len(os.sched_getaffinity(0)))
     with ThreadPoolExecutor(count) as pool:
-        shares = list(pool.map(_share, range(count)))
-    return Probe(sorted(late_ms)[int(0.9 * SLEEPS)], min(shares))
+        given = list(pool.map(_computed, range(count)))
+    share = min(used_s / took_s for used_s, took_s in given)
+    return Probe(sorted(late_ms)[int(0.9 * SLEEPS)], share, sum(used_s for used_s, _ in given))
 
 
-def _share(_: int) -> float:
-    """Compute for `SPIN_S`, without Python's lock; return the part of a processor that was given for it."""
+def _computed(_: int) -> tuple[float, float]:
+    """Compute for `SPIN_S`, without Python's lock; return the processor time for it, and the real time."""
     data = bytes(1 << 18)
     began_s, used_s = time.perf_counter(), time.thread_time()
     while time.perf_counter() < began_s + SPIN_S:
         hashlib.sha256(data).digest()
-    return (time.thread_time() - used_s) / (time.perf_counter() - began_s)
+    return time.thread_time() - used_s, time.perf_counter() - began_s
 
 
 def probes(most: int = 0, for_s: float = 0.0) -> Iterator[Probe]:
@@ -115,11 +118,12 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
 
 def excuse_for_failure() -> str:
     """Return the figures of a computer that other programs keep busy; empty if a failure has no excuse."""
-    before_s, used_s = time.monotonic(), programs_s()
+    before_s, used_s = time.monotonic(), time.process_time() + programs_s()
     for found in probes(most=PROBES_AFTER_FAILURE):
         if found.good:
             return ""
-    ours = (programs_s() - used_s) / (time.monotonic() - before_s)
+        used_s += found.used_s
+    ours = (time.process_time() + programs_s() - used_s) / (time.monotonic() - before_s)
     return "" if ours > OURS_MAX else str(found)
 
 

@@ -12,7 +12,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
     path = config.getoption("skipped_file")
-    if path is not None:
+    # the workers of xdist end with a summary, too, which nobody sees
+    if path is not None and not hasattr(config, "workerinput"):
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("a", encoding="utf-8") as file:
             file.writelines(f"{report.nodeid}\n" for report in terminalreporter.stats.get("skipped", ()))

@@ -41,7 +41,6 @@ MARKS = {
 """A ChArUco board has most settings, and stands in the first part for all targets but the line grid."""
 
 
-@pytest.mark.extended
 @pytest.mark.parametrize("kind", [pytest.param(kind, marks=MARKS.get(kind, [])) for kind in TARGETS])
 def test_the_target_of_the_protocol_calibrates_the_run(tmp_path, monkeypatch, kind):
     table, texture, points = TARGETS[kind]

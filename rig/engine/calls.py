@@ -6,11 +6,11 @@ calls a driver itself.
 
 import math
 import queue
-import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
+from time import process_time
 from typing import Any, Generic, TypeVar
 
 from drivers.clock import Activity, Clock, Event, GivenUp, SystemClock
@@ -77,7 +77,7 @@ class Call(Generic[T]):
         self._due_s = clock.now_s() + deadline.duration_s
         self._patience_s = patience_s
         self._real_due_s = SystemClock().now_s() + deadline.duration_s + patience_s
-        self._begun_processor_s = self._seen_processor_s = time.process_time()
+        self._begun_processor_s = self._seen_processor_s = process_time()
 
     def run(self) -> None:
         """Call the function. This method runs on the device's thread."""
@@ -120,7 +120,7 @@ class Call(Generic[T]):
 
     def _computes(self) -> bool:
         """Return whether the program has computed since the last question, so that the call may not hang."""
-        before_s, self._seen_processor_s = self._seen_processor_s, time.process_time()
+        before_s, self._seen_processor_s = self._seen_processor_s, process_time()
         recent_s = self._seen_processor_s - before_s
         whole_s = self._seen_processor_s - self._begun_processor_s
         return recent_s >= _COMPUTING * self._patience_s and whole_s < self._patience_s

@@ -53,7 +53,6 @@ class Lines:
         return self._trace
 
 
-@pytest.mark.extended
 @pytest.mark.parametrize(
     ("distance", "stride"),
     [
