@@ -62,6 +62,8 @@ COMMANDS = {
 }
 DRAWING = ("correlate", "quality-of-a-series", "run", "jog")
 """Commands that draw on the terminal. The lines of all other commands are broken by the terminal only."""
+SLOW = ("study", "campaign", "quality-of-a-series")
+"""Commands that print what others of them print, and compute for longer."""
 UNREAD = ("quality", "correlate", "refusal", "plan", "run", "verify")
 """Commands of both programs that print a table, draw, or refuse; nobody reads them in the first part."""
 
@@ -178,7 +180,7 @@ def masked(text: str) -> str:
 @pytest.mark.parametrize(
     ("name", "columns"),
     [
-        *((name, 80) for name in COMMANDS),
+        *(pytest.param(name, 80, marks=pytest.mark.extended if name in SLOW else ()) for name in COMMANDS),
         *(pytest.param(name, 120, marks=pytest.mark.extended) for name in DRAWING),
     ],
 )

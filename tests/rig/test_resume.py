@@ -148,7 +148,11 @@ def damage(path: Path) -> None:
     ("change", "said"),
     [
         (lambda protocol, rig, run: edit(protocol, "dwell_s = 0.5", "dwell_s = 0.6"), "the protocol of the"),
-        (lambda protocol, rig, run: edit(rig, "seed = 1", "seed = 2"), "the rig file of the earlier run"),
+        pytest.param(
+            lambda protocol, rig, run: edit(rig, "seed = 1", "seed = 2"),
+            "the rig file of the earlier run",
+            marks=pytest.mark.extended,
+        ),
         (lambda protocol, rig, run: damage(run), "expected a verified run file"),
     ],
 )

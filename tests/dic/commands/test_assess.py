@@ -8,6 +8,7 @@ from dic.assessment import assessment, models, paper, plots
 from tests.command_line import run_dic
 
 
+@pytest.mark.extended
 def test_assess_with_few_cameras_finds_where_the_claim_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

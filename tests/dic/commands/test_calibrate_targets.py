@@ -32,6 +32,7 @@ def test_a_checkerboard_is_named_by_its_squares(tmp_path: Path) -> None:
     np.testing.assert_allclose(v_px, MARGIN_PX - 0.5 + (3.5 - Y_mm / 2) * SIDE_PX, atol=0.02)
 
 
+@pytest.mark.extended
 def test_a_charuco_board_and_dots_are_named_by_theirs(tmp_path: Path) -> None:
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
     charuco = cv2.aruco.CharucoBoard((8, 6), 1.0, 0.7, dictionary).generateImage((800, 600), marginSize=40)

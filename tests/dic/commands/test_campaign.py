@@ -31,6 +31,7 @@ def folder(tmp_path):
     return tmp_path / "tests"
 
 
+@pytest.mark.extended
 def test_equal_tables_need_no_toml_file(folder, tmp_path):
     outputs = {name: folder / f"all.{name}" for name in ("csv", "json")} | {"plot": tmp_path / "p.png"}
     options = [word for name, path in outputs.items() for word in (f"--{name}", path)]

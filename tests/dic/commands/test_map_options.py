@@ -78,7 +78,7 @@ def calibration(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("scale", ["series", "image"])
+@pytest.mark.parametrize("scale", ["series", pytest.param("image", marks=pytest.mark.extended)])
 def test_a_point_that_cannot_be_drawn_in_mm_costs_no_results(folder, tmp_path, calibration, scale):
     images = folder / "ref.png", folder / "moved.png", folder / "still.png"
     command = "correlate", *images, "--step", 1000, "--calibration", calibration, "--map-scale", scale

@@ -86,6 +86,7 @@ def means(image, kind):
     return MICRO * np.array([image[kind][name] for name in ("exx", "eyy", "exy")])
 
 
+@pytest.mark.extended
 def test_rigid_motion_loses_its_false_strain_and_tells_the_misalignment(turned, corrected):
     studio, reference, images = turned
     printed, report, folder = corrected

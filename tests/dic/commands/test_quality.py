@@ -45,6 +45,7 @@ def test_a_bad_image_ends_with_1_and_says_why(folder, tmp_path):
     assert not done.report["good"]
 
 
+@pytest.mark.extended
 def test_the_bias_of_interpolation_and_the_smoothing_are_told(tmp_path):
     write_image(tmp_path / "sharp.png", discs(3, 0.3)(0, 0))
     for smoothing in ("auto", "0"):

@@ -9,7 +9,9 @@ from tests.command_line import refusal, run_dic
 KINDS = {"lines": "11x9", "checkerboard": "10x7", "charuco": "7x5", "dots": "12x9", "asymmetric-dots": "5x11"}
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=() if kind == "charuco" else pytest.mark.extended) for kind in KINDS]
+)
 def test_the_printed_options_find_the_target(kind: str, tmp_path: Path) -> None:
     sheet = tmp_path / "target.png"
     done = run_dic("target", kind, "--count", KINDS[kind], "--pitch-mm", 10, "-o", sheet, "--dpi", 100)

@@ -55,6 +55,7 @@ def reported(folder, tmp_path_factory):
     return place
 
 
+@pytest.mark.extended
 def test_the_ontologys_file_has_the_values_of_the_json(reported):
     (test,) = json.loads((reported / "report.json").read_text())["tests"]
     graph = rdflib.Graph().parse(reported / "report.ttl")

@@ -70,8 +70,16 @@ def test_the_theory_of_resolution_gives_the_known_periods(shape, known_px):
     np.testing.assert_allclose(found, known_px, atol=0.06)
 
 
-@pytest.mark.parametrize("shape", ["affine", "quadratic"])
-@pytest.mark.parametrize("subset_px", [17, 21, 31])
+@pytest.mark.parametrize(
+    ("shape", "subset_px"),
+    [
+        *(("affine", 17), ("quadratic", 21)),
+        *(
+            pytest.param(*case, marks=pytest.mark.extended)
+            for case in (("quadratic", 17), ("affine", 21), ("affine", 31), ("quadratic", 31))
+        ),
+    ],
+)
 def test_the_star_keeps_nine_tenths_where_theory_says(real_images, shape, subset_px):
     settings = CorrelationSettings(subset_px=subset_px, step_px=4, shape=shape)
     found = star_resolution(read_star(real_images / "star2"), settings)

@@ -81,6 +81,7 @@ def test_a_rotation_of_which_the_angle_is_known_gives_the_same_field(speckle, tu
     assert_same(whole, banded)
 
 
+@pytest.mark.extended
 def test_an_upside_down_image_is_found_in_bands(speckle, turn, in_bands):
     """The features may differ a little, because an image in bands is reduced before it is stretched."""
     reference, image = pictures(speckle, turn(178.0, (150.0, 210.0)))

@@ -64,7 +64,10 @@ def test_the_predicted_bias_of_a_drawn_pattern_happens(name):
     check_prediction(TRUE_SHIFTS[name]())
 
 
-@pytest.mark.parametrize("name", REAL)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=() if name.endswith("rotation") else pytest.mark.extended) for name in REAL],
+)
 def test_the_predicted_bias_of_a_real_pattern_happens(real_images, name):
     path, factor, crop = REAL[name]
     check_prediction(real_pattern(real_images / path, factor, 0.4, crop))

@@ -208,7 +208,11 @@ def taken_into(place, pictures, path):
 
 @pytest.mark.parametrize(
     ("place", "incremental"),
-    [("buffer", "auto"), *((each, "always") for each in ("buffer", "float buffer", "large buffer", "file"))],
+    [
+        pytest.param("buffer", "auto", marks=pytest.mark.extended),
+        *((each, "always") for each in ("float buffer", "large buffer")),
+        *(pytest.param(each, "always", marks=pytest.mark.extended) for each in ("buffer", "file")),
+    ],
 )
 def test_reference_is_the_correlated_image_after_its_place_has_the_next_one(
     changing, place, incremental, tmp_path, monkeypatch

@@ -63,7 +63,7 @@ def ratios(seeds, *, tilting):
     return {name: 1.0 / np.sqrt(np.mean([one[name] ** 2 for one in errors])) for name in errors[0]}
 
 
-@pytest.mark.parametrize("tilting", [False, True])
+@pytest.mark.parametrize("tilting", [False, pytest.param(True, marks=pytest.mark.extended)])
 def test_stated_errors_are_of_the_size_of_those_of_drawn_tests(tilting):
     found = ratios(range(6), tilting=tilting)
     # Four gauges of six tests, which depend on each other: known to about 25 %.

@@ -10,6 +10,7 @@ def root_mean_square(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+@pytest.mark.extended
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("seeds", [[2], pytest.param(range(6), marks=pytest.mark.extended)], ids=len)
 def test_drawn_tests_give_the_true_properties_and_the_uncorrected_camera_does_not(seeds):

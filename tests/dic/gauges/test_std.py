@@ -171,6 +171,7 @@ def ratios(seeds):
     return {name: 1.0 / np.sqrt(np.mean(np.square(errors))) for name, errors in found.items()}
 
 
+@pytest.mark.extended
 def test_stated_errors_are_of_the_size_of_those_on_drawn_images():
     found = ratios(range(5))
     # All kinds together have about 80 values that hardly depend on each other: known to about 10 %.

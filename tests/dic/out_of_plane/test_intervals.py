@@ -92,7 +92,7 @@ def aligned(seed):
     return (strains(found) - view.true_strain(measurement, state)) / deviations(found), found.after_std * 0
 
 
-CAMPAIGNS = [rotated, tilted, seen_twice]
+CAMPAIGNS = [*(pytest.param(drawn, marks=pytest.mark.extended) for drawn in (rotated, tilted)), seen_twice]
 
 
 @pytest.mark.parametrize("campaign", CAMPAIGNS)

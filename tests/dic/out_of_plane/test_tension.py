@@ -102,7 +102,10 @@ def test_local_displacements_are_corrected_too():
 
 
 @pytest.mark.parametrize("slope_deg", [pytest.param(0.0, marks=pytest.mark.extended), 0.15])
-@pytest.mark.parametrize(("within", "reason"), [(necking, "necks"), (sheared, "shears"), (torn, "tears")])
+@pytest.mark.parametrize(
+    ("within", "reason"),
+    [(necking, "necks"), pytest.param(sheared, "shears", marks=pytest.mark.extended), (torn, "tears")],
+)
 def test_motion_that_is_not_uniform_is_not_corrected(within, reason, slope_deg):
     measurement, found = corrected(State(Pose.sloped(0.0, slope_deg), np.eye(2), within))
     assert found.declined is not None

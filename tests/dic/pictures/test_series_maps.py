@@ -30,6 +30,7 @@ def pictures(tmp_path):
     return draw
 
 
+@pytest.mark.extended
 def test_an_image_added_again_replaces_the_first_and_leaves_no_trace_in_the_scale(pictures):
     plain = pictures((0, 0.001), (1, 0.002))
     corrected = pictures((0, 0.5), (1, 0.9), (0, 0.001), (1, 0.002))

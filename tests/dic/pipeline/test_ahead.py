@@ -92,7 +92,7 @@ def require_equal(some, others):
             assert (one.field.start, one.field.updates) == (other.field.start, other.field.updates)
 
 
-@pytest.mark.parametrize("kind", [Eager, Late])
+@pytest.mark.parametrize("kind", [pytest.param(Eager, marks=pytest.mark.extended), Late])
 def test_judging_in_order_makes_the_bits_independent_of_the_workers(images, alone, kind):
     assert max(each.field.updates for each in alone if each.fields) > 0
     assert [each.failure is None for each in alone] == [k not in (3, 9) for k in range(1, 11)]

@@ -78,7 +78,8 @@ def images(speckle, tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("incremental", ["auto", pytest.param("always", marks=pytest.mark.extended)])
+@pytest.mark.extended
+@pytest.mark.parametrize("incremental", ["auto", "always"])
 def test_killed_series_goes_on_with_the_same_bits(images, incremental, tmp_path, correlated, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = (

@@ -47,7 +47,11 @@ def place(speckle, tmp_path_factory):
     [
         ((), ("--strain-window", 5, "--strain", "hencky")),
         pytest.param(("--incremental", "always"), ("--strain-from", "shape"), marks=pytest.mark.extended),
-        (("--calibration", "first.h5"), ("--calibration", "second.h5", "--motion", "tension")),
+        pytest.param(
+            ("--calibration", "first.h5"),
+            ("--calibration", "second.h5", "--motion", "tension"),
+            marks=pytest.mark.extended,
+        ),
     ],
 )
 def test_strain_anew_is_that_of_a_whole_measurement(

@@ -45,6 +45,7 @@ def _pulls(seeds):
     return np.array(pulls)
 
 
+@pytest.mark.extended
 def test_toe_slack_noise_and_plateau_leave_the_slope_within_three_standard_deviations():
     pulls = _pulls(range(25))
     assert np.mean(np.abs(pulls) <= 3) >= 0.96

@@ -141,6 +141,7 @@ def test_the_elongation_at_the_break_leaves_out_the_elastic_strain(bar):
     assert found.values["A_percent"].value == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.extended
 def test_voce_and_ramberg_osgood_find_their_own_laws():
     plastic = np.linspace(0, 0.15, 4000)
     true = 200 + 150 * -np.expm1(-18 * plastic)

@@ -54,6 +54,7 @@ def test_a_shift_towards_the_camera_changes_poissons_ratio_by_both_strains():
     assert apart.strain_parts["nu"] == pytest.approx(share * np.hypot(0.3, 1.0), rel=0.03)
 
 
+@pytest.mark.extended
 def test_an_error_that_follows_the_motion_changes_the_slope_by_its_own_growth():
     curve, share = record(), 0.01
     found = material_properties(curve, PropertySettings(AREA_MM2))

@@ -126,6 +126,7 @@ class TestFocus:
         grey = edges(1.5) + np.random.default_rng(3).normal(0, 4, (300, 320)).astype(np.float32)
         assert edge_blur(grey, everywhere(grey), 4.0) == pytest.approx(1.5, rel=0.15)
 
+    @pytest.mark.extended
     def test_an_image_out_of_focus_and_one_that_is_so_at_a_side_are_told_apart(self):
         wide = CorrelationSettings(subset_px=61)
         everywhere_blurred = quality_findings(assess_quality(edges(3.0), settings=wide))
@@ -184,6 +185,7 @@ class TestNoiseFloor:
         predicted = np.sqrt(np.mean(quality.std_px**2, axis=0))
         np.testing.assert_allclose(predicted, np.std(np.concatenate(errors), axis=0), rtol=0.2)
 
+    @pytest.mark.extended
     def test_the_recommended_subset_resolves_what_is_wanted_and_a_smaller_one_does_not(self):
         grey = blobs(1.5, noise=4.0)
         quality = assess_quality(grey, settings=SMALL, wanted_px=0.01)

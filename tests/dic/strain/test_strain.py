@@ -190,7 +190,7 @@ def pixel_weights(subset_px, shape):
 @pytest.mark.parametrize(
     ("source", "shape"),
     [
-        ("fit", "affine"),
+        pytest.param("fit", "affine", marks=pytest.mark.extended),
         ("quadratic-fit", "quadratic"),
         pytest.param("fit", "quadratic", marks=pytest.mark.long),
         pytest.param("quadratic-fit", "affine", marks=pytest.mark.long),

@@ -64,6 +64,7 @@ def test_recognises_images_at_rest_and_takes_the_strain_of_a_deformed_one():
     assert study.wave.strain_amplitude == pytest.approx(0.006, rel=0.1)
 
 
+@pytest.mark.extended
 def test_noise_of_a_pair_at_rest_is_that_of_drawn_noise():
     reference, rest, _ = rest_and_load()
     whole = np.ones(reference.shape, bool)
@@ -81,6 +82,7 @@ def test_image_that_is_said_to_be_at_rest_and_is_not_is_refused():
         dic.study_settings(reference, static=load, region=whole, sweep=SMALL)
 
 
+@pytest.mark.extended
 def test_smoothed_noise_is_measured_on_an_image_that_is_named():
     rng, picture = np.random.default_rng(8), Speckle(34, (260, 260)).draw()
     noises = [gaussian_filter(rng.normal(size=picture.shape), 0.9) for _ in range(7)]

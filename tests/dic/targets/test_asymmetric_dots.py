@@ -44,6 +44,7 @@ def test_a_grid_is_found_with_the_numbering_of_opencv(target: AsymmetricDotTarge
     np.testing.assert_allclose(grid.xy_mm, _in_opencvs_order(grid), atol=1e-9)
 
 
+@pytest.mark.extended
 def test_opencv_numbers_the_same_grid_alike() -> None:
     view = View.of(asymmetric_dots((4, 11), 2.0, 0.44), pan_deg=15.0, roll_deg=6.0)
     image = view.image(noise=2.0)
@@ -96,7 +97,12 @@ GIVE_SHIFTED = "got an asymmetric grid of 4 × 11 dots; give --asymmetric-dots 4
             marks=pytest.mark.extended,
         ),
         pytest.param(SHIFTED, AsymmetricDotTarget((4, 9), 2.0), GIVE_SHIFTED, marks=pytest.mark.extended),
-        (SHIFTED, CheckerboardTarget((9, 12), 1.0), "but an asymmetric grid of 4 × 11 dots; for that target"),
+        pytest.param(
+            SHIFTED,
+            CheckerboardTarget((9, 12), 1.0),
+            "but an asymmetric grid of 4 × 11 dots; for that target",
+            marks=pytest.mark.extended,
+        ),
         (PLAIN, AsymmetricDotTarget((5, 9), 1.0), "got a lattice of 9 × 9 dots; give --dots 9x9"),
         (
             BOARD,

@@ -52,6 +52,7 @@ def test_markers_of_another_dictionary_are_named() -> None:
         find_target(view.image(), CharucoTarget((5, 6), 1.5, 1.1, "DICT_4X4_50"))
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("rows", [6, pytest.param(7, marks=pytest.mark.extended)])
 def test_a_part_of_a_larger_board_is_not_taken_for_the_board(rows: int) -> None:
     """Boards of as many columns have the same markers in the same places, but another middle."""

@@ -29,7 +29,10 @@ DOTS = DotTarget((13, 12), 0.8)
 )
 @pytest.mark.parametrize(
     ("target", "drawing", "limit_px"),
-    [(BOARD, checkerboard((12, 11), 0.9), 0.015), (CHARUCO, charuco(CHARUCO), 0.015)],
+    [
+        pytest.param(BOARD, checkerboard((12, 11), 0.9), 0.015, marks=pytest.mark.extended),
+        (CHARUCO, charuco(CHARUCO), 0.015),
+    ],
     ids=["checkerboard", "ChArUco"],
 )
 def test_boards_that_are_not_symmetric_name_their_axes_themselves(
@@ -75,6 +78,7 @@ def test_dots_are_found_where_their_centres_are(swing: dict[str, float]) -> None
     assert _rms(grid, camera, surface) < 0.03
 
 
+@pytest.mark.extended
 def test_large_dots_are_not_shifted_by_perspective() -> None:
     """Uncorrected, ``u = f x cos θ/(D − x sin θ)`` puts centroids of 0.3 mm dots about 0.04 px off at 40°.
 
@@ -149,6 +153,7 @@ def test_what_is_not_the_target_is_refused(target: Target, picture: str) -> None
         find_target(image, target)
 
 
+@pytest.mark.extended
 def test_the_cells_of_a_line_grid_are_not_taken_for_dots() -> None:
     with pytest.raises(
         CalibrationError, match=r"got regions that are not round.*, but a line grid of 21 × 21 lines"

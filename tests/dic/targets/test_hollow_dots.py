@@ -24,6 +24,7 @@ def _whole_dots(view: View, plate: HollowDots, size_px: tuple[int, int]) -> int:
     return int(((px > 2) & (px < np.array(size_px) - 3)).all(axis=(1, 2)).sum())
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     ("plate", "view"),
     [
@@ -53,6 +54,7 @@ def test_marks_name_the_axes_however_the_plate_is_turned(roll_deg: float) -> Non
     assert seen.rms_px(find_target(seen.image(), TARGET)) < 0.03
 
 
+@pytest.mark.extended
 def test_a_picture_without_the_third_mark_is_refused() -> None:
     seen = View.of(PLATE, size_px=(720, 560), focal_px=2000.0, shift_mm=(-9.5, -2.5))
 

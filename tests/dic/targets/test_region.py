@@ -13,8 +13,8 @@ CHARUCO = CharucoTarget((6, 5), 1.2, 0.9)
 @pytest.mark.parametrize(
     ("target", "drawing"),
     [
-        (DotTarget((8, 7), 0.9), dots((8, 7), 0.9, 0.22)),
-        (CheckerboardTarget((8, 7), 0.9), checkerboard((8, 7), 0.9)),
+        pytest.param(DotTarget((8, 7), 0.9), dots((8, 7), 0.9, 0.22), marks=pytest.mark.extended),
+        pytest.param(CheckerboardTarget((8, 7), 0.9), checkerboard((8, 7), 0.9), marks=pytest.mark.extended),
         (CHARUCO, charuco(CHARUCO)),
     ],
     ids=["dots", "checkerboard", "ChArUco"],

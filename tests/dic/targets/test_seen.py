@@ -58,7 +58,9 @@ def test_the_target_in_the_image_is_named_with_its_numbers(shown: str) -> None:
 @pytest.mark.parametrize(
     ("asked", "shown", "options"),
     [
-        (CheckerboardTarget((12, 11), 0.9), "line grid", "--lines 21x21"),
+        pytest.param(
+            CheckerboardTarget((12, 11), 0.9), "line grid", "--lines 21x21", marks=pytest.mark.extended
+        ),
         pytest.param(CharucoTarget((10, 9), 1.0, 0.7), "dots", "--dots 13x12", marks=pytest.mark.long),
         (CharucoTarget((10, 9), 1.0, 0.7), "ChArUco", "--squares 8x6 --marker-mm … --dictionary DICT_4X4_50"),
         (LineGridTarget((12, 11), 0.8), "dots", "--dots 13x12"),

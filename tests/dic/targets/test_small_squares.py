@@ -54,6 +54,7 @@ def _compare(views: int, seed: int) -> tuple[int, int, int]:
     return found, by_opencv, better
 
 
+@pytest.mark.extended
 def test_small_squares_are_found_and_measured_better_than_by_opencv() -> None:
     found, by_opencv, better = _compare(4, seed=1)
 

@@ -121,9 +121,9 @@ def test_a_load_cell_that_lied_before_a_jog_ends_it_early(machine, wish, lie):
 @pytest.mark.parametrize(
     "wish",
     [
-        Wish("load", 0.0),
+        pytest.param(Wish("load", 0.0), marks=pytest.mark.extended),
         Wish("load", TARGET_N),
-        Wish("load", 8000.0),
+        pytest.param(Wish("load", 8000.0), marks=pytest.mark.extended),
         Wish("displacement", 0.1, relative=True),
         Wish("displacement", -0.1, relative=True),
     ],

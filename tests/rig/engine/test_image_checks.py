@@ -163,6 +163,7 @@ def test_a_frozen_picture_is_found_by_its_pixels_alone(simulated) -> None:
     assert not made.is_frozen(made.measure(camera.grab(5.0)))
 
 
+@pytest.mark.extended
 def test_the_sharpness_falls_as_the_blur_that_dic_measures_grows(simulated) -> None:
     """dic measures the blur in pixels, by another method, on the same pictures."""
     camera, panel, _ = simulated

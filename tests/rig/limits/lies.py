@@ -7,12 +7,19 @@ from dataclasses import dataclass, field
 from math import exp, log, nan
 from pathlib import Path
 
+import pytest
+
 from drivers.settings import toml_table
 from rig import Outcome, run_protocol
 from simulators.rig.virtual_rig import VirtualRig
 from tests.places import example
 
 LIES = ("zero-load", "tenth-load", "reversed-load", "stuck-load", "drifting-load")
+ALL_LOADS = [
+    *LIES[1:3],
+    *(pytest.param(lie, marks=pytest.mark.extended) for lie in (LIES[0], LIES[3])),
+]
+"""Lies about any load: one too small and one of the wrong sign in the first part, all in the second."""
 
 # Young's modulus, yield stress, ultimate stress in MPa, strain at the ultimate stress
 MATERIALS = {

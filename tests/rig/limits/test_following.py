@@ -47,7 +47,9 @@ def bilinear(ratio: float, yield_n: float) -> Callable[[float], float]:
     return lambda load_n: linear(load_n) + max(load_n - yield_n, 0.0) * (1.0 / ratio - 1.0) / STIFFNESS_N_MM
 
 
-@pytest.mark.parametrize("increment_n", [250.0, 500.0, 2000.0])
+@pytest.mark.parametrize(
+    "increment_n", [250.0, *(pytest.param(each, marks=pytest.mark.extended) for each in (500.0, 2000.0))]
+)
 def test_noise_stops_no_elastic_specimen(increment_n):
     for seed in range(100):
         check = following(increment_n, Reading(0.0, 0.0, 0.0))

@@ -48,7 +48,13 @@ def fake(tmp_path: Path, name: str) -> FakeRig:
     return FakeRig(protocol, tmp_path / "run.h5", definition=definition)
 
 
-@pytest.mark.parametrize("name", PROTOCOLS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.extended if name in ("tension", "creep") else ())
+        for name in PROTOCOLS
+    ],
+)
 def test_a_replay_is_identical(tmp_path, name):
     rig = fake(tmp_path, name)
     assert rig.engine().run().status == "completed"

@@ -173,6 +173,7 @@ def test_monomials_are_counted_as_the_page_says():
     assert [warps.monomial.py_func(a, b) for a, b in MONOMIALS] == list(range(15))
 
 
+@pytest.mark.extended
 def test_moments_of_the_reference_are_the_sums_of_the_table(pixels, point):
     check_moments(point.work.Q, OF_REFERENCE, vars(pixels), degree_of(point), tolerance=2e-6)
 

@@ -53,13 +53,13 @@ def test_without_noise_the_bias_is_thousandths_of_a_pixel(draw_grid: Draw) -> No
         pytest.param({"pan_deg": 45, "roll_deg": 10}, marks=pytest.mark.extended),
         {"pan_deg": -30, "tilt_deg": 30, "roll_deg": -25, "focal_px": 1150},
         pytest.param({"roll_deg": 37, "focal_px": 1150}, marks=pytest.mark.extended),
-        {"dark_lines": False, "pan_deg": 20},
+        pytest.param({"dark_lines": False, "pan_deg": 20}, marks=pytest.mark.extended),
         pytest.param({"gradient": 1.0, "roll_deg": 5}, marks=pytest.mark.extended),
-        {"k1_per_px2": 4e-7, "pan_deg": 15},
+        pytest.param({"k1_per_px2": 4e-7, "pan_deg": 15}, marks=pytest.mark.extended),
         pytest.param({"k1_per_px2": -4e-7, "tilt_deg": -15}, marks=pytest.mark.extended),
         pytest.param({"blur_px": 1.8}, marks=pytest.mark.extended),
         pytest.param({"line_mm": 0.035}, marks=pytest.mark.extended),
-        {"line_mm": 0.2},
+        pytest.param({"line_mm": 0.2}, marks=pytest.mark.extended),
         pytest.param({"focal_px": 960, "line_mm": 0.08}, marks=pytest.mark.extended),
         pytest.param({"overhang_mm": 0.2, "pan_deg": 20}, marks=pytest.mark.extended),
         {"dark": 110, "bright": 140},
@@ -105,6 +105,7 @@ def test_a_grid_that_is_turned_further_is_named_by_the_image_s_directions(
     assert np.degrees(np.arctan2(-up[1], up[0])) == pytest.approx(90 + turned_deg, abs=0.1)
 
 
+@pytest.mark.extended
 def test_a_grid_turned_by_half_a_right_angle_comes_with_a_warning(draw_grid: Draw) -> None:
     view = {"roll_deg": 44, "focal_px": 1000}
 

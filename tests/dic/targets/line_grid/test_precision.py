@@ -35,6 +35,7 @@ def _rms(error_px: np.ndarray) -> float:
     return float(np.sqrt((error_px**2).sum(axis=1).mean()))
 
 
+@pytest.mark.extended
 def test_wide_lines_seen_at_45_degrees_are_not_shifted_by_perspective() -> None:
     """The middle of a 0.15 mm line's image lies 0.006 px from the image of its middle, by differentiation.
 
