@@ -110,7 +110,7 @@ def test_a_grid_too_small_to_leave_points_out_still_calibrates() -> None:
     assert "needs more lines" in calibration.recommendation
 
 
-@pytest.mark.parametrize("model", ["bicubic", "pinhole"])
+@pytest.mark.parametrize("model", ["bicubic", pytest.param("pinhole", marks=pytest.mark.extended)])
 def test_the_map_s_errors_are_those_that_scattered_grid_points_cause(model: str) -> None:
     at = np.array([[450.0, 450.0], [250.0, 600.0], [700.0, 300.0]])
     exact = _straight(0.0)

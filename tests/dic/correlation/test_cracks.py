@@ -91,6 +91,7 @@ def test_clipped_subsets_state_their_larger_noise(speckle):
     assert ratio > 0.95 * np.sqrt(21 / 13)
 
 
+@pytest.mark.extended
 def test_two_bodies_that_move_apart_are_both_found(speckle, turn):
     pattern = speckle(seed=45, shape=(200, 300))
     body = turn(35.0, (225.0, 100.0))

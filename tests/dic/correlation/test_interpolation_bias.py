@@ -73,6 +73,7 @@ def test_the_predicted_bias_of_a_real_pattern_happens(real_images, name):
     check_prediction(real_pattern(real_images / path, factor, 0.4, crop))
 
 
+@pytest.mark.extended
 def test_the_predicted_bias_of_the_plate_with_a_hole_is_seen_in_its_series(real_images):
     """Strong smoothing of both images removes the bias, so the difference to it shows the bias itself.
 

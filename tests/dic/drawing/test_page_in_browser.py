@@ -77,6 +77,7 @@ def draw(window, tool, *points, end=True):
         window.press("Enter")
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("times", [1, pytest.param(12, marks=pytest.mark.long)])
 def test_a_click_means_the_pixel_that_is_seen(window, tmp_path, times):
     """The corners are seen in a picture of the window, and known from the image, without code of the page."""

@@ -100,7 +100,7 @@ def test_judging_in_order_makes_the_bits_independent_of_the_workers(images, alon
 
 
 @pytest.mark.parametrize("begun", [pytest.param(0, marks=pytest.mark.extended), 6])
-@pytest.mark.parametrize("kind", [None, Eager])
+@pytest.mark.parametrize("kind", [pytest.param(None, marks=pytest.mark.extended), Eager])
 def test_fields_on_disk_are_used_if_their_image_becomes_a_reference(images, alone, kind, begun, tmp_path):
     finished, workers = FinishedImages(tmp_path), None if kind is None else kind()
     for stop in filter(None, (begun, len(images) - 1)):

@@ -63,6 +63,7 @@ def test_points_lie_in_the_region_and_are_right(run, place):
     assert named == hashlib.sha256((place / "region.toml").read_bytes()).hexdigest()
 
 
+@pytest.mark.extended
 def test_another_region_is_another_measurement(run, place, correlated):
     first, other = (
         ("--roi", "aside=region.toml"),

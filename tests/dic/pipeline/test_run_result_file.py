@@ -262,6 +262,7 @@ class TestFileWrittenBefore:
     def test_is_read_with_equal_numbers(self, kind: str, older: Path, results: dict[str, RunResult]) -> None:
         assert_equal(load_run_result(older), results[kind])
 
+    @pytest.mark.extended
     def test_keeps_what_stands_in_it(self, older: Path) -> None:
         with h5py.File(older, "r+") as file:
             series = file["cameras/straight/series"]

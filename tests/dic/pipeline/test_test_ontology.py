@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+import pytest
 
 import dic
 from dic.pipeline.test_ontology import about_series
@@ -40,6 +41,7 @@ def name_of(result, *, without=()):
     ).name
 
 
+@pytest.mark.extended
 def test_the_name_of_a_series_depends_on_the_contents_of_its_images_alone(tmp_path):
     names = ["img000.png", "img001.png", "img002.png", "img003.png"]
     one = write_series(tmp_path / "load", names, (0, 1, 2, None))

@@ -224,6 +224,7 @@ class TestLight:
         )
 
 
+@pytest.mark.extended
 def test_a_good_image_has_no_findings_and_a_fine_pattern_has(speckle):
     grey = speckle(seed=3, noise=1.0).draw(noise_seed=1)
     good = assess_quality(grey)

@@ -57,6 +57,7 @@ def test_opencv_numbers_the_same_grid_alike() -> None:
     np.testing.assert_allclose(centres.reshape(-1, 2)[numbers], grid.uv_px, atol=0.5)
 
 
+@pytest.mark.extended
 def test_of_an_even_number_of_rows_the_image_or_an_option_gives_the_direction_of_x() -> None:
     seen = View.of(asymmetric_dots((5, 8), 1.8, 0.4), roll_deg=10.0)
     image, target = seen.image(), AsymmetricDotTarget((5, 8), 1.8)

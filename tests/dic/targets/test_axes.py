@@ -65,6 +65,7 @@ def test_a_mark_tells_which_outer_line_is_hidden(side: int) -> None:
     assert _errors_px(grid, camera, surface).max() < 0.2
 
 
+@pytest.mark.extended
 def test_an_origin_tells_which_outer_line_is_hidden(draw_grid: Draw) -> None:
     picture = draw_grid(roll_deg=4)
     image = picture.image.copy()

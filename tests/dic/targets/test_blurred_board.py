@@ -46,6 +46,7 @@ def test_corners_of_a_blurred_board_are_measured() -> None:
     assert np.sqrt((away**2).mean()) < 0.03
 
 
+@pytest.mark.extended
 def test_a_board_with_too_much_blur_for_a_measurement_is_refused() -> None:
     with pytest.raises(CalibrationError, match="corners are sharp enough; check that it is sharp"):
         find_target(_board(blur_px=12.0)[0], CheckerboardTarget(SQUARES, 1.0))

@@ -73,6 +73,7 @@ def test_proof_stress_leaves_two_per_mille():
     assert exact_properties(made)["Rp02_mpa"] == pytest.approx(found, rel=1e-6)
 
 
+@pytest.mark.extended
 def test_a_yield_point_drops_and_holds_the_stress():
     made = settings(hardening=SWIFT, yield_point=POINT)
     strain, stress, *_ = curve(made, step_mm=2e-3)

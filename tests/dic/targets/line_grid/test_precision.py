@@ -60,6 +60,7 @@ def test_fine_lines_hold_to_the_limit_in_a_blurred_noisy_image(noise: int) -> No
     assert _rms(_error_px(_grey(render(camera, surface), 0.8, noise), camera, surface)) < LIMIT_PX[noise]
 
 
+@pytest.mark.extended
 def test_outermost_lines_that_meet_obliquely_are_not_moved_outwards() -> None:
     """The lines meet at 107°. The profiles of an outermost line must not reach the crossing lines."""
     camera = PinholeCamera(1024, 1024, focal_px=2700.0, pan_deg=45.0)
