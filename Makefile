@@ -20,7 +20,7 @@ LOWEST := .venv-lowest
 EXTRAS := http tables pdf cluster
 
 .PHONY: help install demo test test-extended test-kernel test-long test-lowest test-cost lock bench docs gallery \
-  lint types laws compiled clean
+  lint types laws compiled first clean
 
 help:
 	@echo "make install    the virtual environment in $(VENV)"
@@ -69,14 +69,18 @@ compiled: $(STAMP)
 	@$(BIN)/pytest --collect-only -q -m "not long" >/dev/null
 
 # The tests start many programs. Each compiles every module anew where the environment forbids bytecode files.
-test test-extended test-long test-cost: export PYTHONDONTWRITEBYTECODE =
+test first test-extended test-long test-cost: export PYTHONDONTWRITEBYTECODE =
 
 test: $(STAMP)
-	$(MAKE) --no-print-directory -j 2 types compiled lint laws
-# Four workers keep two processors busy while some tests wait.
-	$(PYTEST) -n 4 -m "not extended and not long and not realtime"
+	$(MAKE) --no-print-directory -j 2 compiled lint laws
+# The type checker needs one processor for half a minute, and prints its verdict among the first tests.
+	$(MAKE) --no-print-directory -j 2 types first
 # One after the other: a test beside them would take the processor time that they need. Few files have such tests.
 	$(PYTEST) -m "realtime and not extended and not long" $(REALTIME)
+
+# Four workers keep two processors busy while some tests wait.
+first: $(STAMP)
+	$(PYTEST) -n 4 -m "not extended and not long and not realtime"
 
 test-extended: $(STAMP)
 	$(PYTEST) -n 4 -m "extended and not long and not realtime"
