@@ -4,10 +4,10 @@ The digest of an image covers its pixels, row by row, in little-endian byte orde
 stored in the table of the camera's images.
 
 The digest of all other bytes is stored in the user block, the first `BLOCK_BYTES` bytes of the file, which
-HDF5 skips. The user block is a text, which also holds a copy of HDF5's superblock. The digest in the user
-block covers all bytes after the user block, except the pixels of images that have a digest of their own. So
-every byte after the user block is covered by a digest, and the pixels need not be read again when the file is
-closed.
+HDF5 skips; files of earlier versions have a block of 512 bytes. The user block is a text, which also holds a
+copy of HDF5's superblock. The digest in the user block covers all bytes after the user block, except the
+pixels of images that have a digest of their own. So every byte after the user block is covered by a digest,
+and the pixels need not be read again when the file is closed.
 """
 
 import hashlib
@@ -20,18 +20,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-BLOCK_BYTES = 512
+BLOCK_BYTES = 4096
+"""A page of the operating system's memory, so that each of HDF5's pages behind the block is such a page."""
+
 DIGEST_BYTES = 64
 """Length of a digest as hexadecimal text."""
 
-_TITLE = "offaxis run file; HDF5 begins at byte 512"
+_TITLE = "offaxis run file; HDF5 begins at byte"
 _PIECE_BYTES = 1 << 20
+_BEGIN = re.compile(rf"{_TITLE} (512|{BLOCK_BYTES})\n")
 _LINE = re.compile(r"(superblock|sha256) ([0-9a-f]+)")
 
 
 @dataclass(frozen=True)
 class UserBlock:
-    """The user block of a run file: a text in the first 512 bytes of the file, before the HDF5 data.
+    """The user block of a run file: a text in the first bytes of the file, before the HDF5 data.
 
     Attributes
     ----------
@@ -39,25 +42,32 @@ class UserBlock:
         A copy of HDF5's superblock from the beginning of the recording.
     sha256 : str
         The digest of all bytes except pixels, as hexadecimal text; empty if the file was not closed.
+    size : int
+        Number of bytes of the user block, where the HDF5 data begin.
     """
 
     superblock: bytes
     sha256: str = ""
+    size: int = BLOCK_BYTES
 
     def to_bytes(self) -> bytes:
-        """Return the user block as it is written to the file, padded to 512 bytes."""
-        lines = [_TITLE, f"superblock {self.superblock.hex()}"]
+        """Return the user block as it is written to the file, padded to its size."""
+        lines = [f"{_TITLE} {self.size}", f"superblock {self.superblock.hex()}"]
         lines += [f"sha256 {self.sha256}"] if self.sha256 else []
-        return ("\n".join(lines) + "\n").encode().ljust(BLOCK_BYTES, b"\0")
+        return ("\n".join(lines) + "\n").encode().ljust(self.size, b"\0")
 
 
 def read_user_block(path: Path) -> UserBlock | None:
     """Return the user block of a run file, or None if the user block is missing or damaged."""
     with path.open("rb") as file:
         stored = file.read(BLOCK_BYTES)
+    begin = _BEGIN.match(stored.decode("ascii", "replace"))
+    if begin is None:
+        return None
+    stored = stored[: int(begin[1])]
     found = dict(_LINE.findall(stored.decode("ascii", "replace")))
     try:
-        block = UserBlock(bytes.fromhex(found["superblock"]), found.get("sha256", ""))
+        block = UserBlock(bytes.fromhex(found["superblock"]), found.get("sha256", ""), len(stored))
     except (KeyError, ValueError):
         return None
     return block if block.to_bytes() == stored else None
@@ -74,7 +84,7 @@ def joined_digest(digests: Iterable[str]) -> str:
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
-def file_digest(path: Path, pixels: Iterable[tuple[int, int]]) -> str:
+def file_digest(path: Path, pixels: Iterable[tuple[int, int]], begin: int = BLOCK_BYTES) -> str:
     """Return the SHA-256 digest of all bytes after the user block, except the pixels of given images.
 
     Parameters
@@ -83,10 +93,12 @@ def file_digest(path: Path, pixels: Iterable[tuple[int, int]]) -> str:
     pixels : iterable of tuple of int
         First byte and number of bytes of each image whose pixels are left out, because the image has its own
         digest.
+    begin : int
+        The first byte after the user block.
     """
     digest = hashlib.sha256()
     with path.open("rb") as file:
-        position, end = BLOCK_BYTES, path.stat().st_size
+        position, end = begin, path.stat().st_size
         for first, size in [*sorted(pixels), (end, 0)]:
             file.seek(position)
             while position < min(first, end):

@@ -14,7 +14,7 @@ from dic.errors import RunFileError
 from dic.hdf5.open import NotReadable, open_hdf5
 from dic.runfile import schema, superblock
 from dic.runfile.chunks import pixel_places
-from dic.runfile.digests import BLOCK_BYTES, file_digest, frame_digest, joined_digest, read_user_block
+from dic.runfile.digests import file_digest, frame_digest, joined_digest, read_user_block
 from dic.runfile.interlocks import RANGE, read_interlocks
 from dic.runfile.layout import Unlike, camera_names, require_layout
 from dic.runfile.mounting import read_mounting
@@ -291,7 +291,7 @@ class RunFile:
         The digest of the file covers all bytes except the pixels of images. The images have digests of their
         own, which the method `damaged_rows` checks.
         """
-        if superblock.find(self.path) != BLOCK_BYTES:
+        if not superblock.find(self.path):
             return None
         if not superblock.is_closed(self.path):
             # Do not read the file here, because any amount of data may have been appended to it.
@@ -304,7 +304,7 @@ class RunFile:
         for name in self.cameras:
             stored = pixel_places(self._detectors[name][schema.PIXELS])
             places += [stored[row] for row in self.rows_on_file(name) if row in stored]
-        return block.sha256 == file_digest(self.path, places)
+        return block.sha256 == file_digest(self.path, places, block.size)
 
     def _open(self) -> Any:
         try:

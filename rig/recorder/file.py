@@ -56,9 +56,7 @@ class OpenRunFile:
         self._abandoned = False
         self._descriptor = _new(unfinished, path)
         try:
-            self._hdf5 = h5py.File(
-                unfinished, "w", libver="latest", userblock_size=BLOCK_BYTES, rdcc_nbytes=_CACHE_BYTES
-            )
+            self._hdf5 = _created(unfinished)
         except BaseException:
             os.close(self._descriptor)
             unfinished.unlink()
@@ -227,6 +225,23 @@ class OpenRunFile:
         if self._descriptor >= 0:
             os.close(self._descriptor)
             self._descriptor = -1
+
+
+def _created(path: Path) -> h5py.File:
+    """Return an empty HDF5 file whose small blocks each lie in one page of the operating system's memory.
+
+    A write that a killed program had begun is done up to the end of a page. If one half of a block with a
+    checksum were new and the other half old, nothing behind this block could be read.
+    """
+    return h5py.File(
+        path,
+        "w",
+        libver="latest",
+        userblock_size=BLOCK_BYTES,
+        rdcc_nbytes=_CACHE_BYTES,
+        fs_strategy="page",
+        fs_page_size=BLOCK_BYTES,
+    )
 
 
 def _unfinished(path: Path) -> Path:

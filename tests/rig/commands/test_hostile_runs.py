@@ -131,7 +131,7 @@ def test_image_that_was_changed_is_not_measured(good, tmp_path):
     assert "damaged images of left at step 0" in refusal("process", run)
 
 
-@pytest.mark.parametrize("cut", [0, 100, 512, 560, 3000, 0.3, 0.5, 0.9, 0.999])
+@pytest.mark.parametrize("cut", [0, 100, 4096, 4144, 6000, 0.3, 0.5, 0.9, 0.999])
 def test_cut_off_run_is_one_sentence_or_says_what_is_missing(good, tmp_path, cut):
     run = tmp_path / "run.h5"
     content = good.read_bytes()

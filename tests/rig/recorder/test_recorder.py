@@ -184,8 +184,33 @@ def test_closed_file_carries_the_digest_of_everything_but_the_pixels(tmp_path):
         assert [text.decode() for text in camera["digest"]] == digests
     for place in sorted(places, key=lambda place: place.byte_offset, reverse=True):
         del content[place.byte_offset : place.byte_offset + place.size]
-    stated = re.search(rb"\nsha256 ([0-9a-f]{64})\n", content[:512])
-    assert stated[1].decode() == hashlib.sha256(content[512:]).hexdigest()
+    stated = re.search(rb"\nsha256 ([0-9a-f]{64})\n", content[:4096])
+    assert stated[1].decode() == hashlib.sha256(content[4096:]).hexdigest()
+
+
+def test_no_block_that_is_written_anew_crosses_a_page_of_memory(tmp_path):
+    """A program killed within a write leaves its first pages new, and the others old."""
+    path = tmp_path / "run.h5"
+    recorder = record(path)
+    for index in range(300):
+        step(recorder, index)
+    recorder.close("completed", "", START)
+    blocks = []
+    with h5py.File(path) as file:
+
+        def note(name, entry):
+            if isinstance(entry, h5py.Dataset):
+                header = h5py.h5o.get_info(entry.id)
+                assert header.hdr.nchunks == 1
+                blocks.append((name, file.userblock_size + header.addr, header.hdr.space.total))
+            if isinstance(entry, h5py.Dataset) and entry.chunks:
+                stored = (entry.id.get_chunk_info(k) for k in range(entry.id.get_num_chunks()))
+                blocks.extend((name, chunk.byte_offset, chunk.size) for chunk in stored)
+
+        file.visititems(note)
+    assert len(blocks) > 400
+    within = [(name, at, size) for name, at, size in blocks if size <= 4096]
+    assert [block for block in within if block[1] // 4096 != (block[1] + block[2] - 1) // 4096] == []
 
 
 def test_disk_slower_than_the_cameras_ends_the_run_and_loses_nothing_recorded(tmp_path, monkeypatch):
