@@ -17,6 +17,7 @@ from drivers.errors import DeviceError
 from rig.errors import RigError
 from rig.guardian import messages
 from rig.guardian.machines import watched
+from rig.guardian.stop import ATTEMPT_MAX_S
 from rig.rigfile import RigFile
 
 # Option -P: do not import packages from the user's folder, which may have the name of an offaxis package.
@@ -76,7 +77,8 @@ class Guardian:
     def watched(self, on_trouble: Callable[[str], None]) -> Iterator[None]:
         """Watch the guardian. If it dies, hangs or stops a machine, call `on_trouble` once on another thread.
 
-        A guardian that does not answer is killed before this call, so that the run can use its lines to stop.
+        A guardian that does not answer, or that begins no new attempt to stop a machine, is killed before
+        this call, so that the run can use its lines to stop. A guardian that goes on trying is left alone.
         """
         if self._process is None:
             yield
@@ -121,7 +123,8 @@ class Guardian:
 
     def _watch(self, process: "subprocess.Popen[bytes]", on_trouble: Callable[[str], None]) -> None:
         lines = messages.Lines(_pipe(process.stdout).fileno())
-        while not self._closing:
+        told = over = False
+        while not (self._closing or over):
             self._send(messages.PING)
             try:
                 said = lines.next(PING_S)
@@ -130,26 +133,38 @@ class Guardian:
                     # check once more for an answer, because this thread itself may have been delayed
                     said = lines.next(0.0)
             except (EOFError, OSError):
-                trouble = "the guardian died"
+                trouble, over = "the guardian died", True
             else:
-                trouble = self._judge(process, said)
-            if trouble and not self._closing:
+                trouble = self._hangs(said)
+                over = bool(trouble)
+                if over:
+                    process.kill()
+                trouble = trouble or _trouble(said)
+            if trouble and not (told or self._closing):
+                told = True
                 on_trouble(f"{trouble}: the run is not guarded any more")
-                return
 
-    def _judge(self, process: "subprocess.Popen[bytes]", said: tuple[str, Any] | None) -> str:
-        """Return the problem that the guardian's answer, or its silence, means. Without a problem it is
-        empty."""
+    def _hangs(self, said: tuple[str, Any] | None) -> str:
+        """Return why the guardian, which has given this answer, hangs, or an empty text."""
         if said is None:
-            if self._clock.now_s() - self._answered_s <= self._silence_max_s:
-                return ""
-            process.kill()
-            return f"the guardian did not answer for {self._silence_max_s:g} s"
+            silent = self._clock.now_s() - self._answered_s > self._silence_max_s
+            return f"the guardian did not answer for {self._silence_max_s:g} s" if silent else ""
         self._answered_s = self._clock.now_s()
-        word, value = said
-        if word == messages.LOST:
-            return f"the guardian cannot reach a machine any more ({value})"
-        return f"the guardian stopped the machines ({value})" if word == messages.STOPPED else ""
+        word, ages_s = said
+        late = (
+            [name for name, age_s in (ages_s or {}).items() if age_s > ATTEMPT_MAX_S]
+            if word == messages.ALIVE
+            else []
+        )
+        return f"the guardian's stop of {' and '.join(late)} hangs" if late else ""
+
+
+def _trouble(said: tuple[str, Any] | None) -> str:
+    """Return the problem that an answer of the guardian means, or an empty text."""
+    word, value = said or ("", None)
+    if word == messages.LOST:
+        return f"the guardian cannot reach a machine any more ({value})"
+    return f"the guardian had to stop the machines ({value})" if word == messages.STOPPED else ""
 
 
 @contextmanager

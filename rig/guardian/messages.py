@@ -22,6 +22,8 @@ DONE = b"d"
 """Message of the run: the run has ended in a safe state."""
 
 READY, REFUSED, ALIVE, LOST, STOPPED = "ready", "refused", "alive", "lost", "stopped"
+"""Messages of the guardian. The main loop, which does the guardian's work, says `ALIVE` itself. The value is
+null while it watches, and while it stops machines, the age in s of the present attempt for each of them."""
 
 CHUNK = 4096
 

@@ -23,13 +23,12 @@ from drivers.interfaces import OpenContext
 from drivers.registry import Guard, find_driver
 from rig.guardian import messages
 from rig.guardian.lock import note_holder
+from rig.guardian.stop import Stop
 
 STDIN, STDOUT, STDERR = 0, 1, 2
 IGNORED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP, signal.SIGPIPE)
 CHECK_PERIOD_S = 10.0
-# An unconfirmed stop is repeated for this time in s, because a cable may be plugged in again.
-STOP_TRIES_S = 60.0
-PAUSE_S = 0.1
+PERIOD_S = 0.02
 SAY_S = 1.0
 NICENESS = -10
 
@@ -68,7 +67,7 @@ def main() -> None:
         _tell(messages.READY, {name: guard.relay for name, guard in guards.items()})
         _check_regularly(guards)
         if reason := watch(STDIN, job, lambda: _tell(messages.ALIVE), _parent()):
-            stop_and_say(guards, reason, job)
+            stop_and_say(guards, reason, job, STDIN)
         for guard in guards.values():
             guard.close()
     # end at once: a terminal that accepts no text must not keep a process alive that owns lines to machines
@@ -116,38 +115,6 @@ def watch(run: int, job: Job, answer: Callable[[], None], parent: int | None = N
         for sign in received:
             if sign in (*patience, messages.WAITING[0]):
                 allowed_s, since_s = patience.get(sign, float("inf")), clock.now_s()
-
-
-def stop_all(guards: Mapping[str, Guard], tries_s: float) -> dict[str, str]:
-    """Stop all machines at the same time. For each one return why its stop is unconfirmed, or an empty text.
-
-    Parameters
-    ----------
-    guards : mapping of str to Guard
-    tries_s : float
-        Time in s for which an unconfirmed stop is repeated.
-    """
-    left = dict.fromkeys(guards, "it did not confirm")
-    clock = SystemClock()
-    end_s = clock.now_s() + tries_s
-
-    def stop(name: str, guard: Guard) -> None:
-        while left[name]:
-            try:
-                guard.stop()
-                left[name] = ""
-            except Exception as error:
-                left[name] = str(error) or type(error).__name__
-                if clock.now_s() >= end_s:
-                    return
-                clock.sleep(PAUSE_S)
-
-    threads = [threading.Thread(target=stop, args=each, daemon=True) for each in guards.items()]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    return left
 
 
 def _go_first() -> None:
@@ -206,32 +173,46 @@ def _check_regularly(guards: Mapping[str, Guard]) -> None:
         threading.Thread(target=check, args=each, daemon=True).start()
 
 
-def stop_and_say(guards: Mapping[str, Guard], reason: str, job: Job) -> None:
-    """Stop all machines, report the result, and repeat each stop that was not confirmed."""
-    clock = SystemClock()
-    begun_s = clock.now_s()
-    left = stop_all(guards, 0.0)
+def stop_and_say(guards: Mapping[str, Guard], reason: str, job: Job, run: int) -> None:
+    """Stop all machines, report the result, repeat each stop that was not confirmed, and report again.
+
+    Meanwhile answer the run's questions with the ages of the present attempts, so that the run can tell a
+    guardian that goes on trying from one that hangs.
+    """
+    stop = Stop(guards)
+    while not stop.tried:
+        _answer_for(run, PERIOD_S, stop)
     for descriptor in job.locks:
         note_holder(descriptor, "the guardian of a run that has ended")
-    tried_again = False
-    while True:
-        took_s = clock.now_s() - begun_s
-        sentence = f"{reason}: {_what_came_of_it(left, took_s)}"
-        _tell(messages.STOPPED, sentence)
-        _say(f"rig guardian: {sentence}", Path(job.log), clock.utc().isoformat(timespec="milliseconds"))
-        unconfirmed = {name: guard for name, guard in guards.items() if left[name]}
-        if not unconfirmed or tried_again:
+    _report(stop, reason, job)
+    if stop.confirmed:
+        return
+    while not stop.ended:
+        _answer_for(run, PERIOD_S, stop)
+    _report(stop, reason, job)
+
+
+def _answer_for(run: int, duration_s: float, stop: Stop) -> None:
+    """Answer the run's questions for `duration_s`. A run that has ended asks none."""
+    clock = SystemClock()
+    end_s = clock.now_s() + duration_s
+    waiting = select.poll()
+    waiting.register(run, select.POLLIN)
+    while (left_s := end_s - clock.now_s()) > 0.0:
+        if not waiting.poll(left_s * 1000):
             return
-        tried_again = True
-        left |= stop_all(unconfirmed, STOP_TRIES_S)
+        if not (received := os.read(run, messages.CHUNK)):
+            clock.sleep(left_s)
+            return
+        if messages.PING in received:
+            _tell(messages.ALIVE, stop.ages_s())
 
 
-def _what_came_of_it(left: Mapping[str, str], took_s: float) -> str:
-    standing = " and ".join(name for name, error in left.items() if not error)
-    parts = [f"{standing} stopped, confirmed after {1000 * took_s:.0f} ms"] if standing else []
-    if unconfirmed := [f"{name}: {error}" for name, error in left.items() if error]:
-        parts.append(f"STOP NOT CONFIRMED, use the emergency stop ({'; '.join(unconfirmed)})")
-    return "; ".join(parts)
+def _report(stop: Stop, reason: str, job: Job) -> None:
+    sentence = f"{reason}: {stop.describe()}"
+    _tell(messages.STOPPED, sentence)
+    utc = SystemClock().utc().isoformat(timespec="milliseconds")
+    _say(f"rig guardian: {sentence}", Path(job.log), utc)
 
 
 def _say(sentence: str, log: Path, utc: str) -> None:

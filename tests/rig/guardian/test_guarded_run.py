@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from contextlib import closing
 
 import pytest
@@ -96,3 +97,23 @@ def test_a_machine_that_the_guardian_cannot_reach_is_told_before_anything_moves(
     assert "reach the machine for the guardian" in refused.err
     assert len(refused.err.splitlines()) == 1
     assert not (measured.folder / "run.h5").exists()
+
+
+@pytest.mark.extended
+def test_a_stage_whose_line_was_cut_for_longer_than_a_stop_waits_is_stopped_when_it_is_back(bench_on):
+    measured = bench_on()
+    with closing(measured.started(STAGE)) as run:
+        measured.simulation.type("fault stage.unplug")
+        measured.simulation.wait_for("on: ")
+        run.wait_for("STOP NOT CONFIRMED")
+        back_s = time.monotonic()
+        measured.simulation.type("clear")
+        measured.simulation.wait_for("on: ")
+        assert measured.stands(STAGE)
+        assert time.monotonic() - back_s < 5.0, "the motion had ended by itself"
+        status, said = run.end()
+        assert status == 1
+        assert "did not answer" not in said
+        assert "stage (" in said.splitlines()[-1]
+        _, again = (measured.folder / "run.guardian.log").read_text().splitlines()
+        assert "load_frame and stage stopped, confirmed after" in again
