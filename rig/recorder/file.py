@@ -14,6 +14,7 @@ from dic.runfile.chunks import pixel_places
 from dic.runfile.digests import BLOCK_BYTES, UserBlock, file_digest
 from dic.runfile.superblock import SUPERBLOCK_BYTES, mark_closed
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame
+from rig.recorder.place import content, require_in_place, rescue
 from rig.recorder.records import NO_INTERLOCKS, InterlockRecord, RunHeader, StepRecord
 from rig.recorder.space import ReservedSpace
 from rig.recorder.tables import CameraTable, Table, create_entry, create_group, create_text, fit
@@ -171,12 +172,18 @@ class OpenRunFile:
             table.acknowledge()
 
     def synchronise(self) -> None:
-        """Synchronise the file with the disk (`fsync`)."""
+        """Synchronise the file with the disk (`fsync`). Raise `Misplaced` if it has left its path."""
         os.fsync(self._descriptor)
+        self.require_in_place()
+
+    def require_in_place(self) -> None:
+        """Raise `Misplaced` if the file is not at its path any more. The file can then still be closed."""
+        if not self._abandoned:
+            require_in_place(self._descriptor, self._path)
 
     def close(self, status: schema.RunStatus, reason: str, end: datetime) -> None:
         """Write the status of the run, close the file, write the file's digest, and make the file
-        read-only."""
+        read-only. The data of a deleted file are copied to a new one."""
         if self._abandoned or not self._hdf5:
             return
         # Write the status last, so that a file with the status "completed" is complete.
@@ -185,15 +192,18 @@ class OpenRunFile:
             dataset[()] = fit(text, dataset.dtype.itemsize)
             dataset.flush()
         pixels = [place for camera in self._cameras.values() for place in pixel_places(camera.data).values()]
-        self.synchronise()
+        os.fsync(self._descriptor)
         self._hdf5.close()
-        self._space.release(self._path.stat().st_size)
-        self._write_block(UserBlock(self._superblock, file_digest(self._path, pixels)))
-        self.synchronise()
+        written = os.fstat(self._descriptor)
+        self._space.release(written.st_size)
+        self._write_block(UserBlock(self._superblock, file_digest(content(self._descriptor), pixels)))
+        os.fsync(self._descriptor)
         with suppress(PermissionError):  # a file system like FAT has no permissions
-            os.fchmod(self._descriptor, self._path.stat().st_mode & ~0o222)
+            os.fchmod(self._descriptor, written.st_mode & ~0o222)
+        rescue(self._descriptor, self._path)
         self._release_descriptor()
-        _synchronise_folder(self._path.parent)
+        with suppress(OSError):  # the folder may be gone, but then the file is not in it
+            _synchronise_folder(self._path.parent)
 
     def abandon(self) -> None:
         """Release a file that cannot be written any more. Data that are already on the disk stay there.

@@ -21,6 +21,7 @@ from drivers.clock import SystemClock
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame, InterlockState, LoadFrameState, StageState
 from rig.errors import RecordingError
 from rig.recorder.file import OpenRunFile
+from rig.recorder.place import Misplaced
 from rig.recorder.records import NO_INTERLOCKS, InterlockRecord, RunHeader, StepRecord
 from rig.recorder.writer import Job, Writer
 from rig.recording import RecordingSettings
@@ -199,6 +200,10 @@ class Recorder:
     def _end(self, status: schema.RunStatus, reason: str, end: datetime) -> None:
         """Close the file on the writer's thread."""
         failure = self._writer.failure
+        try:
+            self._file.require_in_place()
+        except Misplaced as error:
+            failure = self._writer.failure = failure or self._error("", error)
         if failure is not None and status == "completed":
             status, reason = "failed", str(failure)
         try:
@@ -253,6 +258,9 @@ class Recorder:
         if isinstance(error, RecordingError):
             return error
         got = " ".join(str(error).split()) or type(error).__name__
+        if isinstance(error, Misplaced):
+            remedy = "let nobody move or delete the file of a run, or unmount its volume"
+            return RecordingError(str(self.path), "the run file at this place", got, remedy)
         remedy = "check free space and permissions of the folder, or name another file with -o"
         if isinstance(error, OSError) and error.errno in _FULL:
             got = error.strerror or got

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from drivers.clock import Clock
 from rig.recorder.file import ROW_BYTES, OpenRunFile
+from rig.recorder.place import Misplaced
 from rig.recording import RecordingSettings
 
 _JOBS_MAX = 100_000
@@ -165,7 +166,8 @@ class Writer(threading.Thread):
             self._synchronise_if_due(written)
         except Exception as error:
             self._fail(doing.what, error)
-            self._file.abandon()
+            if not isinstance(error, Misplaced):
+                self._file.abandon()
             return
         for job in written:
             job.done.set_result(None)
