@@ -91,6 +91,10 @@ class Finder:
     asks_for_s: float = 1.0
 
 
+GUARD_STOP_MAX_S = 10.0
+"""Longest time in s of one call of `Guard.stop`, twice the deadline of the stop in the drivers of offaxis."""
+
+
 class Guard(Protocol):
     """Interface with which a guardian process stops a device. The guard has a connection to the device.
 
@@ -109,8 +113,8 @@ class Guard(Protocol):
     def stop(self) -> None:
         """Stop the device, and wait for standstill. Raise `DeviceError` if the device does not confirm.
 
-        After a stop, a guard that owns the only line passes no more messages of the driver to the device.
-        `stop` may be called again.
+        A call that takes longer than `GUARD_STOP_MAX_S` counts as hanging. After a stop, a guard that owns
+        the only line passes no more messages of the driver to the device. `stop` may be called again.
         """
 
     def close(self) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 from drivers.clock import Clock, SystemClock
 from drivers.errors import ConfigurationError, DeviceError, DeviceTimeout
@@ -18,6 +18,7 @@ from drivers.interfaces import (
     Operator,
     RotationStage,
 )
+from rig.answers import checked
 from rig.errors import InterlockOpen
 from rig.limit_settings import RigLimits
 from rig.rigfile import CALL_TIMEOUT_S, DeviceEntry, RigFile
@@ -235,14 +236,14 @@ class _Opener:
             self._failed[entry.name] = str(error)
             return None
         self._close_at_end(entry, device)
-        return device
+        return checked(entry.spec.kind, entry.name, device, self.clock)
 
     def reopen(self, entry: DeviceEntry) -> Camera:
         """Open a camera again after it was closed."""
         context = OpenContext(entry.name, self.clock, self._environment)
         camera: Camera = entry.spec.open(entry.settings, context)
         self._close_at_end(entry, camera)
-        return camera
+        return cast(Camera, checked(entry.spec.kind, entry.name, camera, self.clock))
 
     def _close_at_end(self, entry: DeviceEntry, device: Any) -> None:
         self._stack.callback(_close, entry.name, device, self.lost, self._closing_s)

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from typing import Generic, TypeVar
 
 from drivers.clock import Event, SystemClock
-from drivers.errors import DeviceTimeout
+from drivers.errors import DeviceFault, DeviceTimeout
 
 _LAST_S = 0.5
 """Real time in s that the end of the program waits for threads that are just ending."""
@@ -23,6 +23,18 @@ class DeviceThread(threading.Thread):
 
     def __init__(self, name: str) -> None:
         super().__init__(name=name, daemon=True)
+
+
+def without_ending(device: str, action: str, error: BaseException) -> BaseException:
+    """Return the exception of a driver's call, or an error instead of one that would end the program.
+
+    On the thread that waits for the call, a `SystemExit` would end the program, perhaps with the status of
+    success.
+    """
+    if not isinstance(error, SystemExit | KeyboardInterrupt):
+        return error
+    got = f"a driver that ends the program ({type(error).__name__})"
+    return DeviceFault(device, action, "a call that returns or raises an error", got, "mend the driver")
 
 
 class Bounded(DeviceThread, Generic[T]):
@@ -61,7 +73,7 @@ class Bounded(DeviceThread, Generic[T]):
         try:
             value = self._function()
         except BaseException as error:
-            self._error = error
+            self._error = without_ending(self._device, self._action, error)
         else:
             with self._turn:
                 self._values.append(value)

@@ -15,7 +15,7 @@ from typing import Any, Generic, TypeVar
 
 from drivers.clock import Activity, Clock, Event, GivenUp, SystemClock
 from drivers.errors import DeviceError, DeviceTimeout, LinkLost
-from rig.threads import DeviceThread
+from rig.threads import DeviceThread, without_ending
 
 T = TypeVar("T")
 
@@ -88,7 +88,7 @@ class Call(Generic[T]):
         except GivenUp:
             raise
         except BaseException as error:
-            self.fail(error)
+            self.fail(without_ending(self.device, self.action, error))
 
     def finish(self, value: T) -> None:
         """Record the result of the call."""

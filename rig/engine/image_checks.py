@@ -100,7 +100,7 @@ class ImageChecks:
 
     def not_fresh(self, frame: Frame, asked_s: float) -> tuple[str, str, str] | None:
         """Return expected result, actual result and remedy if a frame may be old or damaged, else None."""
-        if frame.exposed_s < asked_s:
+        if not frame.exposed_s >= asked_s:
             return (
                 "an image exposed after it was asked for",
                 f"one exposed {asked_s - frame.exposed_s:.3f} s before",

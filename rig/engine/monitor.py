@@ -66,6 +66,14 @@ class Monitor:
             self._recorder.stage_state(turned)
             angle_deg, time_s = turned.angle_deg, max(time_s, turned.time_s)
             moving = moving or turned.moving
+            if self.homed and not turned.homed:
+                raise DeviceFault(
+                    "stage",
+                    step,
+                    "a stage with its reference position",
+                    "one that has lost it",
+                    "find out whether its power failed or something pushed it, then begin a new run",
+                )
             self.homed = turned.homed
         time_s = self._clock.now_s() if time_s == -math.inf else time_s
         reading = Reading(time_s, load_n, displacement_mm, angle_deg, moving)

@@ -14,10 +14,10 @@ from typing import IO, Any
 import drivers.errors
 from drivers.clock import SystemClock
 from drivers.errors import DeviceError
+from drivers.registry import GUARD_STOP_MAX_S
 from rig.errors import RigError
 from rig.guardian import messages
 from rig.guardian.machines import watched
-from rig.guardian.stop import ATTEMPT_MAX_S
 from rig.rigfile import RigFile
 
 # Option -P: do not import packages from the user's folder, which may have the name of an offaxis package.
@@ -152,7 +152,7 @@ class Guardian:
         self._answered_s = self._clock.now_s()
         word, ages_s = said
         late = (
-            [name for name, age_s in (ages_s or {}).items() if age_s > ATTEMPT_MAX_S]
+            [name for name, age_s in (ages_s or {}).items() if age_s > GUARD_STOP_MAX_S]
             if word == messages.ALIVE
             else []
         )

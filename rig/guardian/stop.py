@@ -5,13 +5,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from drivers.clock import Clock, SystemClock
-from drivers.lines.stop_deadline import STOP_TIMES
-from drivers.registry import Guard
+from drivers.registry import GUARD_STOP_MAX_S, Guard
 
 TRIES_S = 60.0
 """Time in s for which an unconfirmed stop is repeated, because a cable may be plugged in again."""
-ATTEMPT_MAX_S = 2 * STOP_TIMES.deadline_s
-"""An attempt ends after the driver's deadline and the last answer that it waits for. An older one hangs."""
 PAUSE_S = 0.1
 
 
@@ -72,14 +69,14 @@ class Stop:
     def tried(self) -> bool:
         """True if the first attempt to stop each machine has ended, or hangs."""
         return all(
-            machine.tried or self._clock.now_s() - machine.begun_s > ATTEMPT_MAX_S
+            machine.tried or self._clock.now_s() - machine.begun_s > GUARD_STOP_MAX_S
             for machine in self._machines.values()
         )
 
     @property
     def ended(self) -> bool:
         """True if each machine stands, or the time for its repeated stop is over."""
-        late = self._clock.now_s() >= self._end_s + ATTEMPT_MAX_S
+        late = self._clock.now_s() >= self._end_s + GUARD_STOP_MAX_S
         return late or all(machine.ended_s is not None for machine in self._machines.values())
 
     @property

@@ -9,8 +9,9 @@ import pytest
 
 from drivers.clock import VirtualClock
 from drivers.errors import DeviceTimeout
+from drivers.registry import GUARD_STOP_MAX_S
 from rig.guardian.guardian import Guardian
-from rig.guardian.stop import ATTEMPT_MAX_S, Stop
+from rig.guardian.stop import Stop
 
 ANSWERING = """
 import os, sys
@@ -61,13 +62,13 @@ def wait_for(stop: Stop) -> None:
 
 
 def test_guardian_whose_attempt_hangs_is_killed_so_that_the_run_can_use_its_line():
-    trouble, status = watched(f"{ATTEMPT_MAX_S + 1}", 30.0)
+    trouble, status = watched(f"{GUARD_STOP_MAX_S + 1}", 30.0)
     assert trouble == ["the guardian's stop of stage hangs: the run is not guarded any more"]
     assert status == -9
 
 
 def test_guardian_that_begins_a_new_attempt_in_time_is_left_alone():
-    assert watched(f"{ATTEMPT_MAX_S - 1}", 0.5) == ([], None)
+    assert watched(f"{GUARD_STOP_MAX_S - 1}", 0.5) == ([], None)
 
 
 @pytest.mark.parametrize("lost", [0, 3])

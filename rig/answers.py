@@ -1,0 +1,101 @@
+"""Check what drivers return: values of the right kind, with times that these values can have.
+
+A driver may come from another package. A value with a wrong time could be an old one, and a limit that is
+checked against an old value protects nothing.
+"""
+
+import math
+from typing import Any
+
+from drivers.clock import Clock
+from drivers.errors import DeviceFault
+from drivers.interfaces import Frame, InterlockState, LoadFrameState, StageState
+from drivers.registry import DeviceKind
+
+_TICK_S = 1e-6
+"""A smaller difference between two times, in s, is a rounding error."""
+_STATES: dict[DeviceKind, type] = {
+    "load_frame": LoadFrameState,
+    "stage": StageState,
+    "interlock": InterlockState,
+}
+_UNKNOWN_TIMES = "mend the driver, whose times are not on the rig's clock"
+
+
+def checked(kind: DeviceKind, name: str, device: Any, clock: Clock) -> Any:
+    """Return an opened device whose readings and images are checked.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of device. A device of another kind than load frame, stage, interlock or camera is returned
+        as it is.
+    name : str
+        The device's name in the rig file, for messages.
+    device : object
+    clock : Clock
+        The rig's clock.
+    """
+    if kind in _STATES:
+        return _CheckedReadings(name, device, clock, _STATES[kind])
+    return _CheckedImages(name, device, clock) if kind == "camera" else device
+
+
+class _Checked:
+    """A wrapper around a device, which passes on all methods that it does not have itself."""
+
+    def __init__(self, name: str, device: Any, clock: Clock) -> None:
+        self._name, self._device, self._clock = name, device, clock
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._device, name)
+
+    def _require_kind(self, action: str, value: object, kind: type) -> None:
+        if not isinstance(value, kind):
+            got = "None" if value is None else f"a {type(value).__name__}"
+            remedy = "mend the driver, which does not return what its interface declares"
+            raise DeviceFault(self._name, action, f"a {kind.__name__}", got, remedy)
+
+
+class _CheckedReadings(_Checked):
+    def __init__(self, name: str, device: Any, clock: Clock, kind: type) -> None:
+        super().__init__(name, device, clock)
+        self._kind = kind
+
+    def read(self) -> Any:
+        """Return the state. Raise `DeviceFault` if it is none, or was not read during this call."""
+        asked_s = self._clock.now_s()
+        state = self._device.read()
+        self._require_kind("read", state, self._kind)
+        if got := _wrong_time(state.time_s, asked_s, self._clock.now_s()):
+            raise DeviceFault(
+                self._name, "read", "a reading made after it was asked for", f"one made {got}", _UNKNOWN_TIMES
+            )
+        return state
+
+
+class _CheckedImages(_Checked):
+    def grab(self, timeout_s: float) -> Any:
+        """Return an image. Raise `DeviceFault` if it is none, or its times are impossible.
+
+        The engine itself refuses and repeats an image that was exposed before it was asked for.
+        """
+        frame = self._device.grab(timeout_s)
+        self._require_kind("grab", frame, Frame)
+        now_s = self._clock.now_s()
+        if got := _wrong_time(frame.exposed_s, -math.inf, frame.received_s):
+            expected = "an image exposed before it was received"
+            raise DeviceFault(self._name, "grab", expected, f"one exposed {got}", _UNKNOWN_TIMES)
+        if got := _wrong_time(frame.received_s, frame.exposed_s, now_s):
+            expected = "an image received until now"
+            raise DeviceFault(self._name, "grab", expected, f"one received {got}", _UNKNOWN_TIMES)
+        return frame
+
+
+def _wrong_time(time_s: float, first_s: float, last_s: float) -> str:
+    """Return how a time lies outside `first_s` to `last_s`, or an empty text if it lies between them."""
+    if not math.isfinite(time_s):
+        return f"at the time {time_s}"
+    if time_s < first_s - _TICK_S:
+        return f"{first_s - time_s:.3f} s before"
+    return f"{time_s - last_s:.3f} s later" if time_s > last_s + _TICK_S else ""

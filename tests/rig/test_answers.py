@@ -1,0 +1,88 @@
+"""A driver that returns what it cannot have read is told in one sentence."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from drivers.errors import DeviceError, DeviceFault
+from rig.answers import checked
+from rig.threads import Bounded
+from tests.rig.conftest import FakeCamera, FakeStage
+
+AGE = [
+    (math.nan, "one made at the time nan"),
+    (math.inf, "one made at the time inf"),
+    (-5.0, "one made 5.000 s before"),
+    (3600.0, "one made 3600.000 s later"),
+]
+
+
+@pytest.mark.parametrize(("age_s", "got"), AGE)
+def test_reading_with_an_impossible_time_is_refused(clock, age_s, got):
+    clock.sleep(10.0)
+    stage = FakeStage(clock, [], on_read=lambda state: replace(state, time_s=state.time_s + age_s))
+    with pytest.raises(DeviceFault, match=f"^stage: read: expected .*, got {got}; mend"):
+        checked("stage", "stage", stage, clock).read()
+
+
+@pytest.mark.parametrize("value", [None, [], 3.0])
+@pytest.mark.parametrize("kind", ["stage", "load_frame", "interlock", "camera"])
+def test_value_of_another_kind_is_refused(clock, kind, value):
+    class Device:
+        def read(self):
+            return value
+
+        def grab(self, timeout_s):
+            return value
+
+    device = checked(kind, "one", Device(), clock)
+    with pytest.raises(DeviceFault, match=r"^one: (read|grab): expected a .*(State|Frame), got "):
+        device.grab(1.0) if kind == "camera" else device.read()
+
+
+@pytest.mark.parametrize(
+    ("changes", "got"),
+    [
+        ({"exposed_s": math.nan}, "one exposed at the time nan"),
+        ({"exposed_s": 3600.0}, "one exposed 3599.980 s later"),
+        ({"received_s": math.nan}, "one received at the time nan"),
+        ({"received_s": 7.02}, "one received 7.000 s later"),
+    ],
+)
+def test_image_with_an_impossible_time_is_refused(clock, changes, got):
+    camera = FakeCamera(clock, on_grab=lambda _, frame: replace(frame, **changes))
+    with pytest.raises(DeviceFault, match=f"^one: grab: expected .*, got {got}; mend"):
+        checked("camera", "one", camera, clock).grab(1.0)
+
+
+def test_good_values_are_passed_on_and_so_is_every_other_method(clock):
+    stage = checked("stage", "stage", FakeStage(clock, []), clock)
+    stage.move_to(80.0)
+    assert stage.read().moving
+    assert stage.info == FakeStage.info
+    assert checked("camera", "one", FakeCamera(clock), clock).grab(1.0).sequence == 1
+
+
+@pytest.mark.parametrize("ending", [SystemExit(0), KeyboardInterrupt()])
+def test_driver_that_ends_the_program_fails_the_run_instead(rotation, ending):
+    def end(state):
+        raise ending
+
+    rotation.stage.on_read = end
+    outcome = rotation.engine().run()
+    assert outcome.status == "failed"
+    assert outcome.reason.startswith(
+        "stage: read: expected a call that returns or raises an error, got a driver"
+    )
+    with pytest.raises(DeviceError, match="a driver that ends the program"):
+        Bounded("stage", "open", lambda: end(None)).result(60.0, "")
+
+
+def test_stage_that_loses_its_reference_position_ends_the_run(rotation, at_step):
+    at_step(2, lambda: setattr(rotation.stage, "homed", False))
+    outcome = rotation.engine().run()
+    assert outcome.status == "failed"
+    assert "expected a stage with its reference position, got one that has lost it" in outcome.reason
+    assert outcome.steps_done <= 4
+    assert rotation.calls[-1] == "stop"
