@@ -95,10 +95,12 @@ class HttpServer:
         import uvicorn
 
         from rig.news.http_api import make_app
+        from rig.news.http_connections import WAITING_MAX, BoundedConnection
 
         config = uvicorn.Config(
             make_app(view),
-            http="h11",
+            http=BoundedConnection,
+            backlog=WAITING_MAX,
             ws="none",
             lifespan="off",
             loop="asyncio",

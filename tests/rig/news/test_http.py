@@ -4,10 +4,11 @@ import json
 import socket
 import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from http.client import HTTPConnection
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -17,6 +18,7 @@ from drivers.interfaces import Frame
 from rig.errors import ProtocolError
 from rig.news.bulletin import Bulletin
 from rig.news.http_api import STREAMS_MAX, RunView
+from rig.news.http_connections import CONNECTIONS_MAX, WAITING_MAX
 from rig.news.http_server import TOKEN_VARIABLE, HttpPlace, HttpServer
 from rig.news.thumbnail import thumbnail
 from rig.news.wording import About
@@ -266,3 +268,25 @@ def test_missing_libraries_are_named_with_the_command_that_installs_them(monkeyp
     monkeypatch.setattr("rig.news.http_server.find_spec", lambda name: None)
     with pytest.raises(ProtocolError, match=r"pip install 'offaxis\[http\]', or leave out --http"):
         HttpPlace(0)
+
+
+def descriptors() -> int:
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+def test_half_requests_leave_descriptors_for_the_run_and_room_for_an_abort(served):
+    before = descriptors()
+    with ExitStack() as lines:
+        for _ in range(3 * CONNECTIONS_MAX):
+            lines.enter_context(closing(served.raw("GET /v1/status HTTP/1.1\nHost: ")))
+        assert served.abort() == 202
+        # both ends of each connection are in this process; the server's are bounded
+        assert descriptors() - before <= 4 * CONNECTIONS_MAX + WAITING_MAX
+    assert len(served.aborts) == 1
+
+
+def test_half_a_request_is_closed_when_its_time_is_over(served, monkeypatch):
+    monkeypatch.setattr("rig.news.http_connections.REQUEST_S", 0.2)
+    with closing(served.raw("GET /v1/status HTTP/1.1\nHost: ")) as line, suppress(ConnectionResetError):
+        # the end of the connection, or its reset
+        assert line.recv(1) == b""
