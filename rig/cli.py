@@ -18,7 +18,7 @@ from rig.commands.output import PATH as _PATH
 from rig.commands.output import NumberRange
 from rig.commands.output import finish as _finish
 from rig.commands.output import write as _write
-from rig.threads import device_threads, dying_of_signals, leave
+from rig.threads import device_threads, dying_of_signals, last_resort, leave
 
 if TYPE_CHECKING:
     from rig import Outcome
@@ -28,7 +28,8 @@ def main() -> None:
     """Run the command line. For a known error, print one sentence on stderr and exit with status 2."""
     before = device_threads()
     try:
-        run_command(cli, (RigError, DeviceError, ConfigurationError, MeasurementError), "rig")
+        with last_resort():
+            run_command(cli, (RigError, DeviceError, ConfigurationError, MeasurementError), "rig")
     except SystemExit as ended:
         leave(int(ended.code or 0), before)
         raise

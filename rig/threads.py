@@ -13,6 +13,9 @@ from drivers.errors import DeviceFault, DeviceTimeout
 
 _LAST_S = 0.5
 """Real time in s that the end of the program waits for threads that are just ending."""
+LAST_RESORT_S = 180.0
+"""Real time in s from the first signal, or from the last sign of progress, to the end of the program.
+Stopping the machines and closing run file and devices have shorter deadlines together."""
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 T = TypeVar("T")
@@ -122,6 +125,46 @@ def dying_of_signals() -> Iterator[None]:
     finally:
         for number in changed:
             signal.signal(number, previous[number])
+
+
+class _LastResort:
+    """The system's timer that ends this process, if it is a program and not one that uses the package."""
+
+    def __init__(self) -> None:
+        self.armed = self.ending = False
+
+    def begin(self, after_s: float) -> None:
+        if self.armed and not self.ending:
+            signal.setitimer(signal.ITIMER_REAL, after_s)
+
+
+_last_resort = _LastResort()
+
+
+@contextmanager
+def last_resort() -> Iterator[None]:
+    """Within a `with` block, let the system end the program if it neither makes progress nor ends.
+
+    The system sends SIGALRM, which Python does not handle. So the program ends also if it is short of memory,
+    or if a driver never lets Python run. Its guardian then stops the machines, unless it has done so already.
+    """
+    _last_resort.armed, _last_resort.ending = True, False
+    try:
+        yield
+    finally:
+        _last_resort.armed = False
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def still_running() -> None:
+    """Begin the time to the last resort again, unless the program is to end."""
+    _last_resort.begin(LAST_RESORT_S)
+
+
+def must_end() -> None:
+    """Begin the time to the last resort for the last time."""
+    _last_resort.begin(LAST_RESORT_S)
+    _last_resort.ending = True
 
 
 def device_threads() -> set[threading.Thread]:

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Protocol
 
+from rig.threads import must_end
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP)
 """Signals that end or suspend a program. A suspended program would not watch its moving devices."""
 
@@ -36,6 +38,7 @@ def aborting_on_signals(engine: Abortable) -> Iterator[None]:
                 # Ignore other signals that arrive here, for example SIGWINCH of a terminal whose size
                 # changes.
                 if number in handled:
+                    must_end()
                     engine.abort(signal.Signals(number).name)
 
     previous = {number: signal.getsignal(number) for number in SIGNALS}

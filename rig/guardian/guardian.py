@@ -19,6 +19,7 @@ from rig.errors import RigError
 from rig.guardian import messages
 from rig.guardian.machines import watched
 from rig.rigfile import RigFile
+from rig.threads import still_running
 
 # Option -P: do not import packages from the user's folder, which may have the name of an offaxis package.
 COMMAND = (sys.executable, "-P", "-m", "rig.guardian.process")
@@ -63,6 +64,8 @@ class Guardian:
         """Tell the guardian that all devices were read without an error, and whether one of them may be
         moving."""
         self._send(messages.MOVING if moving else messages.STANDING)
+        if self._process is not None:
+            still_running()
 
     def about_to_move(self) -> None:
         """Tell the guardian that a motion command will be sent now."""
