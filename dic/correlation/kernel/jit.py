@@ -7,9 +7,10 @@ hash of all files that can affect the machine code.
 
 import hashlib
 import os
+import stat
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -40,12 +41,11 @@ def compiled(function: Function) -> Function:
     The machine code runs without Python's global lock. Division by zero gives infinity or NaN as in NumPy.
     The order of the terms in a sum stays as it is written.
     """
-    with _own_cache():
+    with _own_cache() as exists:
         try:
-            return cast(Function, numba.njit(cache=True, **_OPTIONS)(function))
+            return cast(Function, numba.njit(cache=exists, **_OPTIONS)(function))
         except RuntimeError:
-            # There is no folder for the cache, because another user installed the package and there is no
-            # home folder.
+            # numba cannot write the folder that the user chose for its cache
             return cast(Function, numba.njit(**_OPTIONS)(function))
 
 
@@ -70,20 +70,45 @@ def cache_key(package: Path) -> str:
 
 
 @contextmanager
-def _own_cache() -> Iterator[None]:
+def _own_cache() -> Iterator[bool]:
+    """Let numba keep machine code in this program's folder. Yield False if there is no safe folder."""
     before = numba.config.CACHE_DIR
     # A folder that the user chose for numba's cache (NUMBA_CACHE_DIR) takes precedence.
-    numba.config.CACHE_DIR = before or str(_cache_folder())
+    folder = before or _cache_folder()
+    numba.config.CACHE_DIR = str(folder or "")
     try:
-        yield
+        yield bool(folder)
     finally:
         numba.config.CACHE_DIR = before
 
 
 @cache
-def _cache_folder() -> Path:
+def _cache_folder() -> Path | None:
+    """Return the first folder for machine code that nobody else can write, or None.
+
+    Whoever can write machine code into the folder can run programs as this user.
+    """
+    user = os.geteuid() if hasattr(os, "geteuid") else "cache"
+    folders = [Path(tempfile.gettempdir()) / f"offaxis-{user}"]
+    caches = os.environ.get("XDG_CACHE_HOME")
+    # A user without a home folder has only the folder of temporary files.
+    with suppress(RuntimeError):
+        folders.insert(0, Path(caches or Path("~/.cache").expanduser()) / "offaxis")
+    private = next((folder for folder in folders if folder.is_absolute() and _make_private(folder)), None)
+    return None if private is None else private / cache_key(_PACKAGE)
+
+
+def _make_private(folder: Path) -> bool:
+    """Create a folder for this user alone, and return whether it is one."""
     try:
-        caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    except RuntimeError:  # the user has no home folder
-        caches = Path(tempfile.gettempdir())
-    return caches / "offaxis" / cache_key(_PACKAGE)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if not hasattr(os, "geteuid"):  # Windows' own folder of temporary files is private
+            return True
+        found = folder.lstat()
+        if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid():
+            return False
+        if stat.S_IMODE(found.st_mode) & 0o077:
+            folder.chmod(0o700)
+        return os.access(folder, os.W_OK | os.X_OK)
+    except OSError:
+        return False
