@@ -41,6 +41,10 @@ class ImageWarning(UserWarning):
     """A warning that only a part of an image file's content is used, or that the image is turned."""
 
 
+class WorkerWarning(UserWarning):
+    """A warning that others can use the workers of a cluster, and with them this user's computers."""
+
+
 _collected: ContextVar[list[tuple[str, str]] | None] = ContextVar("collected", default=None)
 """Warnings about images that are collected and not given; None if they are given."""
 

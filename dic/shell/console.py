@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 
 import click
 
-from dic.errors import ImageWarning
+from dic.errors import ImageWarning, WorkerWarning
 
 COULD_NOT = 2
 _ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
@@ -96,11 +96,11 @@ def _status(command: click.Command, foreseen: tuple[type[Exception], ...], prefi
 
 @contextmanager
 def _warnings_as_lines() -> Iterator[None]:
-    """Print a warning about an image as one line, without file name and line number of the code."""
+    """Print a warning of this package as one line, without file name and line number of the code."""
     shown = warnings.showwarning
 
     def show(message: Warning | str, *others: Any, **named: Any) -> None:
-        if isinstance(message, ImageWarning):
+        if isinstance(message, ImageWarning | WorkerWarning):
             say(f"warning: {message}", err=True)
         else:
             shown(message, *others, **named)

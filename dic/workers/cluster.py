@@ -5,15 +5,32 @@ import pickle
 import warnings
 from collections.abc import Callable
 from concurrent.futures import Future
+from ipaddress import ip_address
 from threading import Lock
 from typing import Any
 
-from dic.errors import MeasurementError, WorkerError
+from dic.errors import MeasurementError, WorkerError, WorkerWarning
 from dic.image.memory import keep_freed_memory
 from dic.image.threads import limited_to
 from dic.workers.workers import Given, Result, Workers
 
 _WAIT_S = 20
+
+
+def open_to_others(address: str) -> bool:
+    """Return whether programs of other computers may use a scheduler that listens at this address.
+
+    Dask's scheduler and workers run the pickled functions that they get. With TLS they take them only from
+    holders of a certificate; "inproc" is within one process.
+    """
+    scheme, _, place = address.rpartition("://")
+    if scheme not in ("", "tcp", "ws"):
+        return False
+    host = place.rpartition(":")[0].strip("[]")
+    try:
+        return not ip_address(host).is_loopback
+    except ValueError:
+        return host != "localhost"
 
 
 class ClusterWorkers(Workers):
@@ -56,6 +73,14 @@ class ClusterWorkers(Workers):
             self._client.close()
             remedy = f"start workers with `dask worker {address}`"
             raise WorkerError(address, "find workers", "at least one worker", "none", remedy) from error
+        listening = str(self._client.scheduler_info()["address"])
+        if open_to_others(listening):
+            warnings.warn(
+                f"the scheduler at {listening} takes tasks from everybody who reaches it, and its workers run "
+                "them as their user; start it with --host 127.0.0.1, or with TLS if it needs other computers",
+                WorkerWarning,
+                stacklevel=2,
+            )
         self._address, self._pool = address, self._client.get_executor(pure=False)
         self.count = len(self._client.ncores())
 

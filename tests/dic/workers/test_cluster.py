@@ -14,7 +14,7 @@ import pytest
 from dic.errors import WorkerError
 from dic.pipeline.series_image import FileDigests
 from dic.results.unfinished import FinishedImages
-from dic.workers.cluster import _Answer
+from dic.workers.cluster import _Answer, open_to_others
 from tests.command_line import refusal, run_dic
 from tests.dic.result_values import results
 from tests.image_files import write_image
@@ -27,6 +27,22 @@ def test_missing_dask_is_named_with_the_command_that_installs_it(tmp_path, speck
     words = ("correlate", tmp_path, "--scheduler", "tcp://localhost:8786")
     assert "pip install 'offaxis[cluster]'" in refusal(*words)
     assert "--workers or --scheduler, got both" in refusal(*words, "--workers", 2)
+
+
+@pytest.mark.parametrize(
+    ("address", "is_open"),
+    [
+        ("tcp://127.0.0.1:8786", False),
+        ("tcp://[::1]:8786", False),
+        ("tcp://localhost:8786", False),
+        ("tls://192.168.1.5:8786", False),
+        ("tcp://192.168.1.5:8786", True),
+        ("tcp://0.0.0.0:8786", True),
+        ("ws://lab-server:8786", True),
+    ],
+)
+def test_scheduler_that_others_can_use_is_told_from_one_that_they_cannot(address, is_open):
+    assert open_to_others(address) is is_open
 
 
 class Cluster:
