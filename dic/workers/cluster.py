@@ -76,7 +76,7 @@ class ClusterWorkers(Workers):
         listening = str(self._client.scheduler_info()["address"])
         if open_to_others(listening):
             warnings.warn(
-                f"the scheduler at {listening} takes tasks from everybody who reaches it, and its workers run "
+                f"the scheduler at {listening} takes tasks from all who reach it, and its workers run "
                 "them as their user; start it with --host 127.0.0.1, or with TLS if it needs other computers",
                 WorkerWarning,
                 stacklevel=2,
