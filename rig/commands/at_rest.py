@@ -14,10 +14,7 @@ def at_rest_line(at_rest: AtRest) -> str:
         parts.append(_load_frame(at_rest.load_frame))
     if at_rest.stage is not None:
         parts.append(_stage(at_rest.stage))
-    parts += [
-        f"the {name.replace('_', ' ')} does not answer, so nobody knows whether it moves"
-        for name in at_rest.silent
-    ]
+    parts += [_silent(name, stopped=name in at_rest.stopped) for name in at_rest.silent]
     sentence = "; ".join(parts) or "the rig has no load frame and no stage"
     return f"{sentence[0].upper()}{sentence[1:]}."
 
@@ -29,6 +26,13 @@ def at_rest_dict(at_rest: AtRest) -> dict[str, Any]:
         "stage": None if at_rest.stage is None else asdict(at_rest.stage),
         "silent": dict(at_rest.silent),
     }
+
+
+def _silent(name: str, *, stopped: bool) -> str:
+    device = f"the {name.replace('_', ' ')}"
+    if stopped:
+        return f"{device} has confirmed that it stands still, and does not answer any more"
+    return f"{device} does not answer, so nobody knows whether it moves"
 
 
 def _load_frame(state: LoadFrameState) -> str:

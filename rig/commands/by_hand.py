@@ -1,11 +1,14 @@
 """Look at a rig and move it by hand, for `rig status`, `rig hold`, `rig unload` and `rig jog`."""
 
 import math
+import os
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from drivers.clock import SystemClock
 from drivers.terminal.question import Question, Withdrawn
 from rig import AtRest, Reading, Rig, RigError, open_rig, read_rig
 from rig.commands.hand_plan import Wish, plan, slowed
@@ -19,6 +22,10 @@ from rig.guardian.announced import announce
 from rig.guardian.guardian import guarded
 from rig.guardian.lock import MachineInUse, machines_locked
 from rig.rigfile import RigFile
+
+RELEASE_S = 60.0
+"""Longest time in s for which a hold waits until a run that was asked to end has closed its file."""
+RELEASE_POLL_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -44,21 +51,65 @@ def see(rig_path: Path) -> Seen:
     return Seen(replace(at_rest, silent=at_rest.silent | failed))
 
 
-def hold(rig_path: Path) -> Moved:
-    """Hold the load frame and stop the stage, without asking the user first."""
-    failed: dict[str, str] = {}
+def hold(rig_path: Path, say: Callable[[str], None] = lambda _: None) -> Moved:
+    """Hold the load frame and stop the stage, without asking the user first.
+
+    A run or a motion by hand that has the machine is asked to end, which stops the machine at once. When it
+    has released the machine, the hold is commanded and confirmed once more.
+
+    Parameters
+    ----------
+    rig_path : Path
+    say : callable
+        Gets the sentence that another program was asked to end.
+
+    Raises
+    ------
+    MachineInUse
+        If the other program cannot be asked, or does not release the machine in time.
+    """
     rig_file = read_rig(rig_path)
+    clock = SystemClock()
+    asked = 0
+    end_s = clock.now_s() + RELEASE_S
+    while True:
+        try:
+            return _hold(rig_file)
+        except MachineInUse as error:
+            if not asked:
+                asked = _ask_to_end(error)
+                say(f"{error.got}: asked to end, which holds the load frame and stops the stage")
+            elif clock.now_s() > end_s:
+                raise MachineInUse(
+                    error.step,
+                    f"a machine that is released within {RELEASE_S:g} s after pid {asked} was asked to end",
+                    error.got,
+                    "in danger press the emergency stop; otherwise give the command again",
+                ) from error
+        clock.sleep(RELEASE_POLL_S)
+
+
+def _ask_to_end(error: MachineInUse) -> int:
+    """Ask the program that has a machine to end, and return the number of its process."""
     try:
-        with machines_locked(rig_file), open_rig(_machines_of(rig_file), failed=failed) as rig:
-            moved = Manual(rig).hold()
-    except MachineInUse as error:
+        if not error.pid:
+            raise ProcessLookupError
+        os.kill(error.pid, signal.SIGTERM)
+    except OSError as refused:
         raise MachineInUse(
             error.step,
             error.expected,
             error.got,
             "press Ctrl-C in that program, or end it with kill: its end holds the load frame and stops the "
             "stage; in danger press the emergency stop",
-        ) from error
+        ) from refused
+    return error.pid
+
+
+def _hold(rig_file: RigFile) -> Moved:
+    failed: dict[str, str] = {}
+    with machines_locked(rig_file), open_rig(_machines_of(rig_file), failed=failed) as rig:
+        moved = Manual(rig).hold()
     if not failed:
         return moved
     reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(failed.values())})."

@@ -47,11 +47,14 @@ def status(rig_path: Path, json_path: Path | None, force: bool) -> None:
 @JSON
 @FORCE
 def hold(rig_path: Path, yes: bool, json_path: Path | None, force: bool) -> None:
-    """Hold the load frame and stop the stage at once, without a question."""
+    """Hold the load frame and stop the stage at once, without a question.
+
+    A run that has the machine is asked to end, which holds the load frame and stops the stage.
+    """
     from rig.commands import by_hand
 
     require_places([rig_path], [json_path], force=force)
-    _report(by_hand.hold(rig_path), json_path)
+    _report(by_hand.hold(rig_path, lambda line: say(f"rig: {line}", err=True)), json_path)
 
 
 @click.command()

@@ -32,6 +32,7 @@ def what_happens(status: Status | None) -> str:
         return "opening the rig; nothing moves"
     step, at = status.step, _values(status.reading)
     moves = status.reading is not None and status.reading.moving
+    mover = "stage" if step.kind == "rotation" else "load frame"
     match status.state:
         case State.PREPARING if moves and at.endswith("deg"):
             return f"preparing the {step.kind}: the stage MOVES to 0 deg, {at}"
@@ -40,12 +41,11 @@ def what_happens(status: Status | None) -> str:
         case State.PREPARING:
             return f"preparing the {step.kind}: nothing moves, {at}"
         case State.MOVING if step.target == step.target:
-            mover = "stage" if step.kind == "rotation" else "load frame"
             return f"{step}: the {mover} MOVES, {at}" if moves else f"{step}: the {mover} settles, {at}"
         case State.MOVING:
             return f"{step}: waiting until nothing moves, {at}"
         case State.IMAGING:
-            return f"{step}: taking images, nothing moves, {at}"
+            return f"{step}: taking images, {f'{mover} MOVES' if moves else 'nothing moves'}, {at}"
         case State.SAFING:
             return "stopping: the load frame is to hold, the stage is to stop"
     return f"{status.state.value}, {at}"

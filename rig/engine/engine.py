@@ -333,7 +333,7 @@ class Engine:
         return self._outcome(status, reason, tuple(unsafe))
 
     def _outcome(self, status: RunStatus, reason: str, unsafe: tuple[str, ...] = ()) -> Outcome:
-        at_end = look(self._devices, self._calls)
+        at_end = look(self._devices, self._calls, self._safe_state.confirmed)
         self._calls.close()
         end_s = SystemClock().now_s() + self.leaving_s
         listeners = (self._on_status, self._on_step, self._on_news)

@@ -15,8 +15,11 @@ UNLOADED_SHARE = 0.01
 """An unloaded load cell may show this fraction of the largest load, from zero error and weight of grips."""
 
 
-def look(devices: Devices, calls: Calls) -> AtRest:
-    """Read the load frame and the stage. For a device that does not answer, the result gives the reason."""
+def look(devices: Devices, calls: Calls, stopped: frozenset[str] = frozenset()) -> AtRest:
+    """Read the load frame and the stage. For a device that does not answer, the result gives the reason.
+
+    `stopped` are the devices that have just confirmed a hold or a stop.
+    """
     silent: dict[str, str] = {}
     frame: LoadFrameState | None = None
     stage: StageState | None = None
@@ -31,7 +34,7 @@ def look(devices: Devices, calls: Calls) -> AtRest:
             stage = calls.finish(devices.stage.begin_read())
     except Exception as error:
         silent["stage"] = str(error) or type(error).__name__
-    return AtRest(frame, stage, silent)
+    return AtRest(frame, stage, silent, stopped)
 
 
 @dataclass(frozen=True)

@@ -229,7 +229,7 @@ class Manual:
         if unsafe:
             status = "failed"
             reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(unsafe)}). {reason}"
-        at_end = look(self._devices, self._calls)
+        at_end = look(self._devices, self._calls, self._safe_state.confirmed)
         self._calls.close()
         return Moved(status, reason.strip(), unsafe, at_end, begun=self._motion is not None)
 

@@ -25,6 +25,11 @@ class SafeState:
     rig : Rig
     deadline_s : float
         Time limit for the confirmation by each device, in real time.
+
+    Attributes
+    ----------
+    confirmed : frozenset of str
+        The devices that have confirmed the last call of `confirm`.
     """
 
     def __init__(self, rig: Rig, deadline_s: float = STOP_DEADLINE_S) -> None:
@@ -36,6 +41,7 @@ class SafeState:
         if rig.stage is not None:
             self._commands["stage"] = rig.stage.stop
         self._commanded: list[_Attempt] = []
+        self.confirmed: frozenset[str] = frozenset()
 
     def command(self) -> None:
         """Command the safe state without waiting. Skip a device whose previous command is still running."""
@@ -65,6 +71,7 @@ class SafeState:
         for attempt in attempts + self._commanded:
             self._clock.wait(attempt.done, math.inf, max(0.0, end_s - SystemClock().now_s()))
             attempt.give_up()
+        self.confirmed = frozenset(attempt.device for attempt in attempts if not attempt.failure)
         return [attempt.failure for attempt in attempts if attempt.failure]
 
 

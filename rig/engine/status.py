@@ -54,11 +54,14 @@ class AtRest:
         None if the rig has no such device, or if the device did not answer.
     silent : dict of str to str
         The devices that did not answer, with the reason.
+    stopped : frozenset of str
+        The devices that had confirmed a hold or a stop just before.
     """
 
     load_frame: LoadFrameState | None = None
     stage: StageState | None = None
     silent: dict[str, str] = field(default_factory=dict)
+    stopped: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,15 @@ SHOWN_MAX = 120
 
 
 class MachineInUse(RigError):
-    """Another program holds the lock of a machine. `got` says which program."""
+    """Another program holds the lock of a machine. `got` says which program.
+
+    Attributes
+    ----------
+    pid : int
+        Number of the program's process, or 0 if it is unknown.
+    """
+
+    pid = 0
 
 
 @contextmanager
@@ -105,10 +113,25 @@ def _take(descriptor: int, entry: DeviceEntry, line: str) -> None:
         holder = (
             f"pid {pid} ({command.strip()[:SHOWN_MAX]})" if pid else "a program that does not say who it is"
         )
-        raise MachineInUse(
+        in_use = MachineInUse(
             f"{entry.name} ({line})",
             "a machine that no other program commands",
             f"{holder}, which has opened it",
             "wait until that program has ended, or end it",
-        ) from error
+        )
+        if pid.isdecimal() and _has_open(int(pid), descriptor):
+            in_use.pid = int(pid)
+        raise in_use from error
     note_holder(descriptor)
+
+
+def _has_open(pid: int, descriptor: int) -> bool:
+    """Return whether another process has the file open, into which everybody can write a number."""
+    if pid == os.getpid():
+        return False
+    try:
+        return any(
+            os.path.samestat(os.fstat(descriptor), each.stat()) for each in Path(f"/proc/{pid}/fd").iterdir()
+        )
+    except OSError:
+        return False

@@ -50,6 +50,10 @@ STAGE = {"angle_deg": 123.456}
             "step 2 (load 2000 N): taking images, nothing moves, at 12345.7 N, 0.4568 mm",
         ),
         (
+            status(State.IMAGING, LOAD, moving=True, **FRAME),
+            "step 2 (load 2000 N): taking images, load frame MOVES, at 12345.7 N, 0.4568 mm",
+        ),
+        (
             status(State.PREPARING, GRID, moving=True, **STAGE),
             "preparing the grid: the stage MOVES to 0 deg, at 123.46 deg",
         ),

@@ -105,7 +105,9 @@ def test_a_stage_whose_line_was_cut_for_longer_than_a_stop_waits_is_stopped_when
     with closing(measured.started(STAGE)) as run:
         measured.simulation.type("fault stage.unplug")
         measured.simulation.wait_for("on: ")
-        run.wait_for("STOP NOT CONFIRMED")
+        log = measured.folder / "run.guardian.log"
+        while not (log.exists() and "STOP NOT CONFIRMED" in log.read_text()):
+            time.sleep(0.05)
         back_s = time.monotonic()
         measured.simulation.type("clear")
         measured.simulation.wait_for("on: ")
@@ -115,5 +117,19 @@ def test_a_stage_whose_line_was_cut_for_longer_than_a_stop_waits_is_stopped_when
         assert status == 1
         assert "did not answer" not in said
         assert "stage (" in said.splitlines()[-1]
-        _, again = (measured.folder / "run.guardian.log").read_text().splitlines()
+        _, again = log.read_text().splitlines()
         assert "load_frame and stage stopped, confirmed after" in again
+
+
+def test_hold_asks_the_run_that_has_the_machine_to_end_and_then_holds_itself(bench_on):
+    measured = bench_on()
+    with closing(measured.started(FRAME)) as run:
+        held = run_rig("hold", measured.folder / "use.toml")
+        assert held.status == 0
+        assert held.out.startswith("completed: The load frame holds at ")
+        assert f"pid {run.process.pid} (" in held.err
+        assert "asked to end, which holds the load frame and stops the stage" in held.err
+        status, said = run.end()
+        assert status == 1
+        assert "SIGTERM" in said
+        assert measured.stands(FRAME)
