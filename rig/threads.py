@@ -6,6 +6,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Generic, TypeVar
 
 from drivers.clock import Event, SystemClock
@@ -19,6 +20,18 @@ Stopping the machines and closing run file and devices have shorter deadlines to
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 T = TypeVar("T")
+
+
+def waited_for_processor_s(thread: int) -> float:
+    """Return for how long a thread of this process was ready to run and got no processor, in s.
+
+    The result is 0 if the system does not tell. Source: proc(5), ``/proc/PID/task/TID/schedstat``, whose
+    second number is this time in ns.
+    """
+    try:
+        return int(Path(f"/proc/self/task/{thread}/schedstat").read_text().split()[1]) * 1e-9
+    except (OSError, IndexError, ValueError):
+        return 0.0
 
 
 class DeviceThread(threading.Thread):

@@ -10,12 +10,13 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
+from threading import get_native_id
 from time import process_time
 from typing import Any, Generic, TypeVar
 
 from drivers.clock import Activity, Clock, Event, GivenUp, SystemClock
 from drivers.errors import DeviceError, DeviceTimeout, LinkLost
-from rig.threads import DeviceThread, without_ending
+from rig.threads import DeviceThread, waited_for_processor_s, without_ending
 
 T = TypeVar("T")
 
@@ -25,11 +26,15 @@ CAMERA_MARGIN_S = 2.0
 """A camera's call may take this time in s longer than the protocol's `timeout_s`, for copying the image."""
 PATIENCE_S = 30.0
 """Real time in s added to each deadline on a virtual rig. Its devices compute while simulated time stands
-still. A device that computes gets this time again, on a busy computer up to this processor time in all."""
+still. A device that computes, or that waits for a processor, gets this time again and again."""
 _COMPUTING = 0.05
 """Part of a processor that a computing device gets even on a busy computer; one that waits uses less."""
 LEAVING_S = 2.0
 """Real time in s for which the end of a run waits for calls that still run, such as a long exposure."""
+_PATIENCES_MAX = 20
+"""A device that has computed for this number of patiences hangs in a loop."""
+_STARVED = 0.2
+"""If a call waits for a processor for this part of its deadline, the computer is too busy."""
 _TICK_S = 1e-9
 """A smaller difference between two times, in s, is a rounding error."""
 
@@ -77,12 +82,16 @@ class Call(Generic[T]):
         self._due_s = clock.now_s() + deadline.duration_s
         self._patience_s = patience_s
         self._real_due_s = SystemClock().now_s() + deadline.duration_s + patience_s
-        self._begun_processor_s = self._seen_processor_s = process_time()
+        self._thread = 0
+        self._before_s = self._begun_s = self._seen_s = 0.0
+        self._begun_s = self._seen_s = self._effort_s()
 
     def run(self) -> None:
         """Call the function. This method runs on the device's thread."""
         if self.cancelled:
             return
+        self._thread = get_native_id()
+        self._before_s = waited_for_processor_s(self._thread)
         try:
             self.finish(self._function())
         except GivenUp:
@@ -118,12 +127,19 @@ class Call(Generic[T]):
             self._real_due_s += self._patience_s
         return self._real_due_s - SystemClock().now_s()
 
+    @property
+    def waited_s(self) -> float:
+        """Time in s for which the call was ready to go on and got no processor."""
+        return waited_for_processor_s(self._thread) - self._before_s if self._thread else 0.0
+
+    def _effort_s(self) -> float:
+        return process_time() + self.waited_s
+
     def _computes(self) -> bool:
-        """Return whether the program has computed since the last question, so that the call may not hang."""
-        before_s, self._seen_processor_s = self._seen_processor_s, process_time()
-        recent_s = self._seen_processor_s - before_s
-        whole_s = self._seen_processor_s - self._begun_processor_s
-        return recent_s >= _COMPUTING * self._patience_s and whole_s < self._patience_s
+        """Return whether the program has computed since the last question, or wanted to."""
+        before_s, self._seen_s = self._seen_s, self._effort_s()
+        recent_s, whole_s = self._seen_s - before_s, self._seen_s - self._begun_s
+        return recent_s >= _COMPUTING * self._patience_s and whole_s < _PATIENCES_MAX * self._patience_s
 
 
 class Calls:
@@ -279,12 +295,12 @@ class Calls:
         self.lost[call.device] = f"{call.action}, which has not returned for {duration_s:g} s"
         if call.device in self._workers:
             self._workers[call.device].give_up()
+        got, remedy = "none: the call hangs", call.deadline.remedy
+        if call.waited_s >= _STARVED * duration_s:
+            got = f"none: the computer let it wait {call.waited_s:.1f} s for a processor"
+            remedy = "end other programs on this computer, or give it more processors"
         return DeviceTimeout(
-            call.device,
-            call.action,
-            f"the end of the call within {duration_s:g} s",
-            "none: the call hangs",
-            call.deadline.remedy,
+            call.device, call.action, f"the end of the call within {duration_s:g} s", got, remedy
         )
 
 

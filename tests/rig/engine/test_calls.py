@@ -11,6 +11,7 @@ from drivers.clock import SystemClock, VirtualClock
 from drivers.errors import DeviceTimeout, LinkLost
 from rig.engine.calls import NEVER, PATIENCE_S, Calls, Deadline
 from rig.errors import Aborted
+from rig.threads import waited_for_processor_s
 
 SHORT = Deadline(0.05, "look at it")
 LONG = Deadline(60.0)
@@ -126,6 +127,20 @@ def test_simulated_device_that_hangs_is_given_up_even_if_it_computes(share, hang
         call = calls.begin("cameras.left", "grab", hang, Deadline(0.001))
         with pytest.raises(DeviceTimeout, match="the call hangs"):
             calls.finish(call)
+
+
+def test_call_that_got_no_processor_is_not_blamed_on_its_device(hang, monkeypatch):
+    waited_s = count(step=0.05)
+    monkeypatch.setattr("rig.engine.calls.waited_for_processor_s", lambda thread: next(waited_s))
+    calls = Calls(SystemClock(), lambda: None, patience_s=0.0)
+    call = calls.begin("cameras.left", "grab", hang, Deadline(0.05))
+    with pytest.raises(DeviceTimeout, match=r"the computer let it wait .* s for a processor; end other"):
+        calls.finish(call)
+
+
+def test_time_without_a_processor_is_that_of_the_system():
+    assert 0.0 <= waited_for_processor_s(threading.get_native_id()) < 1e6
+    assert waited_for_processor_s(0) == 0.0
 
 
 @pytest.mark.parametrize("clock", [SystemClock(), VirtualClock()])
