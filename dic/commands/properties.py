@@ -1,7 +1,7 @@
 """The command `dic properties`, which computes material properties from the curve of a tensile test."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,6 +36,7 @@ class ColumnOptions:
     transverse: str | None
     time: str | None
     gauge_length_mm: float | None
+    stress: str | None
 
     def require_results(self, path: Path) -> None:
         """Raise an error if an option is given that has no effect on a result file."""
@@ -43,6 +44,7 @@ class ColumnOptions:
 
         given = {
             "--strain": self.strain,
+            "--stress": self.stress,
             "--transverse": self.transverse,
             "--gauge-length-mm": self.gauge_length_mm,
         }
@@ -51,14 +53,13 @@ class ColumnOptions:
                 remedy = f"leave out {option}, and name a gauge with --gauge"
                 raise CurveError(str(path), option, "the table of a testing machine", "a result file", remedy)
 
-    def read(self, path: Path) -> "Curve":
+    def read(self, path: Path, area_mm2: float) -> "Curve":
         """Read the curve of a tensile test from the testing machine's table `path`."""
         from dic import CurveError, read_curve
 
-        if self.load is None or self.strain is None:
-            missing = "--load" if self.load is None else "--strain"
-            remedy = f"give {missing} COLUMN:UNIT, such as --load Load:kN --strain 3:%"
-            raise CurveError(str(path), missing, "a column and its unit", "none", remedy)
+        if self.strain is None:
+            remedy = "give --strain COLUMN:UNIT, such as --load Load:kN --strain 3:%"
+            raise CurveError(str(path), "--strain", "a column and its unit", "none", remedy)
         return read_curve(
             path,
             load=self.load,
@@ -66,6 +67,8 @@ class ColumnOptions:
             transverse=self.transverse,
             time=self.time,
             gauge_length_mm=self.gauge_length_mm,
+            stress=self.stress,
+            area_mm2=area_mm2,
         )
 
 
@@ -94,12 +97,14 @@ class PropertyOutputs:
 
         return {} if self.facts_file is None else read_stated_facts(self.facts_file).tables
 
-    def write(self, found: "Properties", content: dict[str, Any], about: "AboutTest") -> None:
-        """Write all files, and print which values the ontology cannot contain."""
+    def write(
+        self, found: "Properties", content: dict[str, Any], about: "AboutTest", *, unknown: Set[str]
+    ) -> None:
+        """Write all files, and print which values the ontology cannot contain; `unknown` keys are null."""
         from dic import plot_properties, write_tensile_ontology
 
         if self.json_file is not None:
-            content = content | found.as_dict()
+            content = content | found.as_dict() | dict.fromkeys(unknown)
             write_text(self.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
         if self.plot_file is not None:
             plot_properties(found, self.plot_file)
@@ -113,6 +118,9 @@ class PropertyOutputs:
     "columns",
     ColumnOptions,
     *COLUMN_OPTIONS,
+    click.option(
+        "--stress", metavar="COLUMN:UNIT", help='Column of the stress instead of the load, such as "2:MPa".'
+    ),
 )
 @field_options
 @option_group(
@@ -161,11 +169,12 @@ def properties(
 
     Exit status: 0 if E was found, 1 if not, 2 if the record cannot be used.
     """
-    from dic import gauge_curve, material_properties, with_shared_error
+    from dic import CurveError, gauge_curve, material_properties, with_shared_error
     from dic.pipeline.gauge_series import is_results
     from dic.pipeline.test_ontology import about_curve, about_series
 
-    settings = test.settings()
+    area_unknown = columns.stress is not None and test.area_mm2 is None
+    settings = test.settings(1.0 if area_unknown else None)
     inputs = [curve, field.gauges_file, outputs.facts_file, *record.files]
     require_places(inputs, [outputs.plot_file, outputs.json_file, outputs.ttl_file], force=outputs.force)
     require_iri(outputs.ttl_iri)
@@ -185,11 +194,16 @@ def properties(
         about = about_series(series, gauge, read.kind, facts, iri=iri)
     else:
         _require_no_gauges(curve, field.given, choice, record)
-        table = columns.read(curve)
+        if area_unknown and outputs.ttl_file is not None:
+            remedy = "give --area-mm2 120, width times thickness"
+            raise CurveError(
+                "settings", "--area-mm2", "the area of the cross-section for --ttl", "none", remedy
+            )
+        table = columns.read(curve, settings.area_mm2)
         found = material_properties(table, settings)
         about = about_curve(table, facts, gauge_length_mm=columns.gauge_length_mm, iri=iri)
     _say_all(found)
-    outputs.write(found, content, about)
+    outputs.write(found, content, about, unknown={"area_mm2"} if area_unknown else set())
     click.get_current_context().exit(0 if found.elastic is not None else 1)
 
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.errors import CurveError, require_all
-from dic.records.table import Table, read_table
-from dic.records.units import FORCE, TIME, ColumnUnit, column_unit, strain_units
+from dic.records.table import Table
+from dic.records.table_file import read_table
+from dic.records.units import FORCE, STRESS, TIME, ColumnUnit, column_unit, strain_units
 from dic.typing import Float, PathLike
 
 LEAST_POINTS = 10
@@ -130,11 +131,13 @@ def _missing_at(gaps: np.ndarray) -> str:
 def read_curve(
     path: PathLike,
     *,
-    load: str,
+    load: str | None = None,
     strain: str,
     transverse: str | None = None,
     time: str | None = None,
     gauge_length_mm: float | None = None,
+    stress: str | None = None,
+    area_mm2: float = 1.0,
 ) -> Curve:
     """Read load and strain from the table of a testing machine.
 
@@ -144,8 +147,8 @@ def read_curve(
     Parameters
     ----------
     path : path
-    load : str
-        Column of the load and its unit: N, kN, MN, lbf, kip or kgf.
+    load : str, optional
+        Column of the load and its unit: N, kN, MN, mN, daN, lbf, kip or kgf.
     strain, transverse : str
         Column of the strain and its unit: 1, mm/mm, %, ‰, µε or others; with `gauge_length_mm` also mm, µm
         and in.
@@ -154,6 +157,12 @@ def read_curve(
         "Time" must still increase.
     gauge_length_mm : float, optional
         Length over which an extension was measured, mm.
+    stress : str, optional
+        Instead of `load`, the column of the engineering stress and its unit: MPa, N/mm², GPa, kPa, Pa, psi or
+        ksi.
+    area_mm2 : float, optional
+        With `stress`, the area of the cross-section with which the material properties are computed, mm². The
+        load of the curve is stress times area, so that any area gives the same stress again.
 
     Returns
     -------
@@ -169,14 +178,27 @@ def read_curve(
     checks = [(0.0 < length < 1e6, "gauge length", "above 0 mm", gauge_length_mm, remedy)]
     require_all(CurveError, "settings", checks)
     units = strain_units(gauge_length_mm)
-    columns = [column_unit("--load", load, FORCE), column_unit("--strain", strain, units)]
+    if (load is None) == (stress is None):
+        got = "none" if load is None else "both"
+        remedy = (
+            "give --load COLUMN:UNIT, such as --load Load:kN, or --stress COLUMN:MPa for a table of stress"
+        )
+        raise CurveError(str(path), "--load", "a column of load or of stress, and its unit", got, remedy)
+    pull = (
+        column_unit("--load", load, FORCE)
+        if load is not None
+        else column_unit("--stress", stress or "", STRESS)
+    )
+    size_n = 1.0 if load is not None else area_mm2
+    columns = [pull, column_unit("--strain", strain, units)]
     across = None if transverse is None else column_unit("--transverse", transverse, units)
     instants = None if time is None else column_unit("--time", time, TIME)
     table = read_table(path)
     instants = instants or table.time_like()
+    table = table.until_empty(*columns, across)
     return Curve(
         str(path),
-        table.values(columns[0]),
+        size_n * table.values(columns[0]),
         table.values(columns[1]),
         transverse=_optional(table, across),
         time_s=_optional(table, instants),

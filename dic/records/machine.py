@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.errors import CurveError
-from dic.records.table import Table, read_table
+from dic.records.table import Table
+from dic.records.table_file import read_table
 from dic.records.units import FORCE, LENGTH, TIME, ColumnUnit, column_unit
 from dic.typing import Float, PathLike
 
@@ -101,6 +102,7 @@ def read_machine_record(
     ]
     names = None if image is None else ColumnUnit("--image-column", image, "", 1.0, {})
     table = read_table(path, with_names=names is not None)
+    table = table.until_empty(*columns, names)
     load_n, displacement_mm, time_s = (_values(table, column) for column in columns)
     if load_n is None:
         raise ValueError("the load has a column")

@@ -5,8 +5,22 @@ from dataclasses import dataclass
 
 from dic.errors import CurveError
 
-FORCE = {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": 4.4482216152605, "kip": 4448.2216152605, "kgf": 9.80665}
+FORCE = {
+    **{"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "daN": 10.0},
+    **{"lbf": 4.4482216152605, "kip": 4448.2216152605, "kgf": 9.80665},
+}
 """Units of load and their sizes in N."""
+STRESS = {
+    "MPa": 1.0,
+    "GPa": 1e3,
+    "kPa": 1e-3,
+    "Pa": 1e-6,
+    "N/mm²": 1.0,
+    "N/mm2": 1.0,
+    "psi": 6.894757293168e-3,
+    "ksi": 6.894757293168,
+}
+"""Units of stress and their sizes in MPa, which is N/mm²."""
 STRAIN = {
     **dict.fromkeys(("1", "mm/mm", "m/m", "in/in"), 1.0),
     "%": 1e-2,
@@ -54,14 +68,13 @@ def column_unit(role: str, text: str, sizes: Mapping[str, float]) -> ColumnUnit:
     """
     name, colon, unit = (part.strip() for part in text.rpartition(":"))
     known = ", ".join(sizes)
-    example = next(iter(sizes))
     if not colon or not name or not unit:
         raise CurveError(
             "settings",
             role,
             f"a column and its unit, COLUMN:UNIT, with one of the units {known}",
             repr(text),
-            f"give {role} '{(name or unit or 'COLUMN').strip()}:{example}' with the unit of your file",
+            f"give {role} '{(name or unit or 'COLUMN').strip()}:UNIT', UNIT being that of your file",
         )
     size = sizes.get(unit.replace("\u03bc", "µ"))
     if size is None:
@@ -70,10 +83,20 @@ def column_unit(role: str, text: str, sizes: Mapping[str, float]) -> ColumnUnit:
             role,
             f"one of the units {known}",
             repr(unit),
-            f"give {role} '{name}:{example}' with the unit of your file"
-            + (", or the gauge length with --gauge-length-mm" if unit in LENGTH else ""),
+            _remedy(role, name, unit),
         )
     return ColumnUnit(role, name, unit, size, sizes)
+
+
+def _remedy(role: str, name: str, unit: str) -> str:
+    """Return what to do about a unit that this option does not take. It must not suggest a wrong unit."""
+    if role == "--load" and unit in STRESS:
+        return f"give --stress '{name}:{unit}' for a column of stress"
+    if role == "--stress" and unit in FORCE:
+        return f"give --load '{name}:{unit}' for a column of load, and --area-mm2"
+    if unit in LENGTH:
+        return "give the gauge length with --gauge-length-mm for an extension"
+    return f"give {role} '{name}:UNIT', UNIT being that of your file, or convert the column"
 
 
 def strain_units(gauge_length_mm: float | None) -> dict[str, float]:

@@ -19,6 +19,8 @@ WAITING_MAX = 32
 class BoundedConnection(H11Protocol):
     """One connection to the interface."""
 
+    request_s = REQUEST_S
+
     def connection_made(self, transport: Any) -> None:
         """Close the oldest connection if there are too many, and wait for a request."""
         others = [
@@ -30,7 +32,7 @@ class BoundedConnection(H11Protocol):
         self._since_s = self._asked_s = self.loop.time()
         if len(others) >= CONNECTIONS_MAX:
             min(others, key=lambda each: (not each.waits, each.since_s)).transport.abort()
-        self._timer = self.loop.call_later(REQUEST_S, self._close_if_late)
+        self._timer = self.loop.call_later(self.request_s, self._close_if_late)
 
     def data_received(self, data: bytes) -> None:
         """Take a part of a request. When it is whole, the time for the next one begins."""
@@ -59,7 +61,7 @@ class BoundedConnection(H11Protocol):
         now_s = self.loop.time()
         if not self.waits:
             self._asked_s = now_s
-        elif now_s >= self._asked_s + REQUEST_S:
+        elif now_s >= self._asked_s + self.request_s:
             self.transport.abort()
             return
-        self._timer = self.loop.call_later(REQUEST_S / 4, self._close_if_late)
+        self._timer = self.loop.call_later(self.request_s / 4, self._close_if_late)

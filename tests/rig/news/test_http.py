@@ -18,7 +18,7 @@ from drivers.interfaces import Frame
 from rig.errors import ProtocolError
 from rig.news.bulletin import Bulletin
 from rig.news.http_api import STREAMS_MAX, RunView
-from rig.news.http_connections import CONNECTIONS_MAX, WAITING_MAX
+from rig.news.http_connections import CONNECTIONS_MAX, WAITING_MAX, BoundedConnection
 from rig.news.http_server import TOKEN_VARIABLE, HttpPlace, HttpServer
 from rig.news.thumbnail import thumbnail
 from rig.news.wording import About
@@ -286,7 +286,7 @@ def test_half_requests_leave_descriptors_for_the_run_and_room_for_an_abort(serve
 
 
 def test_half_a_request_is_closed_when_its_time_is_over(served, monkeypatch):
-    monkeypatch.setattr("rig.news.http_connections.REQUEST_S", 0.2)
+    monkeypatch.setattr(BoundedConnection, "request_s", 0.2)
     with closing(served.raw("GET /v1/status HTTP/1.1\nHost: ")) as line, suppress(ConnectionResetError):
         # the end of the connection, or its reset
         assert line.recv(1) == b""

@@ -1,0 +1,159 @@
+"""Read the file of a testing machine's table: its encoding, separator, headings and blocks."""
+
+import csv
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from dic.errors import CurveError
+from dic.files.reading import read_bytes
+from dic.records.decimals import is_number
+from dic.records.headings import joined_with_units
+from dic.records.table import Table
+from dic.typing import PathLike
+
+MOST_BYTES = 256 * 2**20
+"""Largest size of a record file; an hour of readings at 1 kHz is smaller."""
+_SEPARATORS = (";", "\t", "|", ",", " ")
+_SAMPLE = 60
+
+
+def read_table(path: PathLike, *, with_names: bool = False) -> Table:
+    """Read the cells of a testing machine's table.
+
+    The separator is the character that splits the lines in the middle of the file into equally many numbers.
+    Lines before the first line of numbers are headings.
+
+    Parameters
+    ----------
+    path : path
+    with_names : bool
+        True if one column may contain names instead of numbers.
+
+
+    Raises
+    ------
+    CurveError
+        If the file cannot be read or has no table of numbers.
+    """
+    texts = _decoded(path).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    numbered = [(k, text) for k, text in enumerate(texts, 1) if text.strip(" \t;,|")]
+    middle = max(0, (len(numbered) - _SAMPLE) // 2)
+    least = 0.4 if with_names else 0.5
+    separator = _separator([text for _, text in numbered[middle : middle + _SAMPLE]], least)
+    if separator is None:
+        raise CurveError(
+            str(path),
+            "read the record",
+            "lines of numbers, separated by semicolons, tabs, bars, commas or spaces",
+            "no such lines",
+            "export the record as CSV, with at least a column of load and one of strain",
+        )
+    cells = [(line, _split(text, separator)) for line, text in numbered]
+    first = next(k for k, (_, row) in enumerate(cells) if _numeric_share(row) > least)
+    headings = [row for _, row in cells[:first]]
+    width = Counter(len(row) for _, row in cells[first:]).most_common(1)[0][0]
+    if separator == " ":
+        joined = [joined_with_units(row) for row in headings]
+        headings = [new if len(new) == width else row for new, row in zip(joined, headings, strict=True)]
+    body = _without_repeated_headings(cells, first, least)
+    for line, row in body:
+        if len(row) != width:
+            raise CurveError(
+                str(path),
+                f"line {line}",
+                f"{width} cells as in the other lines",
+                str(len(row)),
+                "complete or delete the line, and separate columns by another character than the decimals"
+                if _numeric_share(row) > least
+                else "give one block of the file, because here begins one with other headings",
+            )
+    if separator == ",":
+        _require_no_decimal_commas(path, body)
+    return Table(str(path), headings, [row for _, row in body], [line for line, _ in body], separator)
+
+
+def _without_repeated_headings(
+    cells: list[tuple[int, list[str]]], first: int, least: float
+) -> list[tuple[int, list[str]]]:
+    """Return the lines of numbers, without the headings that are repeated before each block of a test."""
+    repeated = [row for _, row in cells[:first]][-2:]
+    body: list[tuple[int, list[str]]] = []
+    text: list[tuple[int, list[str]]] = []
+    for line, row in cells[first:]:
+        if _numeric_share(row) > least:
+            body += text
+            text = []
+            body.append((line, row))
+        else:
+            text.append((line, row))
+            if repeated and [each for _, each in text[-len(repeated) :]] == repeated:
+                text = []
+    return body + text
+
+
+def _require_no_decimal_commas(path: PathLike, body: list[tuple[int, list[str]]]) -> None:
+    """Raise an error if commas separate the columns and seem to stand before decimals as well.
+
+    Then no cell has a point, and a part of the cells begins with zeros, as 00025 in 0,00025.
+    """
+    columns = list(zip(*(row for _, row in body), strict=True))
+    if any("." in cell for column in columns for cell in column):
+        return
+    for at, column in enumerate(columns):
+        filled = [cell for cell in column if cell]
+        padded = sum(cell.isdecimal() and len(cell) > 1 and cell.startswith("0") for cell in filled)
+        if at and filled and padded >= 0.05 * len(filled):
+            raise CurveError(
+                str(path),
+                "read the record",
+                "commas between the columns or before the decimals",
+                f"both, as in {','.join(body[0][1])[:60]!r}",
+                "export the file with semicolons or tabs between the columns, or with decimal points",
+            )
+
+
+def _decoded(path: PathLike) -> str:
+    try:
+        content = read_bytes(path, MOST_BYTES)
+    except OSError as error:
+        raise CurveError(
+            str(path), "read the record", "a text file", error.strerror or str(error), "name another file"
+        ) from error
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return content.decode("utf-16", errors="replace")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        # Many testing machines write text in the encoding of western Windows (code page 1252).
+        return content.decode("cp1252", errors="replace")
+
+
+def _separator(sample: Sequence[str], least: float) -> str | None:
+    """Return the separator that gives the largest share of numbers, with equally many cells in most lines."""
+    best, best_share = None, least
+    for separator in _SEPARATORS:
+        rows = [_split(text, separator) for text in sample]
+        width, count = Counter(map(len, rows)).most_common(1)[0] if rows else (0, 0)
+        if width < 2 or count < 0.5 * len(rows):
+            continue
+        shares = [_numeric_share(row) for row in rows if len(row) == width]
+        # In a short table, and between blocks of a long one, many lines are headings, so leave them out.
+        numeric = [share for share in shares if share > least]
+        share = float(np.mean(numeric if 2 * len(numeric) >= len(shares) else shares))
+        if share > best_share:
+            best, best_share = separator, share
+    return best
+
+
+def _split(text: str, separator: str) -> list[str]:
+    if separator == " ":
+        return text.split()
+    # In such tables a quoted cell never continues on the next line, so each line is split on its own.
+    return [cell.strip() for cell in next(csv.reader([text], delimiter=separator))]
+
+
+def _numeric_share(row: Sequence[str]) -> float:
+    filled = [cell for cell in row if cell]
+    return sum(bool(is_number(cell)) for cell in filled) / len(filled) if filled else 0.0
