@@ -5,7 +5,7 @@ import os
 import re
 import struct
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from dic.errors import ImageError, ImageWarning
@@ -24,6 +24,13 @@ _PAGE = re.compile(r"(.+)#([1-9]\d{0,6})", re.DOTALL)
 _MOST_SHOWN = 8
 """Largest number of gaps that a warning names."""
 _PARTS = re.compile(r"(\d+)")
+_SIGNS = ("-", "\u2212")
+_SHELLS: tuple[Callable[[Path], str], ...] = (
+    str,
+    lambda path: str(path).casefold(),
+    lambda path: re.sub(r"[\W_]", "", str(path)).casefold(),
+)
+"""Keys by which shells list names: by characters, without regard to capitals, and without regard to signs."""
 
 
 def split_page(path: PathLike) -> tuple[Path, int | None]:
@@ -50,6 +57,33 @@ def natural_key(path: PathLike) -> list[tuple[int, str]]:
     return [(int(part), part) if number % 2 else (0, part.casefold()) for number, part in enumerate(parts)]
 
 
+def in_natural_order(paths: Iterable[Path]) -> list[Path]:
+    """Return paths in the natural order of their names, in which numbers may be negative.
+
+    Cameras with a trigger number the frames before it below zero: c_-2, c_-1, c_0, c_1. A hyphen before a
+    number is its sign after an underscore, bracket or equals sign, or if another name has a number without a
+    hyphen at this place. Otherwise it only separates, as in img-1, img-2.
+    """
+    paths = list(paths)
+    texts = [str(path) for path in paths]
+    before = {text[: each.start()].casefold() for text in texts for each in _PARTS.finditer(text)}
+
+    def key(path: Path) -> list[tuple[int, str]]:
+        text = str(path)
+        parts = natural_key(path)
+        for place, each in enumerate(_PARTS.finditer(text)):
+            prefix = text[: each.start() - 1]
+            signed = text[: each.start()].endswith(_SIGNS) and not prefix[-1:].isdigit()
+            if signed and (prefix.endswith(("_", "(", "[", "=")) or prefix.casefold() in before):
+                number, shown = parts[2 * place + 1]
+                # the texts of both kinds of name are equal then, so that their numbers are compared
+                parts[2 * place] = (0, parts[2 * place][1][:-1])
+                parts[2 * place + 1] = (-number, shown)
+        return parts
+
+    return sorted(paths, key=key)
+
+
 def list_images(*sources: PathLike) -> list[Path]:
     """Return the names of the images that files, folders and patterns give, in order.
 
@@ -74,8 +108,8 @@ def list_images(*sources: PathLike) -> list[Path]:
         If numbers are missing among the names of a folder or pattern, or frames of a video cannot be read.
     """
     given = [Path(source) for source in sources]
-    if given == sorted(given, key=str) or given == sorted(given, key=lambda path: str(path).casefold()):
-        given.sort(key=natural_key)
+    if any(given == sorted(given, key=key) for key in _SHELLS):
+        given = in_natural_order(given)
     return [page for source in given for file in _files(source) for page in _pages(file)]
 
 
@@ -97,7 +131,7 @@ def _files(source: Path) -> Sequence[Path]:
     if missing:
         shown = ", ".join([*missing[:_MOST_SHOWN], *(["…"] if len(missing) > _MOST_SHOWN else [])])
         warnings.warn(f"{source}: {shown} missing; the other images are used", ImageWarning, stacklevel=4)
-    return sorted(files, key=natural_key)
+    return in_natural_order(files)
 
 
 def _is_shown(path: Path) -> bool:

@@ -10,7 +10,7 @@ from PIL import Image
 
 from dic.errors import ImageError, ImageWarning
 from dic.image import tiff_directory
-from dic.image.pages import list_images, natural_key
+from dic.image.pages import in_natural_order, list_images, natural_key
 from dic.image.read import read_image
 from dic.image.tiff_directory import first_directory, page_directories, read_entries
 from tests.image_files import write_image
@@ -187,6 +187,34 @@ def test_names_with_numbers_are_in_the_order_of_the_numbers():
     assert sorted(names, key=natural_key) == [
         "7", "a", "a3b2", "a3b12", "IMG1.png", "img2.bmp", "img2.png", "img10.png"
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["c_-0002.png", "c_-0001.png", "c_0000.png", "c_0001.png"],
+        ["c_-12", "c_-2", "c_-1"],
+        ["frame-10.tif", "frame-2.tif", "frame0.tif", "frame3.tif"],
+        ["t=\u22122.5", "t=\u22121.5", "t=0.5"],
+        ["a (-3) b", "a (-1) b", "a (2) b"],
+        # a hyphen that only separates
+        ["img-1", "img-2", "img-10"],
+        ["scan -1", "scan -2"],
+        ["2026-01-05_1", "2026-01-05_2", "2026-02-01_1"],
+        ["10-1", "10-2", "10-12"],
+        ["Cam-1_-1", "Cam-1_0", "Cam-2_-1", "Cam-2_0"],
+    ],
+)
+def test_numbers_below_zero_come_first_and_a_hyphen_that_separates_is_no_sign(names):
+    paths = [Path(name) for name in names]
+    assert in_natural_order(reversed(paths)) == paths
+    assert in_natural_order(sorted(paths)) == paths
+
+
+def test_names_listed_by_a_shell_that_ignores_signs_are_put_in_natural_order(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    listed = ["c_0000.png", "c_-0001.png", "c_0001.png", "c_-0002.png"]
+    assert names(list_images(*listed)) == ["c_-0002.png", "c_-0001.png", "c_0000.png", "c_0001.png"]
 
 
 @pytest.fixture
