@@ -10,6 +10,7 @@ from pathlib import Path
 
 from dic.errors import ImageError, ImageWarning
 from dic.files.reading import opened
+from dic.image.channels import pages_by_channel
 from dic.image.container import Damage
 from dic.image.numbering import missing_numbers
 from dic.image.tiff_directory import SIGNATURES as TIFFS
@@ -100,7 +101,7 @@ def list_images(*sources: PathLike) -> list[Path]:
     Raises
     ------
     ImageError
-        If a folder contains no image, or if no file matches a pattern.
+        If a folder contains no image, if no file matches a pattern, or if a TIFF file has several channels.
 
     Warns
     -----
@@ -149,7 +150,21 @@ def _pages(file: Path) -> Sequence[Path]:
 
 def _pages_of_tiff(file: Path) -> int:
     with opened(file) as content:
-        return len(pages_of_file(content)) if content[:4] in TIFFS else 1
+        if content[:4] not in TIFFS:
+            return 1
+        pages = pages_of_file(content)
+        channels = pages_by_channel(content, pages)
+    if len(channels) > 1:
+        shown = [f"{page_name(file, page)}" for page in channels[0]]
+        ends = shown if len(shown) <= _MOST_SHOWN else [*shown[: _MOST_SHOWN - 1], "…"]
+        raise ImageError(
+            str(file),
+            "list images",
+            "a series of images of one channel",
+            f"{len(channels)} channels of {len(shown)} images each",
+            f"save one channel alone, or name its pages, those of channel 1 being {' '.join(ends)}",
+        )
+    return len(pages)
 
 
 def _frames(file: Path) -> int:

@@ -182,6 +182,39 @@ def test_large_stack_of_imagej_is_refused_because_its_pages_have_no_directories(
         read_image(tmp_path / "a.tif")
 
 
+OME = (
+    '<?xml version="1.0"?><OME><Image>'
+    '<Pixels DimensionOrder="{}" SizeX="64" SizeC="2" SizeZ="1" SizeT="3"/></Image></OME>'
+)
+
+
+@pytest.mark.parametrize(
+    ("description", "channel_1"),
+    [
+        ("ImageJ=1.54\nimages=6\nchannels=2\nframes=3\nhyperstack=true\n", "a.tif#1 a.tif#3 a.tif#5"),
+        (OME.format("XYCZT"), "a.tif#1 a.tif#3 a.tif#5"),
+        (OME.format("XYZTC"), "a.tif#1 a.tif#2 a.tif#3"),
+        ("ImageJ=1.54\nimages=6\nframes=6\n", None),
+        ("ImageJ=1.54\nimages=6\nchannels=4\n", None),
+        (OME.format("XYCZT").replace('SizeC="2"', 'SizeC="1"'), None),
+        ("6 images in 2 channels=2", None),
+    ],
+)
+def test_channels_of_a_stack_are_no_series_of_images(tmp_path, monkeypatch, description, channel_1):
+    monkeypatch.chdir(tmp_path)
+    tifffile = pytest.importorskip("tifffile")
+    images = [picture.astype(np.uint8) for picture in pictures(6)]
+    with tifffile.TiffWriter("a.tif") as file:
+        for number, image in enumerate(images):
+            file.write(image, description=description if number == 0 else None, metadata=None)
+    if channel_1 is None:
+        assert len(list_images("a.tif")) == 6
+        return
+    with pytest.raises(ImageError, match=f"got 2 channels of 3 images each; .* channel 1 being {channel_1}$"):
+        list_images("a.tif")
+    assert names(list_images(*channel_1.split())) == channel_1.split()
+
+
 def test_names_with_numbers_are_in_the_order_of_the_numbers():
     names = ["img10.png", "img2.png", "IMG1.png", "a3b12", "a3b2", "a", "7", "img2.bmp"]
     assert sorted(names, key=natural_key) == [
