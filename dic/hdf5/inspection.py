@@ -8,6 +8,7 @@ anything else: links to places outside the tree, data stored in other files, ref
 declared sizes that the file cannot hold.
 """
 
+import errno
 import json
 import os
 import select
@@ -20,6 +21,12 @@ from typing import Any
 import h5py
 import numpy as np
 
+_IN_USE = (errno.EAGAIN,)
+LOCKED = (
+    "a file that another program has open for writing; close it there, or read it as it is by setting the "
+    "environment variable HDF5_USE_FILE_LOCKING to FALSE"
+)
+_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 _MEMORY_BYTES = 4 << 30
 PROCESSOR_S = 8
 """Processor time that an inspection may take, however busy the machine is; a good file takes 0.1 s."""
@@ -46,21 +53,32 @@ class Refusal(Exception):
 def open_for_reading(path: Path) -> Any:
     """Open an HDF5 file, even one that is being written, or whose writer was killed.
 
+    A file system without locks, such as some network drives, is read without one.
+
     Raises
     ------
     OSError
-        If the file is truncated or not HDF5.
+        If the file is truncated or not HDF5, or if another program has it open for writing.
     """
+    try:
+        return _opened(path)
+    except OSError as error:
+        if error.errno not in _NO_LOCKS:
+            raise
+        return _opened(path, locking=False)
+
+
+def _opened(path: Path, **how: Any) -> Any:
     try:
         # The rows of a result file are chunks of their own, and hardly any is read twice in a row. HDF5 would
         # keep several rows of each data set.
         # Do not try SWMR mode (reading during writing) first: HDF5 would wait forever for the writer of a
         # truncated file.
-        return h5py.File(path, "r", rdcc_nbytes=0)
+        return h5py.File(path, "r", rdcc_nbytes=0, **how)
     except OSError as error:
         if "already open for write" not in str(error):
             raise
-        return h5py.File(path, "r", swmr=True, rdcc_nbytes=0)
+        return h5py.File(path, "r", swmr=True, rdcc_nbytes=0, **how)
 
 
 def inspect(path: Path) -> None:
@@ -76,7 +94,9 @@ def inspect(path: Path) -> None:
     try:
         opened = open_for_reading(path)
     except OSError as error:
-        raise Refusal("a file that was cut off or is no HDF5") from error
+        raise Refusal(
+            LOCKED if error.errno in _IN_USE else "a file that was cut off or is no HDF5"
+        ) from error
     with opened as file:
         Walk.of(path).group(h5py.h5g.open(file.id, b"/"), "/", 0)
 

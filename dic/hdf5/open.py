@@ -1,5 +1,6 @@
 """Open an HDF5 file for reading, after another process has inspected it."""
 
+import errno
 import os
 import signal
 from pathlib import Path
@@ -44,6 +45,10 @@ def open_hdf5(path: Path) -> Any:
     except FileNotFoundError as error:
         raise NotReadable("no such file") from error
     except OSError as error:
+        if error.errno == errno.EAGAIN:
+            from dic.hdf5.inspection import LOCKED
+
+            raise NotReadable(LOCKED) from error
         reason = os.strerror(error.errno) if error.errno else "an error of HDF5"
         raise NotReadable(f"a file that cannot be read ({reason})") from error
 

@@ -1,9 +1,11 @@
 """The run file during recording: tables, disk space, synchronisation, closing and the file's digest."""
 
+import errno
 import os
 from collections.abc import Mapping
 from contextlib import suppress
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -243,7 +245,8 @@ def _created(path: Path) -> h5py.File:
     A write that a killed program had begun is done up to the end of a page. If one half of a block with a
     checksum were new and the other half old, nothing behind this block could be read.
     """
-    return h5py.File(
+    create = partial(
+        h5py.File,
         path,
         "w",
         libver="latest",
@@ -252,6 +255,13 @@ def _created(path: Path) -> h5py.File:
         fs_strategy="page",
         fs_page_size=BLOCK_BYTES,
     )
+    try:
+        return create()
+    except OSError as error:
+        # HDF5 accepts a file system without locks only if it is told to use none.
+        if error.errno not in (errno.ENOLCK, errno.EOPNOTSUPP):
+            raise
+        return create(locking=False)
 
 
 def _unfinished(path: Path) -> Path:
