@@ -31,7 +31,7 @@ def test_file_system_without_locks_is_read_without_one(path, monkeypatch, number
 
 
 def test_file_that_another_program_has_open_for_writing_is_named(path):
-    with h5py.File(path, "r+"), pytest.raises(NotReadable, match="another program .*HDF5_USE_FILE_LOCKING"):
+    with h5py.File(path, "r+"), pytest.raises(NotReadable, match=r"another program .*HDF5_USE_FILE_LOCKING"):
         open_hdf5(path)
     with open_hdf5(path) as file:
         assert list(file["values"]) == [1, 2, 3]
