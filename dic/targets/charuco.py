@@ -126,24 +126,45 @@ def _markers_on_board(
         scaled = image if scale == 1 else cv2.resize(image, None, fx=scale, fy=scale)
         number, corners = markers_seen(scaled, dictionary)
         corners = (corners + 0.5) / scale - 0.5
-        for legacy in (False, True):
-            board = cv2.aruco.CharucoBoard(
-                squares, 1.0, marker_side, cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
-            )
-            board.setLegacyPattern(legacy)
-            at = {int(which): k for k, which in enumerate(np.ravel(board.getIds()))}
-            known = np.array([which in at for which in number.tolist()], bool)
-            drawn = np.asarray(board.getObjPoints(), np.float64)[
-                [at[n] for n in number[known].tolist()], :, :2
-            ]
-            # OpenCV's Y axis points down, and its origin is the upper left corner.
-            drawn = drawn.reshape(-1, 4, 2) * [1, -1] + [0, squares[1]]
-            fits = fit_one_plane(drawn, corners[known])
-            if np.count_nonzero(fits) > len(best[2]):
-                best = number, corners, drawn[fits], corners[known][fits]
+        for first in _first_numbers(number, possible):
+            for legacy in (False, True):
+                at_number = _drawn_markers(squares, marker_side, dictionary, first, legacy=legacy)
+                known = np.array([which in at_number for which in number.tolist()], bool)
+                drawn = np.array([at_number[which] for which in number[known].tolist()]).reshape(-1, 4, 2)
+                fits = fit_one_plane(drawn, corners[known])
+                if np.count_nonzero(fits) > len(best[2]):
+                    best = number, corners, drawn[fits], corners[known][fits]
         if len(best[2]) > 0.8 * possible:
             break
     return best
+
+
+def _first_numbers(number: Indices, possible: int) -> list[int]:
+    """Return the numbers that the first marker of a board with `possible` markers may have.
+
+    Boards begin with 0. A laboratory with several boards numbers each from where the one before ended. Then
+    the first number is certain only if the first and the last marker are seen: otherwise the board could be
+    shifted by some rows.
+    """
+    if not len(number) or int(number.max()) < possible:
+        return [0]
+    return [0, int(number.min())] if int(np.ptp(number)) == possible - 1 else [0]
+
+
+def _drawn_markers(
+    squares: tuple[int, int], marker_side: float, dictionary: str, first: int, *, legacy: bool
+) -> dict[int, Float]:
+    """Return the corners (4, 2) of each marker of a board as drawn, in pitches, by the marker's number."""
+    import cv2
+
+    known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    board = cv2.aruco.CharucoBoard(squares, 1.0, marker_side, known)
+    board.setLegacyPattern(legacy)
+    corners = np.asarray(board.getObjPoints(), np.float64)[:, :, :2]
+    # OpenCV's Y axis points down, and its origin is the upper left corner.
+    corners = corners * [1, -1] + [0, squares[1]]
+    numbers = np.ravel(board.getIds()) + first
+    return dict(zip(numbers.tolist(), corners, strict=True))
 
 
 def markers_seen(image: NDArray[np.uint8], dictionary: str) -> tuple[Indices, Float]:

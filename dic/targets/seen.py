@@ -121,14 +121,23 @@ def _squares_of_board(number: Indices, corners: Float) -> tuple[int, int] | None
     corners : ndarray, shape (n, 4, 2)
         Corners of the markers in the image, px.
     """
-    import cv2
-
     if len(number) < _FEWEST_MARKERS:
         return None
+    found = _best_board(number, corners)
+    if found is None or found[2] >= 2:
+        # A board whose markers do not begin with 0 seems to have hidden rows above, or none that fit.
+        found = _best_board(number - number.min(), corners) or found
+    return None if found is None else found[:2]
+
+
+def _best_board(number: Indices, corners: Float) -> tuple[int, int, int] | None:
+    """Return the columns, the rows and the first visible row of the board that fits best, or None."""
+    import cv2
+
     misfits = {}
     for columns in range(3, _MOST_COLUMNS + 1):
         for first_is_bright in (False, True):
-            drawn, rows = _drawn(number, columns, first_is_bright)
+            drawn, rows, _ = _drawn(number, columns, first_is_bright)
             to_image, _ = cv2.findHomography(drawn.reshape(-1, 2), corners.reshape(-1, 2))
             if to_image is not None and rows >= 3:
                 there = cv2.perspectiveTransform(drawn.reshape(-1, 1, 2), to_image).reshape(-1, 4, 2)
@@ -138,15 +147,19 @@ def _squares_of_board(number: Indices, corners: Float) -> tuple[int, int] | None
         return None
     columns, rows, first_is_bright = min(misfits, key=lambda each: misfits[each])
     fits = fit_one_plane(_drawn(number, columns, first_is_bright)[0], corners)
-    return (columns, rows) if np.count_nonzero(fits) >= _FITTING * len(number) else None
+    first = _drawn(number, columns, first_is_bright)[2]
+    return (columns, rows, first) if np.count_nonzero(fits) >= _FITTING * len(number) else None
 
 
-def _drawn(number: Indices, columns: int, first_is_bright: bool) -> tuple[Float, int]:
-    """Return the corners (n, 4, 2), pitches, of markers on a board with `columns` columns, and its rows."""
+def _drawn(number: Indices, columns: int, first_is_bright: bool) -> tuple[Float, int, int]:
+    """Return the corners (n, 4, 2), pitches, of markers on a board with `columns` columns.
+
+    The function also returns the board's number of rows, and the first row with one of the markers.
+    """
     rows = 2 * int(number.max()) // columns + 2
     square = np.add.outer(np.arange(rows), np.arange(columns)) % 2
     row, column = np.nonzero(square == (0 if first_is_bright else 1))
     middle = np.stack([column, -row], axis=-1)[number].astype(np.float64)
     half = _MARKER_SIDE / 2
     around = half * np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]])
-    return middle[:, None] + around, int(row[number].max()) + 1
+    return middle[:, None] + around, int(row[number].max()) + 1, int(row[number].min())

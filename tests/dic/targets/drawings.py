@@ -103,9 +103,10 @@ class HollowDots:
         return np.where(ink ^ self.bright_dots, 0.1, 0.9)
 
 
-def charuco(target: CharucoTarget, legacy: bool = False) -> Drawing:
+def charuco(target: CharucoTarget, legacy: bool = False, first: int = 0) -> Drawing:
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, target.dictionary))
-    board = cv2.aruco.CharucoBoard(target.squares, target.pitch_mm, target.marker_mm, dictionary)
+    numbers = np.arange(first, first + target.squares[0] * target.squares[1] // 2)
+    board = cv2.aruco.CharucoBoard(target.squares, target.pitch_mm, target.marker_mm, dictionary, numbers)
     board.setLegacyPattern(legacy)
     px_per_square = 140
     columns, rows = (count * px_per_square for count in target.squares)

@@ -6,7 +6,7 @@ import pytest
 from dic.calibration.pinhole.prior import KnownCamera
 from dic.errors import CalibrationError
 from dic.pipeline.target_images import calibrate_images
-from dic.targets.find import CharucoTarget, find_target
+from dic.targets.find import CharucoTarget, LineGridTarget, find_target
 from tests.dic.targets.drawings import FOCAL_PX, View, charuco
 
 SMALLEST = CharucoTarget((3, 3), 2.0, 1.5)
@@ -43,6 +43,27 @@ def test_boards_drawn_by_older_versions_of_opencv_are_found(rows: int) -> None:
 
     assert grid.found == grid.expected
     assert view.rms_px(grid) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("squares", "first"), [((5, 6), 40), ((5, 5), 7), pytest.param((4, 7), 3, marks=pytest.mark.extended)]
+)
+def test_board_whose_markers_begin_with_another_number_is_found_and_advised(squares, first) -> None:
+    target = CharucoTarget(squares, 1.5, 1.1)
+    view = View.of(charuco(target, first=first), roll_deg=15.0, size_px=(480, 480), tilt_deg=20.0)
+    grid = find_target(view.image(), target)
+    assert grid.found == grid.expected
+    assert view.rms_px(grid) < 0.02
+    if first > squares[0]:
+        with pytest.raises(CalibrationError, match=f"--squares {squares[0]}x{squares[1]} "):
+            find_target(view.image(), LineGridTarget((9, 9), 1.0))
+
+
+def test_board_with_other_first_numbers_and_hidden_rows_could_be_shifted_and_is_refused() -> None:
+    larger = CharucoTarget((6, 8), 1.2, 0.9)
+    view = View.of(charuco(larger, first=60), size_px=(480, 480))
+    with pytest.raises(CalibrationError, match="got 0 markers of this board, but a ChArUco board of 6 × 8"):
+        find_target(view.image(), CharucoTarget((6, 10), 1.2, 0.9))
 
 
 def test_markers_of_another_dictionary_are_named() -> None:
