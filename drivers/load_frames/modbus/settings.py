@@ -24,6 +24,8 @@ class ModbusLoadFrameSettings(Settings):
     parity : str
     stop_bits : int
         Settings of a serial port. The defaults are the defaults of the Modbus specification.
+    echo : bool
+        True if the RS-485 adapter of a two-wire RTU line also receives what it sends.
     map : str
         Name of a register map in this package, or path of a register map.
     unit : int
@@ -50,6 +52,7 @@ class ModbusLoadFrameSettings(Settings):
     baud: int = Field(default=19_200, ge=300, le=4_000_000)
     parity: Literal["N", "E", "O"] = "E"
     stop_bits: Literal[1, 2] = 1
+    echo: bool = False
     connections: Literal[1, 2, 3] = 3
     map: str = "generic"
     unit: int = Field(default=1, ge=0, le=255)
@@ -87,6 +90,8 @@ class ModbusLoadFrameSettings(Settings):
         line = self.model_fields_set & {"baud", "parity", "stop_bits"}
         if line and not (place.serial or self.address.startswith("@")):
             raise ValueError(f"{', '.join(sorted(line))} belong to a serial port; remove them")
+        if self.echo and not (place.rtu or self.address.startswith("@")):
+            raise ValueError("`echo` belongs to Modbus RTU on a two-wire line; remove it")
         if place.rtu and "connections" in self.model_fields_set:
             raise ValueError(
                 "`connections` is for Modbus TCP only; remove it: on a serial line a hold goes first anyway"
@@ -120,7 +125,7 @@ class ModbusLoadFrameSettings(Settings):
 
         The setting `address` must not be ``@name``.
         """
-        return ModbusAddress(address, self.baud, self.parity, self.stop_bits, relay)
+        return ModbusAddress(address, self.baud, self.parity, self.stop_bits, relay, self.echo)
 
     @property
     def watchdog_off(self) -> str:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from drivers.lines.channel import Channel, SerialChannel, TcpChannel, open_relay
+from drivers.lines.echo import EchoedChannel
 from drivers.load_frames.modbus.bus.wire import RtuWire, TcpWire, Wire
 
 RTU_PREFIX = "rtu://"
@@ -25,6 +26,8 @@ class ModbusAddress:
         Number of stop bits of a serial port.
     relay : str
         Address ``host:port`` of a guardian's relay to the device, or an empty text without a relay.
+    echo : bool
+        True if the adapter of an RTU line also receives what it sends.
     """
 
     text: str
@@ -32,6 +35,7 @@ class ModbusAddress:
     parity: str = "E"
     stop_bits: int = 1
     relay: str = ""
+    echo: bool = False
 
     @property
     def rtu(self) -> bool:
@@ -49,6 +53,10 @@ class ModbusAddress:
 
     def channel(self, timeout_s: float) -> Channel:
         """Open the line to the device without a relay. The errors are those of `open`."""
+        line = self._line(timeout_s)
+        return EchoedChannel(line, self.baud) if self.echo else line
+
+    def _line(self, timeout_s: float) -> Channel:
         if self.serial:
             return SerialChannel(self.text, self.baud, self.parity, self.stop_bits, timeout_s)
         host, _, port = self.text.removeprefix(RTU_PREFIX).rpartition(":")

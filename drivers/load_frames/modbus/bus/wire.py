@@ -172,6 +172,7 @@ class RtuWire:
         self._character_s = BITS_PER_CHARACTER / baud if baud else 0.0
         self._gap_s = silent_interval_s(baud) if baud else 0.0
         self._busy_until_s = 0.0
+        self._sent = b""
 
     def ask(
         self, unit: int, pdu: bytes, timeout_s: float, wake: int | None, again_s: float = math.inf
@@ -241,7 +242,8 @@ class RtuWire:
         # Wait for the silent interval, which marks a new frame, also after an interrupted frame.
         self._clock.sleep(min(self._busy_until_s - self._clock.now_s(), self._gap_s))
         frame = bytes([unit]) + pdu
-        self._channel.send(frame + crc(frame))
+        self._sent = frame + crc(frame)
+        self._channel.send(self._sent)
         sent_s = self._clock.now_s() + (len(frame) + 2) * self._character_s
         self._busy_until_s = sent_s + self._gap_s
         return sent_s
@@ -250,13 +252,20 @@ class RtuWire:
         buffer = b""
         while (size := _frame_size(buffer)) is None or len(buffer) < size:
             if not (data := self._channel.receive(deadline_s, wake)):
+                self._require_no_echo(buffer)
                 raise SilenceError(f"the part {shown(buffer)}" if buffer else "none")
             buffer += data
+        self._require_no_echo(buffer)
         frame = buffer[:size]
         # A repeated, identical answer is harmless. If two answers differ, nobody knows which one is right.
         if buffer != (frame * (len(buffer) // size + 1))[: len(buffer)]:
             raise DamagedError(f"more than one frame, {shown(buffer)}")
         return frame
+
+    def _require_no_echo(self, buffer: bytes) -> None:
+        """Raise an error if the line returns a request to read, which is no answer to it."""
+        if self._sent[1] not in (WRITE_ONE, WRITE_MANY) and buffer.startswith(self._sent):
+            raise DamagedError("its own request: the adapter echoes, so set echo = true in the rig file")
 
     def quieten(self, silence_s: float, wake: int | None) -> None:
         """Discard received bytes until the line has been silent for `silence_s` seconds.
