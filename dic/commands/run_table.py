@@ -52,7 +52,7 @@ def _camera_lines(result: "RunResult", camera: "CameraResult") -> list[str]:
     declined: dict[str, list[str]] = {}
     for step, measurement, correction in by_index(camera.steps, camera.measurements, images):
         summary = measurement.summary() | {"corrected": correction.as_dict()}
-        share = share_text(summary["converged"], summary["points"])
+        share = share_text(summary)
         lines += made.lines([*_step_cells(step, readings), share], strains_of(summary))
         lines += [f"  {note}" for note in _notes(measurement)]
         if correction.declined is not None:

@@ -87,6 +87,7 @@ def strain_text(value: float | None, std: float | None) -> str:
     return f"{1e6 * value:z{_VALUE_WIDTH}.{digits}f}{deviation:<{_STD_WIDTH + 1}}"
 
 
-def share_text(converged: int, points: int) -> str:
-    """Return the share of the points that have a value, rounded down, so that 100 % means all points."""
-    return f"{1000 * converged // max(1, points) / 10:.1f}"
+def share_text(summary: Mapping[str, Any]) -> str:
+    """Return the share of all points that have a value, rounded down, so that 100 % means all points."""
+    points = summary["points"] + summary["out_of_view"]
+    return f"{1000 * summary['converged'] // max(1, points) / 10:.1f}"

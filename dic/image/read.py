@@ -26,6 +26,8 @@ from dic.image.tiff_directory import SIGNATURES as TIFFS
 from dic.image.video import is_video, read_frame, read_video
 
 MINIMUM_SIDE_PX = 32
+MARKED_MIN = 9
+"""Least number of equal pixels that mark missing ones; fewer are dead pixels of the sensor."""
 GREY_MAX = 1e9
 """Limit of the grey levels, because the fourth powers of larger levels overflow float32.
 
@@ -99,6 +101,9 @@ def read_image(path: str | Path, *, stored: bool = False) -> NDArray[Any]:
         warn_of_image(path, note)
     if decoded.dtype.kind == "f" and not np.isfinite(decoded).all():
         raise _refusal(path, "pixels that are NaN or infinite", "save it with finite grey levels")
+    if decoded.dtype.kind == "f" and (marker := _marker_of_missing(decoded)) is not None:
+        got = f"pixels of {marker:g}, far from all others, which seem to mark missing ones"
+        raise _refusal(path, got, "save it with a grey level of their surroundings there")
     if max(float(decoded.max()), -float(decoded.min())) > GREY_MAX:
         raise _refusal(path, f"grey levels beyond {GREY_MAX:.0e}", "save it as the camera gave it")
     is_plain = decoded.ndim == 2 and decoded.dtype in (np.uint8, np.uint16)
@@ -112,6 +117,21 @@ def read_image(path: str | Path, *, stored: bool = False) -> NDArray[Any]:
         # The strips of the file are small blocks, which the C library would keep.
         give_back_memory()
     return grey
+
+
+def _marker_of_missing(grey: NDArray[np.floating]) -> float | None:
+    """Return a value that marks missing pixels, such as -9999, or None.
+
+    Many pixels have exactly this value, and it is farther from the others than they are from each other.
+    """
+    for marker in (float(grey.min()), float(grey.max())):
+        equal = grey == marker
+        if MARKED_MIN <= np.count_nonzero(equal) < grey.size:
+            others = grey[~equal]
+            low, high = float(others.min()), float(others.max())
+            if max(low - marker, marker - high) > high - low > 0.0:
+                return marker
+    return None
 
 
 def _picture(file: Path, page: int | None) -> tuple[NDArray[Any], int, list[str]]:

@@ -102,7 +102,8 @@ def _row(image: MeasuredImage, kinds: Sequence[str]) -> ImageRow:
     row, name = image.row(), Path(image.label).name
     if image.measurement is None:
         return ImageRow(name, "–", ["–"] * 3 * len(kinds), str(image.failure))
-    share = 100 * row["converged"] // row["points"] if row["points"] else 0
+    points = row["points"] + row["out_of_view"]
+    share = 100 * row["converged"] // points if points else 0
     strains = []
     for kind in kinds:
         mean = row.get(kind, {})

@@ -77,7 +77,8 @@ def _values(row: Mapping[str, Any]) -> dict[str, Any]:
         name: row.get(name) for name in ("camera", "step", *_READINGS, "time_source", "points", "converged")
     }
     if row.get("points"):
-        values["converged_percent"] = 100.0 * row["converged"] / row["points"]
+        # all points that were asked for, also those whose place is not in the picture any more
+        values["converged_percent"] = 100.0 * row["converged"] / (row["points"] + row["out_of_view"])
     corrected = row.get("corrected", {})
     for kind in _KINDS:
         mean = row.get(kind, {})

@@ -167,6 +167,27 @@ def test_pixels_that_are_not_finite_are_refused(tmp_path: Path) -> None:
         read_image(tmp_path / "a.tif")
 
 
+@pytest.mark.parametrize("marker", [-9999.0, -32768.0, 65535.0])
+def test_value_that_marks_missing_pixels_is_named(tmp_path, marker):
+    grey = np.random.default_rng(1).uniform(20.0, 230.0, (60, 60)).astype(np.float32)
+    grey[10:14, 20:24] = marker
+    Image.fromarray(grey).save(tmp_path / "a.tif")
+    with pytest.raises(ImageError, match=f"pixels of {marker:g}, far from all others, which seem to mark"):
+        read_image(tmp_path / "a.tif")
+
+
+def test_dark_background_two_levels_and_single_dead_pixels_mark_nothing_missing(tmp_path):
+    rng = np.random.default_rng(1)
+    background = rng.uniform(20.0, 230.0, (60, 60))
+    background[:, :20] = 0.0
+    two_levels = np.where(rng.uniform(size=(60, 60)) < 0.5, 0.0, 1.0)
+    dead = rng.uniform(20.0, 230.0, (60, 60))
+    dead[3, 3] = dead[7, 9] = 5000.0
+    for grey in (background, two_levels, dead):
+        Image.fromarray(grey.astype(np.float32)).save(tmp_path / "a.tif")
+        assert read_image(tmp_path / "a.tif").shape == (60, 60)
+
+
 def test_images_of_different_size_are_refused() -> None:
     images = [np.zeros((50, 60)), np.zeros((50, 60)), np.zeros((50, 61))]
 

@@ -16,7 +16,7 @@ def mean(exx: float) -> dict[str, object]:
 
 
 def measured(name: str, **others: object) -> dict[str, object]:
-    return {"file": name, "points": 120, "converged": 90, "raw": mean(0.001)} | others
+    return {"file": name, "points": 120, "out_of_view": 30, "converged": 90, "raw": mean(0.001)} | others
 
 
 CORRECTED = {"applied": True, "method": "tilt"} | mean(0.003)
@@ -37,7 +37,7 @@ def test_each_image_has_a_line_with_what_was_measured(tmp_path):
     write_strain_table(ROWS, tmp_path / "strain.csv")
     first, second, third = read(tmp_path / "strain.csv")
     assert (first["image"], first["points"], first["converged"]) == ("a.png", "120", "90")
-    assert float(first["converged_percent"]) == 75.0
+    assert float(first["converged_percent"]) == 60.0
     assert (float(first["load_n"]), second["load_n"]) == (1200.5, "")
     assert [float(first[f"{kind}_exx"]) for kind in ("raw", "calibrated", "corrected")] == [
         0.001,
