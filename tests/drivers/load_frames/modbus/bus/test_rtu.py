@@ -124,43 +124,6 @@ def test_a_damaged_cut_doubled_or_missing_answer_is_a_timeout_that_says_so(slave
     assert len(slave.requests) == 2
 
 
-@pytest.fixture
-def echoed(slave: Slave) -> Iterator[ModbusLink]:
-    made = ModbusLink("frame", ModbusAddress(slave.path, echo=True), unit=1, reply_timeout_s=LONG_S)
-    yield made
-    made.close()
-
-
-def test_echo_that_is_declared_is_dropped(slave, echoed):
-    slave.answer = lambda request: request + framed("01 04 02 000A")
-    assert [echoed.read("input", 8, 1) for _ in range(3)] == [[10]] * 3
-    # a write of one register is answered by the same bytes as its echo
-    slave.answer = lambda request: request * 2
-    echoed.write(1, [3], single=True)
-    assert len(slave.requests) == 4
-
-
-def test_write_whose_echo_alone_comes_back_is_no_answer(slave):
-    link = ModbusLink("frame", ModbusAddress(slave.path, echo=True), unit=1, reply_timeout_s=SHORT_S)
-    slave.answer = lambda request: request
-    with pytest.raises(DeviceTimeout):
-        link.write(1, [3], single=True)
-    link.close()
-
-
-@pytest.mark.parametrize("answer", [framed("01 04 02 000A"), b""])
-def test_echo_that_is_not_declared_is_named_with_the_setting(slave, hasty, answer):
-    slave.answer = lambda request: request + answer
-    with pytest.raises(DeviceTimeout, match="the adapter echoes, so set echo = true"):
-        hasty.read("input", 8, 1)
-
-
-def test_missing_echo_is_named(slave, echoed):
-    slave.answer = lambda request: framed("01 04 02 000A")
-    with pytest.raises(LinkLost, match="no echo of the request, although `echo = true`"):
-        echoed.read("input", 8, 1)
-
-
 def test_the_same_answer_twice_is_one_answer(slave, link):
     slave.answer = lambda request: framed("01 04 02 000A") * 2
     assert [link.read("input", 8, 1) for _ in range(3)] == [[10]] * 3
