@@ -40,6 +40,7 @@ def image_lines(table: StrainTable, summary: dict[str, Any], *, first: bool = Tr
     rotation = "" if rotation_deg is None else f"{rotation_deg:z.2f}°"
     cells = [name_of(summary["file"]), share_text(summary), rotation]
     notes = [text for text in (_points_text(summary), *_settings_texts(summary, first)) if text]
+    notes += summary.get("remarks", [])
     corrected = summary.get("corrected", {"method": "none"})
     if corrected["method"] != "none":
         notes += corrected_texts(corrected)

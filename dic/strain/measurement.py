@@ -14,6 +14,7 @@ from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
 from dic.errors import require_kind
 from dic.strain.displacement import Displacement, calibrated_displacement, raw_displacement
+from dic.strain.remarks import remarks_on
 from dic.strain.resolution import Filters, amplitude_kept, amplitude_lost, strain_resolution_px
 from dic.strain.strain import (
     IMAGES_KEYS,
@@ -206,6 +207,7 @@ class Measurement:
             "converged": field.count(Status.CONVERGED),
             "out_of_view": field.count(Status.OUT_OF_VIEW),
             "failures": failures,
+            "remarks": remarks_on(field),
             "start": field.start,
             "updates": field.updates,
             "strain": vars(self.strain_settings)
