@@ -54,6 +54,8 @@ def text(summary: dict[str, Any]) -> str:
     said_by = {"mark": ", axes by the mark", "option": ", axes as given"}
     axes = said_by.get(summary["orientation"], "")
     plate = f", surface {summary['plate_mm']:g} mm behind the lines" if summary["plate_mm"] else ""
+    # A wrong pitch shows nowhere else: all lengths are then wrong by the same factor.
+    width_mm, height_mm = (summary[side] * summary["mm_per_px"] for side in ("width_px", "height_px"))
     lines = [
         f"{summary['image']}: {summary['found']} of {summary['expected']} intersections{axes}{more}{plate}"
     ]
@@ -63,6 +65,7 @@ def text(summary: dict[str, Any]) -> str:
         f"  recommended    {summary['recommendation']}",
         f"  in use         {summary['model']}; scale {summary['mm_per_px'] * _MM_TO_UM:.3f} µm/px "
         "at the middle of the grid",
+        f"  picture        about {width_mm:.3g} × {height_mm:.3g} mm of the specimen, if the pitch is right",
         f"  area           {summary['area_px2']:.0f} px², {share:.0%} of the image; "
         "points outside it are flagged",
     ]
