@@ -7,10 +7,10 @@ name is first used:
 >>> drivers.find_driver("zaber-ascii").kind
 'stage'
 
-To add your own driver, implement `Camera`, `RotationStage`, `LoadFrame` or `Operator`, and publish the driver
-as a `DriverSpec`. The package `drivers.testing` has the tests that every driver must pass. A driver raises a
-`DeviceError` if its device does not execute a command. The error message is one sentence that ends with the
-remedy.
+To add your own driver, implement `Camera`, `RotationStage`, `LoadFrame`, `Interlock` or `Operator`, and
+publish the driver as a `DriverSpec`. The package `drivers.testing` has the tests that every driver must pass.
+A driver raises a `DeviceError` if its device does not execute a command. The error message is one sentence
+that ends with the remedy.
 """
 
 from importlib import import_module

@@ -19,8 +19,9 @@ from rig.limits.run_limits import slowed
 from rig.news.run_news import NewsOptions, RunNews
 from rig.plan import Plan, make_plan, require_feasible
 from rig.protocol.protocol import Protocol, read_protocol, read_protocol_text
-from rig.recorder import Recorder, StepRecord, run_file_exists
+from rig.recorder import Recorder, StepRecord
 from rig.recorder.header import interlock_records, make_header
+from rig.recorder.room import make_room
 from rig.resume import Earlier, read_earlier, require_same_folder, require_unchanged
 from rig.rigfile import RigFile, read_rig
 
@@ -98,8 +99,8 @@ def run_protocol(
     """
     files, run_path = _read_both(protocol_path, rig_path), Path(run_path)
     protocol = files.protocol
-    if run_path.exists():
-        raise run_file_exists(run_path)
+    if aside := make_room(run_path):
+        news.say(f"{run_path} is a run that recorded nothing; it is kept as {aside}")
     earlier = None if continues is None else _read_earlier_run(Path(continues), files, run_path)
     facts = facts_of_file(files.rig_file)
     require_feasible(make_plan(protocol, facts, files.rig_file.limits), run_path.parent)

@@ -13,6 +13,7 @@ _TO_DECIDE = {
     ),
     "stage": (("angle_min_deg", "angle_max_deg"), "how far the stage may turn"),
     "load_frame": (("load_max_n", "displacement_max_mm"), "what the specimen and the machine may bear"),
+    "interlock": (("allowed_min", "allowed_max"), "within which values a run may go on"),
 }
 
 
@@ -68,7 +69,12 @@ def rig_file(search: Search) -> str:
     if not cameras:
         parts.append("# No camera was found: add [cameras.NAME] for each.")
     used: set[str] = set()
-    for each in others:
+    interlocks = [each for each in others if each.spec.kind == "interlock"]
+    parts += [
+        _rig_table(["interlocks", f"interlock_{number}"], each, usable=each.found.usable)
+        for number, each in enumerate(interlocks)
+    ]
+    for each in (other for other in others if other not in interlocks):
         # a rig has at most one stage and one load frame, so more devices of these kinds become comments
         usable = each.found.usable and each.spec.kind not in used
         parts.append(_rig_table([each.spec.kind], each, usable=usable))

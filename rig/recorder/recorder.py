@@ -283,5 +283,5 @@ def run_file_exists(path: Path) -> RecordingError:
         str(path),
         "a new file",
         "one that exists",
-        "name a new file with -o, or move the file away: a run is never overwritten",
+        "name a new file with -o, or move the file away: a run is never overwritten, not even with --force",
     )
