@@ -39,6 +39,17 @@ class Table:
         """Write a line of cells: results of `number`, texts or whole numbers."""
         self._writer.writerow(cells)
 
+    def cell(self, value: object, digits: int) -> object:
+        """Return a value of any kind as a cell. Text never becomes a formula of a spreadsheet.
+
+        Names of files may begin with an equals sign. Source: OWASP, CSV Injection: an apostrophe before the
+        cell makes it text.
+        """
+        if isinstance(value, float):
+            return self.number(value, digits)
+        formula = isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r"))
+        return f"'{value}" if formula else value
+
     def number(self, value: float | None, digits: int) -> str:
         """Return a number as text with the given number of decimals; empty if there is no value."""
         if value is None or value != value:
@@ -75,7 +86,7 @@ def write_rows(
         table.write(columns)
         for row in rows:
             cells = [row.get(name, "") for name in columns]
-            table.write(table.number(cell, digits) if isinstance(cell, float) else cell for cell in cells)
+            table.write(table.cell(cell, digits) for cell in cells)
 
 
 def write_csv(

@@ -49,7 +49,7 @@ def write_strain_table(
         for found in values:
             line = [found.get(name, "") for name in columns]
             table.write(
-                table.number(value, _DIGITS.get(name, _STRAIN_DIGITS)) if isinstance(value, float) else value
+                table.cell(value, _DIGITS.get(name, _STRAIN_DIGITS))
                 for name, value in zip(columns, line, strict=True)
             )
 

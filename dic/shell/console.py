@@ -17,6 +17,11 @@ from dic.errors import ImageWarning, WorkerWarning
 COULD_NOT = 2
 _ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
 """Signals that end a program: SIGHUP where a terminal can hang up, SIGBREAK on Windows."""
+_CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\n\t"}
+"""Signs that could move a terminal's cursor or clear it, as they are written in Python.
+
+Names of files may contain them.
+"""
 _unprinted: list[OSError] = []
 """Errors from lines that could not be printed to standard output.
 
@@ -50,6 +55,7 @@ def say(line: str, *, err: bool = False) -> None:
     of a pipe has closed the pipe, nothing is reported.
     """
     try:
+        line = line.translate(_CONTROLS)
         # Pass the stream explicitly. The progress bar replaces both streams, and without this argument click
         # would print to the original ones.
         click.echo(line, file=sys.stderr if err else sys.stdout)

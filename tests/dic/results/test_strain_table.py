@@ -33,6 +33,14 @@ def read(path: Path, delimiter: str = ",") -> list[dict[str, str]]:
         return list(csv.DictReader(file, delimiter=delimiter))
 
 
+@pytest.mark.parametrize("name", ["=cmd|' /C calc'!A0.png", "+1.png", "-2.png", "@SUM(A1).png"])
+def test_name_of_an_image_never_becomes_a_formula(tmp_path, name):
+    write_strain_table([measured(name)], tmp_path / "strain.csv")
+    (line,) = read(tmp_path / "strain.csv")
+    assert line["image"] == f"'{name}"
+    assert float(line["raw_eyy"]) < 0.0
+
+
 def test_each_image_has_a_line_with_what_was_measured(tmp_path):
     write_strain_table(ROWS, tmp_path / "strain.csv")
     first, second, third = read(tmp_path / "strain.csv")

@@ -95,3 +95,8 @@ def test_the_first_signal_asks_a_series_to_stop_and_the_second_breaks_it(number)
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(number)
     assert signal.getsignal(number) is before
+
+
+def test_signs_that_command_a_terminal_are_shown_and_not_sent(capsys):
+    say("error: a\x1b]0;owned\x07\x9b2J\r.png: µ ± ✓\n  next")
+    assert capsys.readouterr().out == "error: a\\x1b]0;owned\\x07\\x9b2J\\x0d.png: µ ± ✓\n  next\n"
