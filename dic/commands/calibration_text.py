@@ -65,7 +65,7 @@ def text(summary: dict[str, Any]) -> str:
         f"  recommended    {summary['recommendation']}",
         f"  in use         {summary['model']}; scale {summary['mm_per_px'] * _MM_TO_UM:.3f} µm/px "
         "at the middle of the grid",
-        f"  picture        about {width_mm:.3g} × {height_mm:.3g} mm of the specimen, if the pitch is right",
+        f"  picture        about {width_mm:.3g} × {height_mm:.3g} mm, if the pitch is right",
         f"  area           {summary['area_px2']:.0f} px², {share:.0%} of the image; "
         "points outside it are flagged",
     ]

@@ -85,9 +85,16 @@ def _status(command: click.Command, foreseen: tuple[type[Exception], ...], prefi
             return command.main(standalone_mode=False) or 0
     except SystemExit as end:
         return int(end.code or 0)
-    except click.ClickException as error:
+    except click.exceptions.NoArgsIsHelpError as error:
         with suppress(OSError):
             error.show()
+        return error.exit_code
+    except click.ClickException as error:
+        context = getattr(error, "ctx", None)
+        said = " ".join(error.format_message().split()).rstrip(".")
+        joined = f"{said} " if said.endswith("?") else f"{said}; "
+        more = "" if context is None else f"{context.command_path} --help shows how it is used"
+        say(f"{prefix}: {joined if more else said}{more}", err=True)
         return error.exit_code
     except (click.Abort, KeyboardInterrupt) as error:
         # click raises its `Abort` from the `KeyboardInterrupt`, which may say how to go on.

@@ -1,6 +1,10 @@
 import subprocess
 import sys
 
+import pytest
+
+from tests.command_line import run_dic
+
 HEAVY = ("numpy", "scipy", "cv2", "numba", "h5py", "matplotlib", "rich")
 PROGRAM = f"""
 import sys
@@ -17,3 +21,18 @@ def test_help_loads_nothing_heavy() -> None:
     done = subprocess.run([sys.executable, "-c", PROGRAM, "--help"], capture_output=True, text=True)
     assert "correlate" in done.stdout
     assert done.stderr == "[]\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["corelate"], "error: No such command 'corelate'. Did you mean 'correlate'? dic --help shows"),
+        (["correlate", "--subst", "21", "a"], "--subset"),
+        (["correlate"], "error: Missing argument 'REFERENCE'; dic correlate --help shows how it is used"),
+    ],
+)
+def test_mistake_in_a_command_line_is_one_sentence(words, said):
+    ended = run_dic(*words)
+    assert ended.status == 2
+    assert ended.err.count("\n") == 1
+    assert said in ended.err
