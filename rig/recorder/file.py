@@ -198,7 +198,9 @@ class OpenRunFile:
         self._hdf5.close()
         written = os.fstat(self._descriptor)
         self._space.release(written.st_size)
-        self._write_block(UserBlock(self._superblock, file_digest(content(self._descriptor), pixels)))
+        self._write_block(
+            UserBlock(self._superblock, file_digest(content(self._descriptor, self._path), pixels))
+        )
         os.fsync(self._descriptor)
         with suppress(PermissionError):  # a file system like FAT has no permissions
             os.fchmod(self._descriptor, written.st_mode & ~0o222)

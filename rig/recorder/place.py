@@ -5,6 +5,7 @@ a file that nobody finds, or that vanishes with the program.
 """
 
 import os
+from contextlib import suppress
 from pathlib import Path
 from tempfile import gettempdir
 
@@ -27,9 +28,12 @@ def require_in_place(descriptor: int, path: Path) -> None:
         return
     if not os.fstat(descriptor).st_nlink:
         raise Misplaced(f"a deleted file, whose data are copied to {rescue_path(path)} at the end of the run")
-    place = content(descriptor).readlink()
-    if _is(descriptor, place):
-        raise Misplaced(f"a file that was moved: the data are in {place}")
+    with suppress(OSError):  # without /proc, nobody can tell the new place
+        place = content(descriptor, path).readlink()
+        if _is(descriptor, place):
+            path = place
+    if _is(descriptor, path):
+        raise Misplaced(f"a file that was moved: the data are in {path}")
     folder = path.absolute().parent
     raise Misplaced(
         f"a file on a volume that is no longer mounted at {folder}: the data are there, in {path.name}"
@@ -43,9 +47,10 @@ def _is(descriptor: int, path: Path) -> bool:
         return False
 
 
-def content(descriptor: int) -> Path:
-    """Return a path that opens the file of a descriptor, wherever the file is."""
-    return Path(f"/proc/self/fd/{descriptor}")
+def content(descriptor: int, path: Path) -> Path:
+    """Return a path that opens the file of a descriptor, wherever it is; `path` if the system has none."""
+    opened = Path(f"/proc/self/fd/{descriptor}")
+    return opened if opened.exists() else path
 
 
 def rescue_path(path: Path) -> Path:
