@@ -80,7 +80,8 @@ def run_protocol(
     protocol_path, rig_path : str or Path
         The protocol and the rig file.
     run_path : str or Path
-        The new run file. An existing file is refused.
+        The new run file. An existing file is refused, except that of a run which recorded nothing: see
+        `rig.recorder.room.make_room`.
     on_status, on_step : iterable of callable, optional
         Listeners, as described for `Engine`.
     on_progress, on_question : callable, optional
@@ -99,9 +100,9 @@ def run_protocol(
     """
     files, run_path = _read_both(protocol_path, rig_path), Path(run_path)
     protocol = files.protocol
+    earlier = None if continues is None else _read_earlier_run(Path(continues), files, run_path)
     if aside := make_room(run_path):
         news.say(f"{run_path} is a run that recorded nothing; it is kept as {aside}")
-    earlier = None if continues is None else _read_earlier_run(Path(continues), files, run_path)
     facts = facts_of_file(files.rig_file)
     require_feasible(make_plan(protocol, facts, files.rig_file.limits), run_path.parent)
     rig_file = slowed(narrowed(files.rig_file, protocol), protocol)

@@ -54,7 +54,7 @@ def _camera_lines(result: "RunResult", camera: "CameraResult") -> list[str]:
         summary = measurement.summary() | {"corrected": correction.as_dict()}
         share = share_text(summary)
         lines += made.lines([*_step_cells(step, readings), share], strains_of(summary))
-        lines += [f"  {note}" for note in _notes(measurement)]
+        lines += [f"  {note}" for note in _notes(measurement, summary["remarks"])]
         if correction.declined is not None:
             declined.setdefault(correction.declined, []).append(_name(step))
         # Free the memory of this step before the next one is read.
@@ -90,8 +90,8 @@ def _joint_lines(result: "RunResult", joint: "JointCorrections") -> list[str]:
     return lines
 
 
-def _notes(measurement: "Measurement") -> list[str]:
-    """Return notes about the smoothing of images, and about new reference images taken up to a step.
+def _notes(measurement: "Measurement", remarks: list[str]) -> list[str]:
+    """Return notes about the picture, its smoothing, and new reference images taken up to a step.
 
     Each new reference increases the standard deviations of the displacements u and v. The text gives these
     standard deviations in mpx.
@@ -103,7 +103,7 @@ def _notes(measurement: "Measurement") -> list[str]:
         notes.append(
             f"over {field.updates} new references: std u {std_px[0]:.1f}, v {std_px[1]:.1f} mpx (median)"
         )
-    return notes
+    return notes + remarks
 
 
 def _declined_text(steps: Sequence[str], reason: str) -> str:

@@ -122,13 +122,14 @@ def read_image(path: str | Path, *, stored: bool = False) -> NDArray[Any]:
 def _marker_of_missing(grey: NDArray[np.floating]) -> float | None:
     """Return a value that marks missing pixels, such as -9999, or None.
 
-    Many pixels have exactly this value, and it is farther from the others than they are from each other.
+    Many pixels have exactly this value, and it is farther from the others than they are from each other. Zero
+    is no such value: it is a black background.
     """
     for marker in (float(grey.min()), float(grey.max())):
         equal = grey == marker
-        if MARKED_MIN <= np.count_nonzero(equal) < grey.size:
-            others = grey[~equal]
-            low, high = float(others.min()), float(others.max())
+        if marker and MARKED_MIN <= np.count_nonzero(equal) < grey.size:
+            low = float(grey.min(where=~equal, initial=np.inf))
+            high = float(grey.max(where=~equal, initial=-np.inf))
             if max(low - marker, marker - high) > high - low > 0.0:
                 return marker
     return None

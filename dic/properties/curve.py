@@ -178,31 +178,30 @@ def read_curve(
     checks = [(0.0 < length < 1e6, "gauge length", "above 0 mm", gauge_length_mm, remedy)]
     require_all(CurveError, "settings", checks)
     units = strain_units(gauge_length_mm)
-    if (load is None) == (stress is None):
-        got = "none" if load is None else "both"
-        remedy = (
-            "give --load COLUMN:UNIT, such as --load Load:kN, or --stress COLUMN:MPa for a table of stress"
-        )
-        raise CurveError(str(path), "--load", "a column of load or of stress, and its unit", got, remedy)
-    pull = (
-        column_unit("--load", load, FORCE)
-        if load is not None
-        else column_unit("--stress", stress or "", STRESS)
-    )
-    size_n = 1.0 if load is not None else area_mm2
-    columns = [pull, column_unit("--strain", strain, units)]
+    pull, along = _pull(path, load, stress), column_unit("--strain", strain, units)
     across = None if transverse is None else column_unit("--transverse", transverse, units)
     instants = None if time is None else column_unit("--time", time, TIME)
     table = read_table(path)
     instants = instants or table.time_like()
-    table = table.until_empty(*columns, across)
+    table = table.until_empty(pull, along, across)
     return Curve(
         str(path),
-        size_n * table.values(columns[0]),
-        table.values(columns[1]),
+        (1.0 if stress is None else area_mm2) * table.values(pull),
+        table.values(along),
         transverse=_optional(table, across),
         time_s=_optional(table, instants),
     )
+
+
+def _pull(path: PathLike, load: str | None, stress: str | None) -> ColumnUnit:
+    """Return the column of the load or of the stress. Raise `CurveError` if not exactly one is named."""
+    if load is not None and stress is None:
+        return column_unit("--load", load, FORCE)
+    if stress is not None and load is None:
+        return column_unit("--stress", stress, STRESS)
+    got = "none" if load is None else "both"
+    remedy = "give --load COLUMN:UNIT, such as --load Load:kN, or --stress COLUMN:MPa for a table of stress"
+    raise CurveError(str(path), "--load", "a column of load or of stress, and its unit", got, remedy)
 
 
 def _optional(table: Table, column: ColumnUnit | None) -> Float | None:

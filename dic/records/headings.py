@@ -53,6 +53,8 @@ _OTHERS = frozenset(
     )
 )
 """Units that a testing machine may write and that no option takes."""
+_WORDS = ("min", "in", "bar")
+"""Units that are also words of a name, as in "Load min"; outside a line of units they need brackets."""
 
 
 def without_unit(heading: str) -> str:
@@ -76,11 +78,12 @@ def _unit_behind(heading: str) -> str:
     bracket = _BRACKETS.search(heading)
     if bracket is not None:
         return bracket.group(1) if is_unit(bracket.group(1)) else ""
-    if len(heading) > 1 and is_unit(heading):
-        return heading
     word = _LAST_WORD.match(heading)
     # A single letter or digit is rather a name, as in "Channel V" or "Load 1".
-    return word.group(1) if word and len(word.group(1)) > 1 and is_unit(word.group(1)) else ""
+    for text in (heading, word.group(1) if word else ""):
+        if len(text) > 1 and text not in _WORDS and is_unit(text):
+            return text
+    return ""
 
 
 def is_unit(text: str) -> bool:

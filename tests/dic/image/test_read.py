@@ -178,7 +178,7 @@ def test_value_that_marks_missing_pixels_is_named(tmp_path, marker):
 
 def test_dark_background_two_levels_and_single_dead_pixels_mark_nothing_missing(tmp_path):
     rng = np.random.default_rng(1)
-    background = rng.uniform(20.0, 230.0, (60, 60))
+    background = rng.uniform(150.0, 230.0, (60, 60))
     background[:, :20] = 0.0
     two_levels = np.where(rng.uniform(size=(60, 60)) < 0.5, 0.0, 1.0)
     dead = rng.uniform(20.0, 230.0, (60, 60))

@@ -71,7 +71,7 @@ def test_unit_that_contradicts_the_heading_is_refused(tmp_path, headings, unit):
     assert f"the unit {unit} of the file's heading, got N" in said
 
 
-@pytest.mark.parametrize("name", ["t", "V", "N"])
+@pytest.mark.parametrize("name", ["t", "V", "N", "Load min", "bar"])
 def test_short_name_of_a_column_is_no_unit(tmp_path, name):
     rows = [[f"{value:.5f}" for value in row] for row in ROWS]
     path = table(tmp_path / "a.csv", rows, headings=[["A", name, "eps"]])

@@ -5,28 +5,18 @@ from collections.abc import Iterator
 import pytest
 
 from drivers.errors import DeviceTimeout, LinkLost
-from drivers.load_frames.modbus.bus.address import ModbusAddress
 from drivers.load_frames.modbus.bus.link import ModbusLink
-from tests.drivers.load_frames.modbus.bus.test_rtu import LONG_S, SHORT_S, Slave, framed, linked
-
-
-@pytest.fixture
-def slave() -> Iterator[Slave]:
-    made = Slave(lambda request: b"")
-    yield made
-    made.close()
-
-
-@pytest.fixture
-def hasty(slave: Slave) -> Iterator[ModbusLink]:
-    yield from linked(slave, SHORT_S)
+from tests.drivers.load_frames.modbus.bus.slaves import LONG_S, SHORT_S, Slave, framed, linked
 
 
 @pytest.fixture
 def echoed(slave: Slave) -> Iterator[ModbusLink]:
-    made = ModbusLink("frame", ModbusAddress(slave.path, echo=True), unit=1, reply_timeout_s=LONG_S)
-    yield made
-    made.close()
+    yield from linked(slave, LONG_S, echo=True)
+
+
+@pytest.fixture
+def hastily_echoed(slave: Slave) -> Iterator[ModbusLink]:
+    yield from linked(slave, SHORT_S, echo=True)
 
 
 def test_echo_that_is_declared_is_dropped(slave, echoed):
@@ -38,12 +28,10 @@ def test_echo_that_is_declared_is_dropped(slave, echoed):
     assert len(slave.requests) == 4
 
 
-def test_write_whose_echo_alone_comes_back_is_no_answer(slave):
-    link = ModbusLink("frame", ModbusAddress(slave.path, echo=True), unit=1, reply_timeout_s=SHORT_S)
+def test_write_whose_echo_alone_comes_back_is_no_answer(slave, hastily_echoed):
     slave.answer = lambda request: request
     with pytest.raises(DeviceTimeout):
-        link.write(1, [3], single=True)
-    link.close()
+        hastily_echoed.write(1, [3], single=True)
 
 
 @pytest.mark.parametrize("answer", [framed("01 04 02 000A"), b""])
