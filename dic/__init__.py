@@ -117,6 +117,7 @@ if TYPE_CHECKING:
     from dic.report.details import ReportDetails
     from dic.report.ontology import write_test_ontology
     from dic.report.page import write_report
+    from dic.report.series_page import write_series_report
     from dic.report.stated_facts import StatedFacts, read_stated_facts
     from dic.report.tensile_test import TensileTest, tensile_test
     from dic.results.csv import write_csv
@@ -181,7 +182,7 @@ __all__ = [
     "with_shared_error", "write_animation", "write_campaign_report",
     "write_campaign_table", "write_contact_sheet", "write_csv", "write_drawing_page", "write_example",
     "write_gauge_picture", "write_gauge_table", "write_maps", "write_region", "write_report",
-    "write_strain_table", "write_tensile_ontology", "write_test_ontology",
+    "write_series_report", "write_strain_table", "write_tensile_ontology", "write_test_ontology",
 ]  # fmt: skip
 
 _NAMES_OF = {
@@ -276,6 +277,7 @@ _NAMES_OF = {
     "dic.report.details": ("ReportDetails",),
     "dic.report.ontology": ("write_test_ontology",),
     "dic.report.page": ("write_report",),
+    "dic.report.series_page": ("write_series_report",),
     "dic.report.stated_facts": ("StatedFacts", "read_stated_facts"),
     "dic.report.tensile_test": ("TensileTest", "tensile_test"),
     "dic.results.csv": ("write_csv",),

@@ -164,7 +164,7 @@ map_group = option_group(
         "limits",
         multiple=True,
         metavar="QUANTITY=LOW,HIGH",
-        help="Ends of a quantity's scale, in the unit of its map, such as eyy=0,2000. May be repeated.",
+        help="Ends of a quantity's scale in px, mm or µε, such as eyy=0,2000. May be repeated.",
     ),
     click.option(
         "--map-colours",

@@ -19,7 +19,7 @@ from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
 
 if TYPE_CHECKING:
-    from dic import ReportDetails, RunResult, SeriesResult, TensileTest
+    from dic import GaugeSeries, ReportDetails, RunResult, SeriesResult, TensileTest
 
 _FILE = click.Path(path_type=Path)
 
@@ -67,6 +67,14 @@ class PropertyOptions:
 
 
 @dataclass(frozen=True)
+class PageOptions:
+    """Options for the beginning of the page."""
+
+    title: str
+    image: str
+
+
+@dataclass(frozen=True)
 class ReportOutputs:
     """Options that name the output files of `dic report`."""
 
@@ -88,19 +96,18 @@ class ReportOutputs:
         """Raise an error if there is no tensile test for a file of its values."""
         from dic import RunFileError
 
-        for option, path in (("--json", self.json_file), ("--ttl", self.ttl_file)):
-            if path is not None and not tests:
-                expected, remedy = "a tensile test", f"declare a gauge with --declare, or leave out {option}"
-                raise RunFileError(str(path), option, expected, "none", remedy)
+        if self.ttl_file is not None and not tests:
+            expected, remedy = "a tensile test", "declare a gauge with --declare, or leave out --ttl"
+            raise RunFileError(str(self.ttl_file), "--ttl", expected, "none", remedy)
 
     def write_values(
         self, tests: "Sequence[TensileTest]", results: "Sequence[RunResult] | Sequence[SeriesResult]"
     ) -> None:
-        """Write the values and the tables of the test as JSON, and the values after the ontology."""
+        """Write all values of the report as JSON, and the values of a test after the ontology."""
         from dic import tables_of_test, write_test_ontology
 
         if self.json_file is not None:
-            content = {
+            content = _values_of(results) | {
                 "tests": [each.as_dict() | {"tables": tables_of_test(each, results)} for each in tests]
             }
             write_text(self.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
@@ -109,8 +116,30 @@ class ReportOutputs:
             say(ontology_line(self.ttl_file, left_out))
 
 
+def _values_of(results: "Sequence[RunResult] | Sequence[SeriesResult]") -> dict[str, object]:
+    from dic import RunResult
+    from dic.commands.run_table import as_dict
+    from dic.report.series_page import series_dict
+
+    runs = [as_dict(each) for each in results if isinstance(each, RunResult)]
+    if runs:
+        return {"runs": runs}
+    return {"series": [series_dict(each) for each in results if not isinstance(each, RunResult)]}
+
+
 @click.command()
 @click.argument("results", type=_FILE, nargs=-1, required=True)
+@option_group(
+    "page",
+    PageOptions,
+    click.option("--title", default="", metavar="TEXT", help="Title. Default: what was measured."),
+    click.option(
+        "--image",
+        default="",
+        metavar="NAME",
+        help="Image of a series whose strain is shown first. Default: the last one that was measured.",
+    ),
+)
 @field_options
 @option_group(
     "about",
@@ -142,7 +171,7 @@ class ReportOutputs:
     ReportOutputs,
     click.option("-o", "--output", type=_FILE, default=Path("report.html"), show_default=True),
     click.option("--pdf", type=_FILE, help="The same report as a PDF file; needs the extra offaxis[pdf]."),
-    click.option("--json", "json_file", type=_FILE, help="JSON file of all material properties and curves."),
+    click.option("--json", "json_file", type=_FILE, help="JSON file of all values of the report."),
     TTL_OPTION,
     TTL_IRI_OPTION,
     FORCE,
@@ -150,6 +179,7 @@ class ReportOutputs:
 )
 def report(
     results: tuple[Path, ...],
+    page: PageOptions,
     field: FieldOptions,
     about: PropertyOptions,
     record: RecordOptions,
@@ -163,7 +193,8 @@ def report(
     the report also contains its material properties, from each camera without and with the correction. The
     load comes from the run, or from the machine's table with --record. The area comes from the run, or from
     --area-mm2. Without declared gauges, the strain is the mean over the whole measured field, with the axis
-    of the test upwards in the image.
+    of the test upwards in the image. Gauges of a series without a load are drawn against the number of the
+    image.
     """
     require_places(
         [*results, field.gauges_file, about.known_file, about.facts_file, *record.files],
@@ -172,15 +203,20 @@ def report(
     )
     require_iri(outputs.ttl_iri)
     outputs.require_pdf()
-    tests = _tests(results, field, about, record, test)
+    gauges = _gauges_alone(results, field, about, record, test)
+    tests = [] if gauges is not None else _tests(results, field, about, record, test)
     outputs.require_test(tests)
-    loaded = _write(results, tests, outputs.output, outputs.pdf)
+    loaded = _write(results, tests, gauges, page, outputs)
     outputs.write_values(tests, loaded)
     say(f"report: {outputs.output}")
 
 
 def _write(
-    results: Sequence[Path], tests: "Sequence[TensileTest]", output: Path, pdf: Path | None
+    results: Sequence[Path],
+    tests: "Sequence[TensileTest]",
+    gauges: "GaugeSeries | None",
+    page: PageOptions,
+    outputs: ReportOutputs,
 ) -> "Sequence[RunResult] | Sequence[SeriesResult]":
     """Write the page on the result files of runs, or of series, as HTML and PDF, and return the results."""
     from dic import RunFileError, load_run_result, load_series_result, write_report
@@ -196,13 +232,37 @@ def _write(
             "a series beside a run",
             "write a report of each",
         )
+    output, pdf = outputs.output, outputs.pdf
     if series:
         measured = [load_series_result(path) for path in series]
-        write_series_report(measured, output, tests=tests, pdf=pdf)
+        write_series_report(
+            measured, output, tests=tests, gauges=gauges, image=page.image, title=page.title, pdf=pdf
+        )
         return measured
+    if page.image:
+        expected, remedy = "the result file of a series", "leave out --image, or give --fields-at image=STEP"
+        raise RunFileError(str(results[0]), "choose an image", expected, "that of a run", remedy)
     runs = [load_run_result(path) for path in results]
-    write_report(runs, output, tests=tests, pdf=pdf)
+    write_report(runs, output, tests=tests, title=page.title, pdf=pdf)
     return runs
+
+
+def _gauges_alone(
+    results: Sequence[Path],
+    field: FieldOptions,
+    about: PropertyOptions,
+    record: RecordOptions,
+    test: TestOptions,
+) -> "GaugeSeries | None":
+    """Return the declared gauges of a series of images if no option asks for a test with a load."""
+    from dic.pipeline.series_result_file import is_series_result
+
+    if not field.declares or about.is_given or record.record_file or test.area_mm2 is not None:
+        return None
+    if len(results) > 1 or not is_series_result(results[0]):
+        return None
+    record.require_none("a test with a machine's record")
+    return field.read(results[0], record, None, None)[0]
 
 
 def _tests(

@@ -99,13 +99,15 @@ def plot_gauges(
     """
     require_kind("series", series, GaugeSeries, "read gauges first: dic.measure_gauges(results, gauges)")
     settings = settings or PlotSettings()
-    lines = list(_lines(series, against, quantity, chosen_kinds(series, kinds)))
-    _require_content(series, lines, against, quantity)
+    lines = _known_lines(series, against, quantity, kinds)
     with plot_style():
-        figure, (axis,) = new_plot(settings)
-        _draw(figure, axis, lines, series, against, quantity)
-        write_plot(figure, path, settings)
+        write_plot(_draw(lines, series, against, quantity, settings), path, settings)
     return [sentence for line in lines if (sentence := _gap_sentence(line, against))]
+
+
+def draw_gauges(series: GaugeSeries, settings: PlotSettings) -> Any:
+    """Return the figure of `plot_gauges` with the strain of all gauges; call this within `plot_style`."""
+    return _draw(_known_lines(series, "image", "strain", ()), series, "image", "strain", settings)
 
 
 def refused(series: GaugeSeries, step: str, expected: str, got: str, remedy: str) -> GaugeError:
@@ -145,6 +147,12 @@ def cameras_of(series: GaugeSeries) -> dict[str, list[GaugeImage]]:
     for image in series.images:
         found.setdefault(str(image.known.get("camera", "")), []).append(image)
     return found
+
+
+def _known_lines(series: GaugeSeries, against: str, quantity: str, kinds: Sequence[str]) -> list[_Line]:
+    lines = list(_lines(series, against, quantity, chosen_kinds(series, kinds)))
+    _require_content(series, lines, against, quantity)
+    return lines
 
 
 def _lines(series: GaugeSeries, against: str, quantity: str, kinds: tuple[str, ...]) -> Iterator[_Line]:
@@ -193,8 +201,9 @@ def _require_content(series: GaugeSeries, lines: list[_Line], against: str, quan
 
 
 def _draw(
-    figure: Any, axis: Any, lines: list[_Line], series: GaugeSeries, against: str, quantity: str
-) -> None:
+    lines: list[_Line], series: GaugeSeries, against: str, quantity: str, settings: PlotSettings
+) -> Any:
+    figure, (axis,) = new_plot(settings)
     unit, scale = lines[0].unit, 1.0
     if quantity in _STRAINS:
         unit, scale = strain_unit(np.concatenate([line.values for line in lines]))
@@ -222,6 +231,7 @@ def _draw(
     if against == "image":
         axis.xaxis.get_major_locator().set_params(integer=True)
     legend_below(figure, _note(lines, series, against))
+    return figure
 
 
 def _note(lines: list[_Line], series: GaugeSeries, against: str) -> str:

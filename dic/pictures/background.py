@@ -1,4 +1,4 @@
-"""The image under a map: as the camera saw it, or as if the specimen were seen straight on."""
+"""The part of an image under a map: as the camera saw it, or as if the specimen were seen straight on."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +13,9 @@ _MOST_PX = 1200
 """Longer side of the image that is drawn. More pixels make a picture slow and large, not clearer."""
 
 _MARGIN = 0.05
-"""Free space around the points on a rectified picture, as a fraction of the extent of the points."""
+"""Free space around the points on a picture, as a fraction of the extent of the points."""
+_AROUND_PX = 20
+"""Further space on a picture in px, so that a single point, too, is shown on its part of the image."""
 
 
 @dataclass(frozen=True)
@@ -42,12 +44,9 @@ def background_of(image: NDArray[Any], places: Places) -> Background:
     """Return the image under a map, in the axes of the places."""
     import cv2
 
-    height, width = image.shape
-    if places.unit != "mm":
-        share = min(1.0, _MOST_PX / max(height, width))
-        small, _ = _shrunk(image, (share, share))
-        return Background(small, (-0.5, width - 0.5, height - 0.5, -0.5))
     left, right, lower, upper = places.view or view_of(places.drawn_corners())
+    if places.unit != "mm":
+        return _part_of(image, (left, right, lower, upper))
     spacing = max(right - left, upper - lower) / _MOST_PX
     columns, rows = max(1, round((right - left) / spacing)), max(1, round((upper - lower) / spacing))
     right, lower = left + columns * spacing, upper - rows * spacing
@@ -68,6 +67,21 @@ def background_of(image: NDArray[Any], places: Places) -> Background:
         borderValue=float("nan"),
     )
     return Background(np.asarray(seen), (left, right, lower, upper))
+
+
+def _part_of(image: NDArray[Any], view: tuple[float, float, float, float]) -> Background:
+    """Return the part of an image within limits in px, which are rounded to whole pixels of the image."""
+    height, width = image.shape
+    left, top = (max(0, round(end) - _AROUND_PX) for end in (view[0], view[2]))
+    right, bottom = (
+        min(size, round(end) + _AROUND_PX) for end, size in ((view[1], width), (view[3], height))
+    )
+    part = image[top:bottom, left:right]
+    if not part.size:
+        part, (left, right, top, bottom) = image, (0, width, 0, height)
+    share = min(1.0, _MOST_PX / max(part.shape))
+    small, _ = _shrunk(part, (share, share))
+    return Background(small, (left - 0.5, right - 0.5, bottom - 0.5, top - 0.5))
 
 
 def _magnification(homography: Float, points: Float) -> tuple[float, float]:
@@ -94,7 +108,7 @@ def _shrunk(image: NDArray[Any], shares: tuple[float, float]) -> tuple[NDArray[n
 
 
 def view_of(corners: Float) -> tuple[float, float, float, float]:
-    """Return left, right, lower and upper limit of a rectified picture that shows all corners (…, 2)."""
+    """Return the least and largest x and the least and largest y of a picture with all corners (…, 2)."""
     x, y = corners[..., 0], corners[..., 1]
     margin = _MARGIN * max(np.ptp(x), np.ptp(y))
     return (

@@ -12,7 +12,7 @@ from dic.out_of_plane.correction import Correction
 from dic.pictures.background import background_of
 from dic.pictures.layout import FONT_PT, Layout
 from dic.pictures.maps import cut_ends, draw_background, draw_bar, draw_panel
-from dic.pictures.panels import Maps, Panel, Scale, common_name, map_scale, maps_of
+from dic.pictures.panels import Maps, Scale, common_name, in_readable_unit, map_scale, maps_of
 from dic.pictures.settings import MapSettings
 from dic.strain.measurement import Measurement
 from dic.typing import Grey, ImageLike, PathLike
@@ -20,7 +20,6 @@ from dic.typing import Grey, ImageLike, PathLike
 MOST_PANELS = 48
 """Largest number of images shown; of a longer series, evenly spaced images from first to last are shown."""
 
-_COLUMNS = {"wide": 6, "tall": 8}
 _LONGEST_NAME = 24
 
 
@@ -100,11 +99,11 @@ def draw_contact_sheet(
     """
     if not images:
         raise CorrelationError("contact sheet", "draw", "at least one measured image", "none", "measure one")
-    panels: list[Panel] = [maps.panels[0] for _, maps in images]
+    panels, scale = in_readable_unit([maps.panels[0] for _, maps in images], scale)
     background = background_of(reference, images[0][1].places)
-    most = _COLUMNS["tall" if background.aspect >= 1.0 else "wide"]
-    columns = min(len(images), most)
-    layout = Layout(len(images), columns, settings.width_mm, background.aspect, False, True, bars=False)
+    layout = Layout.fitting(
+        len(images), settings.width_mm, background.aspect, ticks=False, title=True, bars=False
+    )
     figure = layout.new_figure()
     share = "" if len(images) == number else f", {len(images)} of {number} images"
     common, mixed = common_name(panels)
@@ -113,7 +112,7 @@ def draw_contact_sheet(
     meshes = []
     for index, (name, maps) in enumerate(images):
         axis = layout.add_axes(figure, index)
-        draw_background(axis, background, None)
+        draw_background(axis, background)
         kind = f", {panels[index].kind}" if mixed else ""
         axis.set_title(shortened(name, beside=kind), fontsize=FONT_PT - 1, pad=1.5, y=1.0)
         meshes.append(draw_panel(axis, panels[index], maps.places.drawn_corners(), settings, scale))

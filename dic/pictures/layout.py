@@ -1,17 +1,25 @@
 """The layout of a page of maps, in millimetres: every picture has the width that the user asks for."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 MM_PER_IN = 25.4
 FONT_PT = 7.0
 _TITLE_MM = 5.0
 _PANEL_TITLE_MM = 4.5
-_BAR_MM, _BAR_GAP_MM, _BAR_TEXT_MM = 2.5, 1.2, 9.5
+_BAR_MM, _BAR_GAP_MM, _BAR_TEXT_MM = 2.5, 1.2, 11.0
 _TICKS_LEFT_MM, _TICKS_BELOW_MM = 10.0, 8.5
 _MARGIN_MM = 1.5
-_LEAST_AXES_MM = 22.0
-"""Least width of a panel's axes: the numbers below narrower axes would overlap."""
+_GAP_MM = 1.5
+_LEAST_AXES_MM = 16.0
+"""Least width of a panel's axes with numbers, which narrower axes have no place for."""
+_NUMBER_MM = 8.0
+"""Width of an axis for each number below it."""
+_MOST_NUMBERS = 5
+_FITTING, _HIGHEST = 0.75, 1.1
+"""Largest heights as fractions of the picture's width: of the picture if more columns can achieve it, and of
+a row in any case.
+"""
 
 
 @dataclass(frozen=True)
@@ -42,32 +50,66 @@ class Layout:
     title: bool
     bars: bool = True
 
+    @classmethod
+    def fitting(
+        cls, number: int, width_mm: float, aspect: float, *, ticks: bool, title: bool, bars: bool = True
+    ) -> "Layout":
+        """Return the layout with the largest panels in a picture that is clearly wider than high.
+
+        A high and narrow specimen gets many columns, and a wide one few. If no number of columns makes the
+        picture wider than high, the layout has as many columns as can be read.
+        """
+        each = [
+            cls(number, columns, width_mm, aspect, ticks, title, bars) for columns in range(1, number + 1)
+        ]
+        readable = [one for one in each if not ticks or one._width_mm >= _LEAST_AXES_MM] or each[:1]
+        low = (one for one in readable if one._wanted_height_mm <= _FITTING * width_mm)
+        return next(low, readable[-1])
+
     @property
-    def _cell_mm(self) -> float:
-        beside = 0.0 if self.bars else _BAR_GAP_MM + _BAR_MM + _BAR_TEXT_MM
-        return (self.width_mm - 2 * _MARGIN_MM - beside) / self.columns
+    def most_numbers(self) -> tuple[int, int]:
+        """Largest number of numbers at the horizontal and at the vertical axis of a panel."""
+        across, up = (min(_MOST_NUMBERS, int(side // _NUMBER_MM)) for side in self.axes_mm)
+        return max(1, across), max(1, up)
+
+    def is_outer(self, index: int) -> tuple[bool, bool]:
+        """Return whether a panel has numbers below it and at its left, because no other panel is there."""
+        return index + self.columns >= self.number, index % self.columns == 0
 
     @property
     def _left_mm(self) -> float:
-        return _TICKS_LEFT_MM if self.ticks else _MARGIN_MM
+        return _MARGIN_MM + (_TICKS_LEFT_MM if self.ticks else 0.0)
 
     @property
-    def _axes_mm(self) -> tuple[float, float]:
-        right = _BAR_GAP_MM + _BAR_MM + _BAR_TEXT_MM if self.bars else _MARGIN_MM
-        width = max(self._cell_mm - self._left_mm - right, 3.0)
+    def _cell_mm(self) -> float:
+        beside = 0.0 if self.bars else _BAR_GAP_MM + _BAR_MM + _BAR_TEXT_MM
+        return (self.width_mm - self._left_mm - _MARGIN_MM - beside) / self.columns
+
+    @property
+    def _width_mm(self) -> float:
+        """Width of a panel's axes if the height of the picture does not matter."""
+        return max(self._cell_mm - (_BAR_GAP_MM + _BAR_MM + _BAR_TEXT_MM if self.bars else _GAP_MM), 3.0)
+
+    @property
+    def axes_mm(self) -> tuple[float, float]:
+        """Width and height of a panel's axes."""
+        most_mm = _HIGHEST * self.width_mm - self._frame_mm - _PANEL_TITLE_MM - _GAP_MM
+        width = min(self._width_mm, max(most_mm, 3.0) / self.aspect)
         return width, width * self.aspect
 
     @property
     def _row_mm(self) -> float:
-        below = _TICKS_BELOW_MM if self.ticks else _MARGIN_MM
-        return _PANEL_TITLE_MM + self._axes_mm[1] + below
+        return _PANEL_TITLE_MM + self.axes_mm[1] + _GAP_MM
 
-    def readable(self) -> "Layout":
-        """Return this layout, with fewer panels in a row if the axes of the panels would be too small."""
-        layout = self
-        while layout.columns > 1 and layout._axes_mm[0] < _LEAST_AXES_MM:
-            layout = replace(layout, columns=layout.columns - 1)
-        return layout
+    @property
+    def _frame_mm(self) -> float:
+        """Height of all parts of the picture except the rows."""
+        title, below = _TITLE_MM if self.title else 0.0, _TICKS_BELOW_MM if self.ticks else 0.0
+        return 2 * _MARGIN_MM + title + below
+
+    @property
+    def _wanted_height_mm(self) -> float:
+        return self._frame_mm + self.rows * (_PANEL_TITLE_MM + self._width_mm * self.aspect + _GAP_MM)
 
     @property
     def rows(self) -> int:
@@ -77,7 +119,7 @@ class Layout:
     @property
     def height_mm(self) -> float:
         """Height of the picture."""
-        return 2 * _MARGIN_MM + (_TITLE_MM if self.title else 0.0) + self.rows * self._row_mm
+        return self._frame_mm + self.rows * self._row_mm
 
     def new_figure(self) -> Any:
         """Return an empty matplotlib figure of the picture's size."""
@@ -88,19 +130,19 @@ class Layout:
     def add_axes(self, figure: Any, index: int) -> Any:
         """Add the axes of a panel to the figure."""
         row, column = divmod(index, self.columns)
-        width, height = self._axes_mm
-        left = _MARGIN_MM + column * self._cell_mm + self._left_mm
+        width, height = self.axes_mm
+        left = self._left_mm + column * self._cell_mm
         return figure.add_axes(self._rectangle(left, self._top_mm(row) + _PANEL_TITLE_MM, width, height))
 
     def add_bar(self, figure: Any, index: int) -> Any:
         """Add the axes for the colour bar of a panel, or for the common colour bar if `bars` is False."""
         row, column = divmod(index, self.columns)
-        width, height = self._axes_mm
+        width, height = self.axes_mm
         if self.bars:
-            left = _MARGIN_MM + column * self._cell_mm + self._left_mm + width + _BAR_GAP_MM
+            left = self._left_mm + column * self._cell_mm + width + _BAR_GAP_MM
             top = self._top_mm(row) + _PANEL_TITLE_MM
         else:
-            left = _MARGIN_MM + self.columns * self._cell_mm + _BAR_GAP_MM
+            left = self._left_mm + self.columns * self._cell_mm + _BAR_GAP_MM
             top = self._top_mm(0) + _PANEL_TITLE_MM
             height = min(self.height_mm - top - _MARGIN_MM, 80.0)
         return figure.add_axes(self._rectangle(left, top, _BAR_MM, height))

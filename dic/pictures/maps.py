@@ -11,7 +11,7 @@ from dic.image.given import grey_image
 from dic.out_of_plane.correction import Correction
 from dic.pictures.background import Background, background_of
 from dic.pictures.layout import FONT_PT, MM_PER_IN, Layout
-from dic.pictures.panels import Maps, Panel, Scale, maps_of, scale_of
+from dic.pictures.panels import Maps, Panel, Scale, in_readable_unit, maps_of, scale_of
 from dic.pictures.settings import COLOURS, MapSettings
 from dic.strain.measurement import Measurement
 from dic.typing import Float, ImageLike, PathLike
@@ -66,48 +66,41 @@ def write_maps(
     write_figure(draw_maps(maps, grey, title, settings, scale), path, dpi=settings.dpi)
 
 
-def draw_maps(
-    maps: Maps,
-    image: NDArray[Any],
-    title: str,
-    settings: MapSettings,
-    scale: Scale,
-    *,
-    columns: int | None = None,
-) -> Any:
-    """Return a matplotlib figure with all maps of one image.
-
-    By default, maps that are higher than wide have five columns, and other maps three.
-    """
+def draw_maps(maps: Maps, image: NDArray[Any], title: str, settings: MapSettings, scale: Scale) -> Any:
+    """Return a matplotlib figure with all maps of one image, laid out by the shape of the specimen."""
     background = background_of(image, maps.places)
-    number = len(maps.panels)
-    columns = min(number, columns or (5 if background.aspect >= 1.0 else 3))
-    ticks = maps.places.unit is not None
-    layout = Layout(number, columns, settings.width_mm, background.aspect, ticks, bool(title)).readable()
+    panels, scale = in_readable_unit(maps.panels, scale)
+    unit = maps.places.unit
+    layout = Layout.fitting(
+        len(panels), settings.width_mm, background.aspect, ticks=unit is not None, title=bool(title)
+    )
     figure = layout.new_figure()
     if title:
-        size = title_pt(title, settings.width_mm)
+        size = fitting_pt(title, settings.width_mm, FONT_PT + 2)
         figure.suptitle(title, fontsize=size, y=1 - 1.0 / layout.height_mm, va="top")
     corners = maps.places.drawn_corners()
-    for index, panel in enumerate(maps.panels):
+    for index, panel in enumerate(panels):
         axis = layout.add_axes(figure, index)
-        draw_background(axis, background, maps.places.unit)
+        draw_background(axis, background)
+        if unit is not None:
+            draw_numbers(axis, unit, layout, index)
         # If the height of the title is given, matplotlib need not measure all labels to find it.
-        axis.set_title(panel.title, fontsize=FONT_PT, pad=2.5, y=1.0)
+        size = fitting_pt(panel.title, layout.axes_mm[0], FONT_PT)
+        axis.set_title(panel.title, fontsize=size, pad=2.5, y=1.0)
         mesh = draw_panel(axis, panel, corners, settings, scale)
         if mesh is not None:
             draw_bar(figure, mesh, layout.add_bar(figure, index), cut_ends([panel], scale))
     return figure
 
 
-def title_pt(title: str, width_mm: float) -> float:
-    """Return the size of a title's letters: 9 pt, or less if the title would not fit into the width."""
+def fitting_pt(title: str, width_mm: float, most_pt: float) -> float:
+    """Return the size of a title's letters: `most_pt`, or less if the title would not fit into the width."""
     fitting = width_mm / MM_PER_IN * 72.0 / (_LETTER_WIDTH * max(len(title), 1))
-    return min(FONT_PT + 2, max(fitting, _LEAST_TITLE_PT))
+    return min(most_pt, max(fitting, _LEAST_TITLE_PT))
 
 
-def draw_background(axis: Any, background: Background, unit: str | None) -> None:
-    """Draw the image under a map, and the numbers at the axes."""
+def draw_background(axis: Any, background: Background) -> None:
+    """Draw the image under a map, without numbers at the axes."""
     grey = background.grey
     low, high = np.nanpercentile(grey, _GREY_PERCENTILES)
     axis.imshow(grey, cmap="gray", vmin=low, vmax=high, extent=background.extent, aspect="auto")
@@ -115,14 +108,22 @@ def draw_background(axis: Any, background: Background, unit: str | None) -> None
     axis.set_xlim(left, right)
     axis.set_ylim(lower, upper)
     axis.grid(visible=False)  # a style with a grid would draw its lines over the map
-    if unit is None:
-        axis.set_axis_off()
-        return
+    axis.set_axis_off()
+
+
+def draw_numbers(axis: Any, unit: str, layout: Layout, index: int) -> None:
+    """Draw the numbers at the axes of a panel, at its sides that no other panel adjoins."""
+    axis.set_axis_on()
+    below, beside = layout.is_outer(index)
+    axis.tick_params(labelsize=FONT_PT - 1, length=2, pad=1.5, labelbottom=below, labelleft=beside)
+    across, up = layout.most_numbers
+    axis.locator_params(axis="x", nbins=across)
+    axis.locator_params(axis="y", nbins=up)
     x, y = ("X", "Y") if unit == "mm" else ("x", "y")
-    axis.set_xlabel(f"{x}, {unit}", fontsize=FONT_PT, labelpad=1)
-    axis.set_ylabel(f"{y}, {unit}", fontsize=FONT_PT, labelpad=1)
-    axis.tick_params(labelsize=FONT_PT - 1, length=2, pad=1.5)
-    axis.locator_params(nbins=5)
+    if below:
+        axis.set_xlabel(f"{x}, {unit}", fontsize=FONT_PT, labelpad=1)
+    if beside:
+        axis.set_ylabel(f"{y}, {unit}", fontsize=FONT_PT, labelpad=1)
 
 
 def draw_panel(axis: Any, panel: Panel, corners: Float, settings: MapSettings, scale: Scale) -> Any:

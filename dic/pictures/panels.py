@@ -14,6 +14,8 @@ from dic.strain.strain import StrainField, strain_field
 from dic.typing import Float
 
 MICRO = 1e6
+PERCENT_FROM = 1e4
+"""Strains are shown in % if the largest of them is at least this many µε, which is 1 %."""
 _PERCENTILES = (1.0, 99.0)
 """The colour scale spans these percentiles of the values, so that single extreme values do not widen it."""
 
@@ -198,6 +200,33 @@ def scale_of(several: Iterable[Maps], settings: MapSettings) -> Scale:
     return finished(scale, settings)
 
 
+def in_readable_unit(panels: Sequence[Panel], scale: Scale) -> tuple[list[Panel], Scale]:
+    """Return panels and their scale, with strains in % instead of µε if their scale reaches 1 %."""
+    large = {
+        panel.quantity
+        for panel in panels
+        if panel.unit == "µε" and max(map(abs, scale.get(panel.quantity, (0.0,)))) >= PERCENT_FROM
+    }
+    shown = [
+        replace(
+            panel,
+            unit="%",
+            values=panel.values / PERCENT_FROM,
+            reach=None
+            if panel.reach is None
+            else (panel.reach[0] / PERCENT_FROM, panel.reach[1] / PERCENT_FROM),
+        )
+        if panel.quantity in large
+        else panel
+        for panel in panels
+    ]
+    ends = {
+        quantity: (low / PERCENT_FROM, high / PERCENT_FROM) if quantity in large else (low, high)
+        for quantity, (low, high) in scale.items()
+    }
+    return shown, ends
+
+
 def map_scale(
     measurements: Sequence[Measurement],
     settings: MapSettings | None = None,
@@ -215,8 +244,7 @@ def map_scale(
     Returns
     -------
     dict of str to (float, float)
-        Lower and upper end of each quantity, in the unit of its map: px or mm for displacement, µε for
-        strain.
+        Lower and upper end of each quantity: px or mm for displacement, µε for strain.
     """
     settings = settings or MapSettings()
     given = list(corrections) or [None] * len(measurements)

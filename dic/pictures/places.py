@@ -30,7 +30,7 @@ class Places:
     unit : str or None
         Unit of the axes, "px" or "mm"; None for a picture without axes.
     view : tuple of float, or None
-        Left, right, lower and upper limit of a picture in mm. None for limits a little outside the cells.
+        Least and largest x, then least and largest y of a picture. None for limits a little beyond the cells.
     """
 
     corners: Float

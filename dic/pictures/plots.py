@@ -23,7 +23,7 @@ HALF_BAND = 1.959964
 BAND_TEXT = "band: 95 % interval (± 1.96 standard deviations)"
 
 _HEIGHTS_MM = (20.0, 2000.0)
-_MICRO_BELOW = 0.02
+_MICRO_BELOW = 0.01
 """Strains are drawn in µε if all are below this bound, otherwise in %."""
 _RC: Any = {
     "font.size": 8,

@@ -56,8 +56,8 @@ class MapSettings:
     scale : str
         "series" for the same scale in all images of a series, "image" for a separate scale for each image.
     limits : mapping of str to (float, float)
-        Lower and upper end of the scale of a quantity, in the unit of its map: px or mm for displacement,
-        µε for strain. Quantities without limits get them from `scale`.
+        Lower and upper end of the scale of a quantity: px or mm for displacement, µε for strain, also where
+        the map is labelled in %. Quantities without limits get them from `scale`.
     colours : str
         Colour map, a name in `COLOURS`.
     opacity : float

@@ -167,12 +167,12 @@ def _images_of(
 
 @dataclass
 class _Whole:
-    """Data common to all frames: scale, range of the values, view in mm, and maps of the first image."""
+    """Data common to all frames: scale, range of the values, view, and maps of the first image."""
 
     scale: Scale
     reach: dict[str, tuple[float, float]]
     first: Maps
-    view: tuple[float, float, float, float] | None
+    view: tuple[float, float, float, float]
 
     def framed(self, maps: Maps) -> Maps:
         """Return the maps of an image in the view of all frames, with the same colour bar."""
@@ -214,8 +214,7 @@ def _whole(source: ExportSource, settings: MapSettings, count: Callable[[], None
         kind = "" if settings.kind == "best" else f"{settings.kind} "
         expected, remedy = f"an image with {kind}values of {what}", "choose another kind or another quantity"
         raise CorrelationError("results", "draw an animation", expected, "none", remedy)
-    view = view_of(np.array(corners)) if first.places.unit == "mm" else None
-    return _Whole(finished(scale, settings), reach, first, view)
+    return _Whole(finished(scale, settings), reach, first, view_of(np.array(corners)))
 
 
 def _title(k: int, source: ExportSource, image: MeasuredImage) -> str:

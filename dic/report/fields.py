@@ -7,7 +7,7 @@ from dic.pictures.panels import maps_of, scale_of
 from dic.pictures.settings import MapSettings
 from dic.report import rotation, tension
 from dic.report.series import Run
-from dic.report.style import PICTURE_COLUMNS, PICTURE_DPI, PICTURE_WIDTH_MM, png_uri
+from dic.report.style import PICTURE_DPI, PICTURE_WIDTH_MM, png_uri
 from dic.runfile.reader import RunStep
 
 _SETTINGS = MapSettings(width_mm=PICTURE_WIDTH_MM)
@@ -35,8 +35,6 @@ def field_pictures(run: Run) -> list[FieldPicture]:
                 correction = run.result.corrections.best(series.camera, step.index, at)
                 maps = maps_of(series.measurements[at], _SETTINGS, correction)
                 scale = scale_of([maps], _SETTINGS)
-                figure = draw_maps(
-                    maps, series.result.reference, "", _SETTINGS, scale, columns=PICTURE_COLUMNS
-                )
+                figure = draw_maps(maps, series.result.reference, "", _SETTINGS, scale)
                 pictures.append(FieldPicture(series.label, step, words, png_uri(figure, dpi=PICTURE_DPI)))
     return pictures

@@ -71,6 +71,7 @@ def write_report(
     path: PathLike,
     *,
     tests: Sequence[TensileTest] = (),
+    title: str = "",
     pdf: PathLike | None = None,
 ) -> None:
     """Write the report of one or several runs as one HTML file with all figures inside.
@@ -87,6 +88,8 @@ def write_report(
         The file to write. An existing file is replaced.
     tests : sequence of TensileTest, optional
         Tensile tests in these runs, from `tensile_test`, whose material properties are shown.
+    title : str, optional
+        Default: the title of the run, or the number of runs.
     pdf : path, optional
         The same page as a PDF file. This needs the extra ``offaxis[pdf]``.
 
@@ -106,7 +109,7 @@ def write_report(
         raise RunFileError(str(path), "write report", "at least one run", "none", "name a run file")
     if pdf is not None:
         require_pdf(pdf)
-    content = _content(number_runs(results), tests)
+    content = _content(number_runs(results), tests, title)
     try:
         write_text(path, _render(content, pdf=False))
         if pdf is not None:
@@ -128,7 +131,7 @@ def _render(content: dict[str, Any], *, pdf: bool) -> str:
     return page
 
 
-def _content(runs: list[Run], tests: Sequence[TensileTest]) -> dict[str, Any]:
+def _content(runs: list[Run], tests: Sequence[TensileTest], title: str) -> dict[str, Any]:
     """Return what the template of the page needs."""
     turning = [run for run in runs if run.kind == "rotation"]
     with plot_style():
@@ -138,7 +141,7 @@ def _content(runs: list[Run], tests: Sequence[TensileTest]) -> dict[str, Any]:
         turns = {kind: rotation.strain_figure(turning, kind) if turning else "" for kind in kinds}
     several = f"Off-axis image correlation: {len(runs)} runs"
     return {
-        "title": runs[0].result.info.title if len(runs) == 1 else several,
+        "title": title or (runs[0].result.info.title if len(runs) == 1 else several),
         "views": views,
         "tensile": tensile,
         "comparisons": compare(runs),

@@ -2,18 +2,25 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from dic.calibration.calibration import Calibration
+from dic.errors import RunFileError
 from dic.files.writing import write_text
-from dic.pictures.maps import draw_maps
-from dic.pictures.panels import maps_of, scale_of
-from dic.pictures.settings import MapSettings
-from dic.pipeline.series_result import MeasuredImage
+from dic.gauges.series import GaugeSeries
 from dic.pipeline.series_result_file import SeriesResult
-from dic.report.numbers import micro, micro_with_std
 from dic.report.pdf import require_pdf, write_pdf
-from dic.report.style import PICTURE_COLUMNS, PICTURE_DPI, PICTURE_WIDTH_MM, plot_style, png_uri
+from dic.report.series_means import NONE, ImageRow, SeriesMeans, means_of
+from dic.report.series_pictures import (
+    DISPLACEMENTS,
+    STRAINS,
+    gauges_picture,
+    maps_picture,
+    mean_picture,
+    sheet_picture,
+)
+from dic.report.strains import COMPONENTS
+from dic.report.style import plot_style
 from dic.report.templating import page_templates
 from dic.report.tensile_page import tensile_view
 from dic.report.tensile_test import TensileTest
@@ -21,30 +28,29 @@ from dic.strain.measurement import Measurement
 from dic.strain.strain import gauge_text
 from dic.typing import PathLike
 
-_MAPS = MapSettings(width_mm=PICTURE_WIDTH_MM)
-_COMPONENTS = ("exx", "eyy", "exy")
-
-
-@dataclass(frozen=True)
-class ImageRow:
-    """A row of the table: image, share of points that were measured in %, strains in µε, and a problem."""
-
-    name: str
-    share: str
-    strains: list[str]
-    problem: str
-
 
 @dataclass(frozen=True)
 class SeriesView:
-    """The content of the report on one series, in the form that the page template needs."""
+    """The content of the report on one series, in the form that the page template needs.
+
+    An attribute for a picture contains a data URI, or an empty text if the series has no such picture.
+    """
 
     name: str
-    kinds: list[str]
+    summary: list[str]
+    shown: str
+    kind: str
+    component: str
+    strains: str
+    displacements: str
+    curve: str
+    gauges: str
+    sheet: str
+    unit: str
+    kinds: tuple[str, ...]
     rows: list[ImageRow]
     settings: list[tuple[str, str]]
     inputs: list[tuple[str, str]]
-    pictures: list[tuple[str, str]]
 
 
 def write_series_report(
@@ -52,13 +58,29 @@ def write_series_report(
     path: PathLike,
     *,
     tests: Sequence[TensileTest] = (),
+    gauges: GaugeSeries | None = None,
+    image: str = "",
+    title: str = "",
     pdf: PathLike | None = None,
 ) -> None:
     """Write the report of one or several series as one HTML file with all figures inside.
 
-    An existing file is replaced only after the new report is complete. `tests` are tensile tests in these
-    series, from `tensile_test`, whose material properties are shown first. `pdf` is the same page
-    as a PDF file.
+    An existing file is replaced only after the new report is complete.
+
+    Parameters
+    ----------
+    results : sequence of SeriesResult
+    path : path
+    tests : sequence of TensileTest, optional
+        Tensile tests in these series, from `tensile_test`.
+    gauges : GaugeSeries, optional
+        Gauges in the first series, whose strain is drawn instead of the mean strain.
+    image : str, optional
+        Name of the image whose maps are at the top. Default: the last image that was measured.
+    title : str, optional
+        Default: what was measured, and the first and the last image.
+    pdf : path, optional
+        The same page as a PDF file. This needs the extra ``offaxis[pdf]``.
 
     Raises
     ------
@@ -66,61 +88,113 @@ def write_series_report(
         If a file cannot be written.
     OutputError
         If `pdf` is given and WeasyPrint is not installed.
+    RunFileError
+        If `image` is not exactly one measured image.
     """
     if pdf is not None:
         require_pdf(pdf)
     with plot_style():
         tensile = [tensile_view(test, results) for test in tests]
-        views = [_view(result) for result in results]
-    page: str = page_templates().get_template("series.html.j2").render(views=views, tensile=tensile)
+        views = [_view(result, image, gauges, tested=bool(tests)) for result in results]
+    title = title or _title(results, views)
+    template = page_templates().get_template("series.html.j2")
+    page: str = template.render(title=title, views=views, tensile=tensile)
     write_text(path, page)
     if pdf is not None:
         write_pdf(page, pdf)
 
 
-def _view(result: SeriesResult) -> SeriesView:
-    kinds = ["raw"] if result.calibration is None else ["raw", "calibrated", "corrected"]
-    rows, settings = [], [("Command", result.provenance.command), ("Versions", result.provenance.versions)]
-    measured = []
-    for place, image in enumerate(result.series.images):
-        rows.append(_row(image, kinds))
-        if image.measurement is not None:
-            measured.append(place)
-            if len(measured) == 1:
-                settings += _settings(image.measurement, result.calibration)
+def series_dict(result: SeriesResult) -> dict[str, object]:
+    """Return the results of a series for JSON; `docs/results.md` explains the keys of `images`."""
+    return {
+        "results": result.source,
+        "reference": result.reference_name,
+        "images": [image.row() for image in result.series.images],
+        "command": result.provenance.command,
+        "versions": result.provenance.versions,
+        "inputs": dict(result.provenance.inputs),
+    }
+
+
+def _title(results: Sequence[SeriesResult], views: Sequence[SeriesView]) -> str:
+    if len(results) > 1:
+        return f"Strain in {len(results)} series of images"
+    rows = views[0].rows
+    names = [PurePath(row.name).stem for row in rows if row.share != NONE] or [rows[0].name]
+    if len(names) == 1:
+        return f"Strain in {names[0]}"
+    return f"Strain in {len(names)} images, {names[0]} to {names[-1]}"
+
+
+def _view(result: SeriesResult, wanted: str, gauges: GaugeSeries | None, *, tested: bool) -> SeriesView:
+    series = result.series
+    means = means_of(series.images, calibrated=result.calibration is not None)
+    settings = [("Command", result.provenance.command), ("Versions", result.provenance.versions)]
+    strains = displacements = curve = sheet = shown = kind = component = ""
+    summary = [_count(result, means)]
+    if means.measured:
+        at = _chosen(result.source, means, wanted)
+        shown, kind = means.name(at), means.kind_at(at)
+        summary.append(_mean(means, at))
+        strains, displacements = (maps_picture(series, at, what) for what in (STRAINS, DISPLACEMENTS))
+        largest = _largest(means, at)
+        component = COMPONENTS[largest]
+        if len(means.rows) > 1:
+            sheet = sheet_picture(series, means, STRAINS[largest])
+            curve = "" if tested or gauges is not None else mean_picture(means)
+        measurement = series.images[means.measured[0]].measurement
+        if measurement is not None:
+            settings += _settings(measurement, result.calibration)
     return SeriesView(
-        Path(result.source).name,
-        kinds,
-        rows,
-        settings,
-        list(result.provenance.inputs.items()),
-        _pictures(result, measured),
+        name=Path(result.source).name,
+        summary=summary,
+        shown=shown,
+        kind=kind,
+        component=component,
+        strains=strains,
+        displacements=displacements,
+        curve=curve,
+        gauges="" if gauges is None else gauges_picture(gauges),
+        sheet=sheet,
+        unit=means.unit,
+        kinds=means.kinds,
+        rows=means.table(),
+        settings=settings,
+        inputs=list(result.provenance.inputs.items()),
     )
 
 
-def _row(image: MeasuredImage, kinds: Sequence[str]) -> ImageRow:
-    row, name = image.row(), Path(image.label).name
-    if image.measurement is None:
-        return ImageRow(name, "–", ["–"] * 3 * len(kinds), str(image.failure))
-    points = row["points"] + row["out_of_view"]
-    share = 100 * row["converged"] // points if points else 0
-    strains = []
-    for kind in kinds:
-        mean = row.get(kind, {})
-        known = kind != "corrected" or mean.get("applied", False)
-        # If there is a calibration, leave out the standard deviations of raw strain: they lack the part that
-        # motion out of the grid's plane causes.
-        stated = kind != "raw" or len(kinds) == 1
-        strains += [_strain(mean, name, stated=stated) if known else "–" for name in _COMPONENTS]
-    reason = row.get("corrected", {}).get("reason")
-    return ImageRow(name, str(share), strains, row["error"] or (f"not corrected: {reason}" if reason else ""))
+def _chosen(source: str, means: SeriesMeans, wanted: str) -> int:
+    if not wanted:
+        return means.measured[-1]
+    found = [k for k in means.find(wanted) if k in means.measured]
+    if len(found) != 1:
+        got = f"{len(found)} of the name {wanted!r}"
+        remedy = f"give --image {means.name(means.measured[-1])}"
+        raise RunFileError(source, "choose an image", "one measured image", got, remedy)
+    return found[0]
 
 
-def _strain(mean: dict[str, float | None], component: str, *, stated: bool) -> str:
-    value, std = mean[component], mean[f"{component}_std"] if stated else None
-    if value is None:
-        return "–"
-    return micro(1e6 * value) if std is None else micro_with_std(1e6 * value, 1e6 * std)
+def _largest(means: SeriesMeans, index: int) -> int:
+    """Return the index of the component with the largest mean strain in an image."""
+    sizes = [-1.0 if value != value else abs(value) for value in means.values[means.kind_at(index)][index]]
+    return sizes.index(max(sizes))
+
+
+def _count(result: SeriesResult, means: SeriesMeans) -> str:
+    measured, total = len(means.measured), len(means.rows)
+    against = f", compared with {PurePath(result.reference_name).name}" if result.reference_name else ""
+    if measured == total:
+        return f"{total} image{'s' if total > 1 else ''}{against}; all were measured."
+    return f"{total} image{'s' if total > 1 else ''}{against}; {total - measured} could not be measured."
+
+
+def _mean(means: SeriesMeans, index: int) -> str:
+    """Return the mean strain of an image as a sentence."""
+    kind = means.kind_at(index)
+    texts = zip(COMPONENTS, means.texts(index, kind), strict=True)
+    values = ", ".join(f"{name} = {text} {means.unit}".replace(" ", "\u00a0") for name, text in texts)
+    return f"Mean {kind} strain of {means.name(index)}: {values}."
 
 
 def _settings(measurement: Measurement, calibration: Calibration | None) -> list[tuple[str, str]]:
@@ -136,17 +210,3 @@ def _settings(measurement: Measurement, calibration: Calibration | None) -> list
         ),
         ("Gauge", gauge_text(measurement.gauge_px, axes_mm_per_px)),
     ]
-
-
-def _pictures(result: SeriesResult, measured: Sequence[int]) -> list[tuple[str, str]]:
-    """Return the name and the maps, as a data URI, of the first, the middle and the last image."""
-    chosen = sorted({measured[0], measured[len(measured) // 2], measured[-1]}) if measured else []
-    pictures = []
-    for place in chosen:
-        image = result.series.images[place]
-        if image.measurement is not None:
-            maps = maps_of(image.measurement, _MAPS, image.correction)
-            scale = scale_of([maps], _MAPS)
-            figure = draw_maps(maps, result.series.reference, "", _MAPS, scale, columns=PICTURE_COLUMNS)
-            pictures.append((Path(image.label).name, png_uri(figure, dpi=PICTURE_DPI)))
-    return pictures

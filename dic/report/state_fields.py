@@ -10,8 +10,8 @@ from dic.errors import MeasurementError
 from dic.pictures.background import Background, background_of
 from dic.pictures.contact_sheet import shortened
 from dic.pictures.layout import FONT_PT, Layout
-from dic.pictures.maps import cut_ends, draw_background, draw_bar, draw_panel
-from dic.pictures.panels import Maps, Scale, common_name, finished, maps_of, widened
+from dic.pictures.maps import cut_ends, draw_background, draw_bar, draw_numbers, draw_panel
+from dic.pictures.panels import Maps, Scale, common_name, finished, in_readable_unit, maps_of, widened
 from dic.pictures.settings import MapSettings
 from dic.report.camera_images import CameraImages
 from dic.report.numbers import fixed
@@ -123,7 +123,7 @@ def _draw(shown: Sequence[_Shown], reference: Background, settings: MapSettings,
     cells = len(rows) * columns
     layout = Layout(cells, columns, settings.width_mm, aspect, unit is not None, True, bars=False)
     figure = layout.new_figure()
-    panels = [one.reference.panels[0] for one in shown]
+    panels, scale = in_readable_unit([one.reference.panels[0] for one in shown], scale)
     common, mixed = common_name(panels)
     figure.suptitle(
         f"{common}, {panels[0].unit}", fontsize=FONT_PT + 2, y=1 - 1.0 / layout.height_mm, va="top"
@@ -138,9 +138,11 @@ def _draw(shown: Sequence[_Shown], reference: Background, settings: MapSettings,
                 axis.text(0.5, 0.5, "no image", transform=axis.transAxes, ha="center", fontsize=FONT_PT)
                 axis.set_axis_off()
                 continue
-            draw_background(axis, background, unit)
+            draw_background(axis, background)
+            if unit is not None:
+                draw_numbers(axis, unit, layout, row * columns + column)
             axis.set_aspect("equal")
-            drawn = draw_panel(axis, maps.panels[0], maps.places.drawn_corners(), settings, scale)
+            drawn = draw_panel(axis, panels[column], maps.places.drawn_corners(), settings, scale)
             mesh = drawn if mesh is None else mesh
     known = [panel for panel in panels if np.isfinite(panel.values).any()]
     if mesh is not None:

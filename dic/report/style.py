@@ -28,8 +28,6 @@ PAGE_WIDTH_IN = 9.0
 PICTURE_WIDTH_MM = 190.0
 """Width of pictures with maps, whose letters have 7 pt: about the width of the paper within its margins."""
 PICTURE_DPI = 150
-PICTURE_COLUMNS = 3
-"""Number of maps side by side, each of which is about 60 mm wide on paper."""
 _LABELS_LEFT_IN = 0.96
 """Space for the labels of a vertical axis: the axis' name and numbers as long as "−100000"."""
 _LABELS_BELOW_IN = 0.46

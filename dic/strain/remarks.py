@@ -14,6 +14,8 @@ _CLEAR = 8.0
 """A jump is at least this multiple of the usual deviation of the other rows."""
 _ELSEWHERE = 0.3
 """Away from a tear, the rows deviate by at most this part of its jump. A neck or a band of slip is wider."""
+_OF_USUAL = 0.5
+"""Rows with fewer points than this part of the usual number are left out."""
 _ACROSS = 0.8
 """A tear goes across at least this part of the columns."""
 
@@ -65,7 +67,9 @@ def _line_of(jumps: Float, over: int) -> tuple[float, float] | None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # rows without a value
         of_rows = np.nanmedian(jumps, axis=1)
-    known = np.isfinite(of_rows)
+    # At the edge of a specimen a few points of a row have found the background.
+    counts = np.count_nonzero(np.isfinite(jumps), axis=1)
+    known = counts > _OF_USUAL * np.median(counts[counts > 0]) if counts.any() else counts > 0
     if np.count_nonzero(known) < 2 * over:
         return None
     usual = float(np.median(of_rows[known]))
@@ -82,4 +86,7 @@ def _line_of(jumps: Float, over: int) -> tuple[float, float] | None:
     shares = shares[np.isfinite(shares)]
     across = np.count_nonzero((shares > 0.5) & (shares < 1.5)) >= _ACROSS * max(1, len(shares))
     middle = float(np.flatnonzero(away > abs(jump_px) / 2).mean())
-    return (middle, jump_px) if across else None
+    # Points within a subset of the edge are wrong together if the edge of the specimen is in their subsets.
+    first, last = np.flatnonzero(known)[[0, -1]]
+    inside = first + over / 2 - 1 < middle < last - over / 2 + 1
+    return (middle, jump_px) if across and inside else None

@@ -229,7 +229,7 @@ def test_images_and_a_table_become_a_test_report(folder, tmp_path):
             "--area-mm2: expected the area of the cross-section",
         ),
         (["--area-mm2", "20"], "a load for each image, got none; give the machine's record with --record"),
-        (["--json", "{machine}.json"], "--json: expected a tensile test"),
+        (["--ttl", "{machine}.ttl"], "--ttl: expected a tensile test"),
         (["--join", "row"], "--record"),
         (
             ["--record", "{machine}", "--load", "Force:kN", "--area-mm2", "20", "--known", "{wrong}"],

@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 
 import dic
+from dic.pictures.layout import Layout
 from dic.pictures.maps import draw_maps
 from dic.pictures.panels import maps_of, scale_of
 from tests.dic.pictures.boxes import assert_apart_inside
 from tests.dic.report.runs import affine
 
 MAPS = 5
+POINTS_PX = (40, 75)
+"""First and last position of the points of `affine` in x and in y."""
 
 
 @pytest.fixture(
@@ -35,21 +38,38 @@ def drawn(request, settings):
     return figure, (height, width)
 
 
-def test_maps_have_the_shape_of_the_image_and_show_all_of_it(drawn):
+def test_maps_have_the_shape_of_their_part_of_the_image_which_holds_all_points(drawn):
     figure, (height, width) = drawn
     for axis in figure.axes[::2]:
+        (left, right), (bottom, top) = axis.get_xlim(), axis.get_ylim()
         box = axis.get_window_extent()
-        assert box.height / box.width == pytest.approx(height / width, rel=1e-6)
-        assert (*axis.get_xlim(), *axis.get_ylim()) == (-0.5, width - 0.5, height - 0.5, -0.5)
+        assert box.height / box.width == pytest.approx((bottom - top) / (right - left), rel=1e-6)
+        assert -0.5 <= left < POINTS_PX[0] < POINTS_PX[1] < right <= width - 0.5
+        assert -0.5 <= top < POINTS_PX[0] < POINTS_PX[1] < bottom <= height - 0.5
+        # an image that is much larger than the measured part is not shown whole
+        assert right - left < 2 * (POINTS_PX[1] - POINTS_PX[0] + 40)
 
 
 def test_background_is_as_bright_as_the_image_at_every_place(drawn):
     figure, (_, width) = drawn
     background = np.asarray(figure.axes[0].images[0].get_array())
     assert max(background.shape) <= 1200
+    left, right = figure.axes[0].get_xlim()
     # The image becomes brighter from left to right, and its columns may have been joined to fewer.
-    middles = (np.arange(background.shape[1]) + 0.5) * width / background.shape[1] - 0.5
+    middles = left + (np.arange(background.shape[1]) + 0.5) * (right - left) / background.shape[1]
     np.testing.assert_allclose(background[0], 200.0 * middles / (width - 1), atol=0.5)
+
+
+@pytest.mark.parametrize("aspect", [0.1, 0.4, 1.0, 3.0, 8.0])
+@pytest.mark.parametrize("number", [1, 3, 5, 16])
+def test_panels_are_as_large_as_the_shape_of_the_specimen_permits(number, aspect):
+    """No other number of columns has larger panels in a picture that is wider than high by a quarter."""
+    chosen = Layout.fitting(number, 250.0, aspect, ticks=False, title=False, bars=False)
+    others = [Layout(number, c, 250.0, aspect, False, False, False) for c in range(1, number + 1)]
+    fitting = [one for one in others if one.height_mm <= 0.75 * 250.0]
+    assert chosen in (fitting or others[-1:])
+    assert all(chosen.columns <= one.columns for one in fitting)
+    assert chosen.height_mm <= 1.1 * 250.0 + 1e-9
 
 
 def test_maps_bars_titles_and_labels_are_inside_the_figure_and_do_not_cover_each_other(drawn):

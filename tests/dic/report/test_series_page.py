@@ -1,7 +1,9 @@
 """Tests of `dic report` with a result file of `dic correlate`."""
 
 import hashlib
+import json
 import re
+from pathlib import Path
 
 import h5py
 import pytest
@@ -30,24 +32,71 @@ def measured(speckle, tmp_path_factory):
     return result
 
 
+def rows_of(page):
+    """Return the texts of the cells of each row of a page, keyed by the image's name."""
+    text = re.sub(r"</?span[^>]*>", "", page.read_text(encoding="utf-8"))
+    rows = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in text.split("<tr")]
+    return {cells[1]: cells for cells in rows if len(cells) > 2}
+
+
+def number(cell):
+    return float(cell.split(" ± ")[0].replace("\u202f", "").replace("−", "-"))
+
+
 def test_page_shows_strains_failures_settings_and_where_the_results_come_from(measured, tmp_path):
     page = tmp_path / "report.html"
     assert run_dic("report", measured, "-o", page).status == 0
-    text = re.sub(r"</?span[^>]*>", "", page.read_text(encoding="utf-8"))
-    rows = {
-        cells[0]: cells
-        for cells in (re.findall(r"<td[^>]*>(.*?)</td>", row) for row in text.split("<tr>"))
-        if cells
-    }
+    text, rows = page.read_text(encoding="utf-8"), rows_of(page)
     # Green-Lagrange strain of a stretch by 0.4 %
-    exx = float(rows["stretched.png"][2].split(" ± ")[0].replace("\u202f", "").replace(" ", ""))
-    assert exx == pytest.approx(1e6 * ((1 + EXX) ** 2 - 1) / 2, abs=100)
-    assert abs(float(rows["moved.png"][2].split(" ± ")[0].replace("−", "-"))) < 100
-    assert rows["other.png"][2] == "–"
-    assert "find the reference" in rows["other.png"][-1]
+    assert number(rows["stretched.png"][3]) == pytest.approx(1e6 * ((1 + EXX) ** 2 - 1) / 2, abs=100)
+    assert abs(number(rows["moved.png"][3])) < 100
+    assert rows["other.png"][3] == "–"
+    assert "find the reference" in text.split("<td>other.png</td>")[1].split("</tr>")[1]
+    assert "3 images, compared with ref.png; 1 could not be measured." in text
     assert hashlib.sha256((measured.parent / "ref.png").read_bytes()).hexdigest() in text
     assert "correlate" in text
-    assert text.count("data:image/png") == 2
+    # strain of the last image, one component of all images, displacement of the last image, and a curve
+    assert (text.count("data:image/png"), text.count("data:image/svg")) == (3, 1)
+
+
+def test_title_is_what_was_measured_or_what_the_user_says_and_the_first_image_is_chosen(measured, tmp_path):
+    page = tmp_path / "report.html"
+    assert run_dic("report", measured, "-o", page).status == 0
+    first = page.read_text(encoding="utf-8")
+    assert "<h1>Strain in 2 images, moved to stretched</h1>" in first
+    assert "Maps of strain of stretched.png" in first
+    options = "--title", "Sheet 7", "--image", "moved", "--force"
+    assert run_dic("report", measured, "-o", page, *options).status == 0
+    text = page.read_text(encoding="utf-8")
+    assert "<h1>Sheet 7</h1>" in text
+    assert "Maps of strain of moved.png" in text
+    said = refusal("report", measured, "-o", page, "--image", "other", "--force")
+    assert "one measured image, got 0 of the name 'other'; give --image stretched.png" in said
+
+
+def test_strains_above_one_percent_are_shown_in_percent(speckle, tmp_path):
+    pattern = speckle(seed=3, shape=(160, 160))
+    stretch = 1.02
+    for name, moved in (("a", lambda x, y: (x, y)), ("b", lambda x, y: (x / stretch, y))):
+        write_image(tmp_path / f"{name}.png", pattern.draw(moved))
+    files = tmp_path / "a.png", tmp_path / "b.png"
+    assert run_dic("correlate", *files, "--subset", 21, "--step", 10, "-o", tmp_path / "r.h5").status == 0
+    assert run_dic("report", tmp_path / "r.h5", "-o", tmp_path / "r.html").status == 0
+    row = rows_of(tmp_path / "r.html")["b.png"]
+    assert number(row[3]) == pytest.approx(100 * (stretch**2 - 1) / 2, abs=0.01)
+    assert "Mean strains in %" in (tmp_path / "r.html").read_text(encoding="utf-8")
+
+
+def test_gauges_without_a_load_are_drawn_and_json_has_all_rows(measured, tmp_path):
+    page, values = tmp_path / "report.html", tmp_path / "values.json"
+    gauge = "across=extensometer start=40,80 end=120,80 patch=20"
+    assert run_dic("report", measured, "--declare", gauge, "-o", page, "--json", values).status == 0
+    assert "Strain of the gauges in all images" in page.read_text(encoding="utf-8")
+    content = json.loads(values.read_text(encoding="utf-8"))
+    assert content["tests"] == []
+    rows = {Path(row["file"]).name: row for row in content["series"][0]["images"]}
+    assert rows["stretched.png"]["raw"]["exx"] == pytest.approx(((1 + EXX) ** 2 - 1) / 2, abs=1e-4)
+    assert "find the reference" in rows["other.png"]["error"]
 
 
 def test_series_is_loaded_as_it_was_measured(measured):

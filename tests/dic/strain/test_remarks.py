@@ -37,9 +37,10 @@ def test_torn_picture_is_remarked_on_at_its_line(jump_px):
         lambda x, y: 2.0 / (1.0 + np.exp(-(y - 130) / 12.0)),
         lambda x, y: np.where(y > 60 + 0.5 * x, 0.6, 0.0),
         lambda x, y: np.where((y > 140) & (x > 100), 0.6, 0.0),
+        lambda x, y: np.where(y > 24, 0.6, 0.0),
         lambda x, y: 0.0 * x,
     ],
-    ids=["affine", "neck", "inclined crack", "half a crack", "rest"],
+    ids=["affine", "neck", "inclined crack", "half a crack", "background at the edge", "rest"],
 )
 def test_other_displacements_are_not_remarked_on(u):
     assert remarks_on(field_of(u)) == []
