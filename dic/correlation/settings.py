@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from dic.errors import Check, CorrelationError, is_number, is_whole, require_all
 from dic.image.spline import ORDERS
+from dic.keywords import named_settings
 
 AUTO = "auto"
 """Value of `CorrelationSettings.smoothing_px` with which the program chooses the smoothing."""
@@ -14,6 +15,7 @@ SHAPES = {"affine": 6, "quadratic": 12}
 """Shape functions and the number of their parameters."""
 
 
+@named_settings
 @dataclass(frozen=True)
 class CorrelationSettings:
     """Settings of the correlation.

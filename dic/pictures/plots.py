@@ -7,6 +7,7 @@ import numpy as np
 
 from dic.errors import Check, CorrelationError, is_number, require_all
 from dic.files.writing import write_figure
+from dic.keywords import named_settings
 from dic.pictures.layout import MM_PER_IN
 from dic.pictures.settings import require_format, size_checks
 from dic.typing import Float, PathLike
@@ -47,6 +48,7 @@ _RC: Any = {
 }
 
 
+@named_settings
 @dataclass(frozen=True)
 class PlotSettings:
     """Size and resolution of a picture of lines.

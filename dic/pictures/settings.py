@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.errors import Check, CorrelationError, OutputError, is_number, require_all
+from dic.keywords import named_settings
 
 QUANTITIES = ("u", "v", "exx", "eyy", "exy")
 """The quantities that a map can show: displacement to the right and upwards, and three strains."""
@@ -36,6 +37,7 @@ _MOST_WIDTH_PX = 12_000
 """A wider picture takes gigabytes of memory while it is drawn."""
 
 
+@named_settings
 @dataclass(frozen=True)
 class MapSettings:
     """Settings of maps of displacement and strain.

@@ -12,6 +12,7 @@ from dic.errors import CorrelationError, each_warning_once, require_kind
 from dic.image.given import grey_image, kept, one_by_one
 from dic.image.pages import list_images
 from dic.image.times import SeriesTimes
+from dic.keywords import takes_settings
 from dic.out_of_plane.correct import Motion
 from dic.out_of_plane.diagnosis import Sensitivity
 from dic.pipeline.correlated import correlate_series
@@ -26,6 +27,7 @@ from dic.strain.strain import StrainSettings
 from dic.typing import ImageLike, Mask, PathLike
 
 
+@takes_settings(settings=CorrelationSettings, strain=StrainSettings)
 def measure_images(
     reference: ImageLike,
     images: ImageLike | SeriesImage | Iterable[ImageLike | SeriesImage] | None = None,
@@ -120,6 +122,7 @@ def _timed(
             yield SeriesImage(image, str(image), time=times.of(image))
 
 
+@takes_settings(settings=CorrelationSettings, strain=StrainSettings)
 def measure_series(
     series: Series,
     images: Iterable[ImageLike | SeriesImage],

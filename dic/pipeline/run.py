@@ -9,6 +9,7 @@ from typing import Any
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import require_kind
+from dic.keywords import takes_settings
 from dic.pipeline.correlated import FIRST_GUESSES
 from dic.pipeline.reuse import FIELDS, SAME, fields_on_file, require_replaceable
 from dic.pipeline.run_corrections import CorrectionSettings
@@ -31,6 +32,7 @@ from dic.typing import PathLike
 from dic.workers.workers import Workers
 
 
+@takes_settings(settings=CorrelationSettings, strain=StrainSettings)
 def process_run(
     path: PathLike | RunSource,
     settings: CorrelationSettings | None = None,

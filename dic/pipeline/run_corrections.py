@@ -9,6 +9,7 @@ import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.errors import CorrelationError, require_all
+from dic.keywords import named_settings
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correct import (
     POISSON_RATIO,
@@ -30,6 +31,7 @@ from dic.strain.strain import MeanStrain
 from dic.typing import Float
 
 
+@named_settings
 @dataclass(frozen=True)
 class CorrectionSettings:
     """Settings of the corrections of a run.

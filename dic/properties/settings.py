@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.errors import Check, CurveError, is_number, require_all
+from dic.keywords import named_settings
 
 STRAIN = "strain calibration"
 """Name of the uncertainty that describes a relative error of strain common to all points."""
 
 
+@named_settings
 @dataclass(frozen=True)
 class PropertySettings:
     """The specimen's area, the declared uncertainties, and the user's choices for the evaluation rules.

@@ -9,6 +9,7 @@ from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError, is_whole, require_all
 from dic.image.memory import give_back_memory
 from dic.image.threads import bands_of
+from dic.keywords import named_settings
 from dic.strain.displacement import Displacement
 from dic.strain.fit import fitted_gradients, mean_gradient
 from dic.strain.mean_in_blocks import MANY_POINTS, mean_gradient_in_blocks
@@ -26,6 +27,7 @@ IMAGES_KEYS = tuple(f"{name}_std_images" for name in COMPONENTS[:3])
 """Names of the parts of the standard deviations that the images cause."""
 
 
+@named_settings
 @dataclass(frozen=True)
 class StrainSettings:
     """Settings of the strain: the strain measure and the source of the local strain.
