@@ -316,25 +316,6 @@ def test_a_wrong_argument_is_one_sentence(call, sentence):
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize(
-    ("call", "meant"),
-    [
-        (lambda: dic.CorrelationSettings(subset=21), "did you mean subset_px=…"),
-        (lambda: dic.MapSettings(colors="grey"), "did you mean colours=…"),
-        (
-            lambda: dic.measure_images("a.png", "b.png", subset=21),
-            r"did you mean settings=CorrelationSettings\(subset_px=…\)",
-        ),
-        (lambda: dic.process_run("run.h5", strain_window=5), "got 'strain_window'; "),
-        (lambda: dic.StrainSettings(rhubarb=1), "leave rhubarb out"),
-    ],
-)
-def test_an_unknown_argument_names_the_one_that_was_meant(call, meant):
-    with pytest.raises(TypeError, match=meant) as refusal:
-        call()
-    assert "\n" not in str(refusal.value)
-
-
 def test_what_python_prints_of_a_result_is_short():
     results = [
         speckled(),
