@@ -155,7 +155,7 @@ class Screen:
         from rich.text import Text
 
         status = self._status
-        done, planned = (0, 1) if status is None else (status.steps_done, status.steps_planned)
+        done, planned = (0, 1) if status is None else (status.steps_finished, status.steps_planned)
         below = Table.grid(padding=(0, 1))
         simulated = "SIMULATED, " if status is not None and status.simulated else ""
         counted = "" if status is None else f"{done} of {planned} steps, "

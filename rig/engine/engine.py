@@ -138,7 +138,8 @@ class Engine:
         self._goes_on = bool(earlier)
         self._records: list[StepRecord] = []
         self._lost_listeners: list[str] = []
-        self._status = Status(State.IDLE, None, len(protocol.steps()), 0, None, rig.simulated)
+        planned, before = len(protocol.steps()), len(self._earlier)
+        self._status = Status(State.IDLE, None, planned, 0, None, rig.simulated, before)
         self._abort_reason: str | None = None
         self._waiting_for_operator = False
         self._safe_state = SafeState(rig)

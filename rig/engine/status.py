@@ -32,7 +32,8 @@ class State(Enum):
 class Status:
     """A snapshot of a run: the state, the current step, the number of steps and the latest reading.
 
-    `simulated` is True if any device of the rig is simulated.
+    `simulated` is True if any device of the rig is simulated. `steps_before` is the number of steps that an
+    earlier run has finished, if this run continues it; `steps_done` does not count these steps.
     """
 
     state: State
@@ -41,6 +42,12 @@ class Status:
     steps_done: int
     reading: Reading | None
     simulated: bool = False
+    steps_before: int = 0
+
+    @property
+    def steps_finished(self) -> int:
+        """Number of planned steps that are finished, also by an earlier run that this run continues."""
+        return self.steps_before + self.steps_done
 
 
 @dataclass(frozen=True)

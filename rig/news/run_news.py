@@ -228,6 +228,7 @@ class RunNews:
             "run_file": self._about.run_file,
             "state": status.state.value,
             "step": wording.step_table(status.step),
+            "steps_before": status.steps_before,
             "steps_done": status.steps_done,
             "steps_planned": status.steps_planned,
             "ended": ended,

@@ -67,6 +67,7 @@ def status_table(status: Status) -> dict[str, Any]:
     return {
         "state": status.state.value,
         "step": step_table(status.step),
+        "steps_before": status.steps_before,
         "steps_done": status.steps_done,
         "steps_planned": status.steps_planned,
         "reading": reading_table(status.reading),

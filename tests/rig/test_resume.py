@@ -79,6 +79,9 @@ def test_a_rotation_goes_on_from_its_finished_steps(tmp_path, interrupt_at):
         continues=path,
         news=NewsOptions(on_continue=lambda earlier, start: told.append((earlier.next.index, start))),
     )
+    states = [json.loads(line) for line in new.with_suffix(".events.jsonl").read_text().splitlines()]
+    finished_of = [each["steps_before"] + each["steps_done"] for each in states if each["event"] == "state"]
+    assert (finished_of[0], finished_of[-1]) == (len(finished), 6)
     assert outcome.status == "completed", outcome.reason
     assert told[0][0] == len(finished)
     assert file_sha256(path) == digest
