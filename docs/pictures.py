@@ -1,4 +1,4 @@
-"""Draws every picture of the documentation: runs the commands of gallery.md and keeps their pictures.
+"""Draws every picture of the documentation: runs commands and Python of gallery.md and keeps the pictures.
 
 The picture of a printed target comes from `photograph.py`.
 
@@ -64,6 +64,11 @@ def commands(page: str) -> list[str]:
     return [line[2:] for block in blocks for line in block.splitlines() if line.startswith("$ ")]
 
 
+def python(page: str) -> str:
+    """Return the Python of a Markdown page: all of its blocks, which follow one another."""
+    return "\n".join(re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL))
+
+
 def report_figure(report: str, title: str) -> bytes:
     """Return the first figure of a report that has this title."""
     figures = re.findall(r'<img src="data:image/[a-z+]+;base64,([^"]+)" alt="([^"]*)"', report)
@@ -73,10 +78,14 @@ def report_figure(report: str, title: str) -> bytes:
 
 
 def draw(work: Path, images: Path) -> None:
-    """Run the gallery's commands in the folder `work`, and put the pictures into the folder `images`."""
+    """Run the gallery's commands in the folder `work`, and put the pictures into the folder `images`.
+
+    After them the gallery's Python runs in the same folder, so that every line of it is known to work.
+    """
     shutil.copytree(DOCS.parent / "examples", work / "examples")
     search = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    for command in [*commands((DOCS / "gallery.md").read_text(encoding="utf-8")), _SHEET]:
+    gallery = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    for command in [*commands(gallery), _SHEET]:
         print(f"$ {command}", flush=True)
         subprocess.run(command, shell=True, check=True, cwd=work, env={**os.environ, "PATH": search})
     report = (work / REPORT).read_text(encoding="utf-8")
@@ -86,6 +95,8 @@ def draw(work: Path, images: Path) -> None:
     for name, title in OUT_OF_THE_REPORT.items():
         (images / name).write_bytes(report_figure(report, title))
     keep_photograph(work / "sheet-of-dots.png", images / PHOTOGRAPH)
+    print("Python of the gallery", flush=True)
+    subprocess.run([sys.executable, "-c", python(gallery)], check=True, cwd=work)
 
 
 def keep_photograph(sheet: Path, kept: Path) -> None:

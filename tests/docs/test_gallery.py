@@ -25,11 +25,15 @@ def test_seventeen_pictures_are_shown_drawn_and_kept():
         pictures.COMPARED,
         pictures.PAGE,
     }
-    assert set(re.findall(r"\(images/([^)]+)\)", GALLERY)) == DRAWN
+    shown = re.findall(r"\(images/([^)]+)\)", GALLERY)
+    # each as a thumbnail that leads to its part of the page, and in this part
+    assert sorted(shown) == sorted([*DRAWN, *DRAWN])
+    parts = re.split(r"^## ", GALLERY, flags=re.MULTILINE)[1:]
+    assert [part.splitlines()[0] for part in parts if "```python" not in part] == []
 
 
 def test_pictures_are_small():
-    assert sum(path.stat().st_size for path in (DOCS / "images").iterdir()) < 2.7e6
+    assert sum(path.stat().st_size for path in (DOCS / "images").iterdir()) < 3e6
 
 
 def test_a_drawing_of_the_report_is_white_behind_also_on_a_dark_page():

@@ -1,6 +1,5 @@
 """The commands and the Python code in README.md are executed."""
 
-import csv
 import json
 import re
 from pathlib import Path
@@ -43,13 +42,10 @@ def lines(code):
 
 
 def test_first_images(tmp_path, capsys):
-    for command in ("example", "quality", "calibrate", "correlate"):
+    for command in ("example", "calibrate", "correlate"):
         words = next(words for words in SHOWN if words[:2] == ["dic", command])
         run(*(part for word in words for part in expanded(word)))
-    with (tmp_path / "points" / "step-16.csv").open(newline="") as file:
-        assert len(list(csv.DictReader(file))) > 300
     assert {path.name for path in (tmp_path / "maps").iterdir()} == {f"step-{k:02}.png" for k in range(1, 17)}
-    assert (tmp_path / "sheet.png").stat().st_size > 10_000
     assert len(lines(FROM_IMAGES)) <= 6
     scope = {}
     exec(compile(FROM_IMAGES, str(README), "exec"), scope)
