@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from dic.errors import require_kind
+from dic.errors import CurveError, require_kind
 from dic.properties.comparison import compared
 from dic.properties.curve import Curve
 from dic.properties.elastic import Elastic, elastic_line
@@ -44,6 +44,9 @@ from dic.properties.yielding import (
     upper_yield,
     yield_extension,
 )
+
+_MOST_GPA, _MOST_MPA = 1250.0, 50e3
+"""Largest modulus and stress of any material: those of diamond and of the strongest whiskers."""
 
 
 @dataclass(frozen=True)
@@ -130,11 +133,24 @@ def material_properties(
     require_kind("settings", settings, PropertySettings, "give dic.PropertySettings(area_mm2=120.0)")
     record = record_of(curve, settings.area_mm2)
     found = elastic_line(record, settings, points)
+    _require_possible(record, found)
     if isinstance(found, PropertyValue):
         return _without_line(record, settings, found)
     plateau = find_plateau(record, found)
     elastic = compared(record, found, settings, plateau if isinstance(plateau, Plateau) else None)
     return _with_line(record, settings, elastic, plateau)
+
+
+def _require_possible(record: Record, found: Elastic | PropertyValue) -> None:
+    """Raise an error if no material can have these values, so that a unit or the area must be wrong."""
+    e_gpa = 0.0 if isinstance(found, PropertyValue) else 1e-3 * found.line.slope
+    remedy = "check the units of load and strain, the area, and marks between thousands"
+    if e_gpa > _MOST_GPA:
+        expected = f"a modulus of at most {_MOST_GPA:g} GPa, which diamond has"
+        raise CurveError(record.curve.source, "modulus", expected, f"{e_gpa:.4g} GPa", remedy)
+    if (most_mpa := float(record.stress.max())) > _MOST_MPA:
+        expected = f"stresses of at most {_MOST_MPA:g} MPa, which the strongest fibres have"
+        raise CurveError(record.curve.source, "stress", expected, f"{most_mpa:.4g} MPa", remedy)
 
 
 def offset_key(offset_percent: float) -> str:

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from dic.errors import CurveError
 from dic.properties.curve import Curve
 from dic.typing import Float
 
@@ -19,6 +20,10 @@ steps, and the load changes by less than `JUMP_LOAD_SHARE` of its largest value.
 """
 JUMP_NEAR = 5
 """The usual step is the median over this number of steps before or after the step that is checked."""
+MARKER_EQUAL, MARKER_TIMES, MARKER_SHARE = 0.99, 3.0, 0.1
+"""Loads of at least `MARKER_EQUAL` of the largest one are no loads if they exceed all others by
+`MARKER_TIMES` and are at most this share of the points.
+"""
 BROKEN_SHARE, LOOP_SHARE = 0.1, 0.02
 LADDER_TIMES, LADDER_SHARE, LADDER_STEPS = 5.0, 0.7, 4
 
@@ -122,9 +127,41 @@ class Record:
 
 
 def record_of(curve: Curve, area_mm2: float) -> Record:
-    """Compute the stress of a test, and find up to which point its strain is valid."""
+    """Compute the stress of a test, and find up to which point its strain is valid.
+
+    Raises
+    ------
+    CurveError
+        If the strain does not change, or a single load is no load.
+    """
+    _require_strain(curve)
+    _require_no_marker(curve)
     end, reason = _valid_strain(curve)
     return Record(curve, area_mm2, curve.load_n / area_mm2, end, reason)
+
+
+def _require_strain(curve: Curve) -> None:
+    """Raise an error if all strains are equal but for noise, such as in a wrong unit."""
+    spread = float(np.nanmax(curve.strain) - np.nanmin(curve.strain))
+    if spread <= STILL_STRAIN:
+        expected = f"strains that change by more than {1e6 * STILL_STRAIN:g} µε"
+        remedy = "check the column and the unit of the strain"
+        raise CurveError(curve.source, "strain", expected, f"{1e6 * spread:.3g} µε in all", remedy)
+
+
+def _require_no_marker(curve: Curve) -> None:
+    """Raise an error if a few loads are far above all others, such as 99999 where no load was measured."""
+    most = float(curve.load_n.max())
+    marked = curve.load_n >= MARKER_EQUAL * most
+    others = curve.load_n[~marked]
+    beside = np.convolve(marked, [1, 0, 1], "same") > 0
+    if np.count_nonzero(marked) > MARKER_SHARE * len(marked) or not others.size:
+        return
+    if most > MARKER_TIMES * max(float(others.max()), 0.0) and not (marked & beside).all():
+        expected = f"loads near the others, of at most {others.max():.6g} N"
+        got = f"{most:.6g} N at point {int(np.argmax(curve.load_n)) + 1}"
+        remedy = "delete the lines without a measured load"
+        raise CurveError(curve.source, "load", expected, got, remedy)
 
 
 def _valid_strain(curve: Curve) -> tuple[int, str]:

@@ -18,6 +18,8 @@ _PLAIN = re.compile(rf"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+){_EXPONENT}", re.ASCII)
 _GROUPED = re.compile(
     rf"[+-]?[1-9]\d{{0,2}}([.,{_SPACES}])\d{{3}}(?:\1\d{{3}})*(?:(?!\1)[.,]\d*)?{_EXPONENT}", re.ASCII
 )
+_INDIAN = re.compile(rf"[+-]?[1-9]\d?(,\d{{2}})+,\d{{3}}(?:\.\d*)?{_EXPONENT}", re.ASCII)
+"""Groups of two digits before the last one, as in 1,12,927."""
 _ONE_GROUP = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
 _UP_TO_999 = re.compile(r"[+-]?\d{1,3}", re.ASCII)
 _FOUR_DIGITS = re.compile(r"[+-]?\d{4,}", re.ASCII)
@@ -32,7 +34,7 @@ class Ambiguous(Exception):
 
 def is_number(text: str) -> bool:
     """Return whether a text is one number, with or without marks between thousands."""
-    return bool(_PLAIN.fullmatch(text) or _GROUPED.fullmatch(text))
+    return bool(_PLAIN.fullmatch(text) or _GROUPED.fullmatch(text) or _INDIAN.fullmatch(text))
 
 
 def certain_decimal_marks(texts: Iterable[str]) -> set[str]:
@@ -41,6 +43,9 @@ def certain_decimal_marks(texts: Iterable[str]) -> set[str]:
     for text in texts:
         last = max(text.rfind("."), text.rfind(","))
         if last < 0 or _ONE_GROUP.fullmatch(text):
+            continue
+        if _INDIAN.fullmatch(text):
+            found |= {"."} & set(text)
             continue
         grouped = _GROUPED.fullmatch(text)
         if grouped is None or text[last] != grouped[1]:
@@ -68,6 +73,7 @@ def parse(texts: Sequence[str], elsewhere: set[str]) -> Float:
     between = {
         match[1] for text in filled if not _ONE_GROUP.fullmatch(text) and (match := _GROUPED.fullmatch(text))
     }
+    between |= {"," for text in filled if _INDIAN.fullmatch(text)}
     open_marks = {text[-4] for text in filled if _ONE_GROUP.fullmatch(text)} - own - between
     if open_marks and not own and not between:
         if len(elsewhere) == 1 and not open_marks & elsewhere:
@@ -93,14 +99,23 @@ def _require_certain(filled: Sequence[str]) -> None:
     """Raise an error if points or commas may separate thousands, as in 999 followed by 1,001.
 
     With a decimal mark, this combination does not occur. Machines write a fixed number of decimals, so no
-    number is whole; or they drop zeros at the end, so the number of decimals varies.
+    number is whole; or they drop zeros at the end, so the number of decimals varies. Numbers that all have a
+    comma and three digits behind it may be either, unless one of them is below 1. A point in all of them is
+    usual before decimals and rare between thousands.
     """
     marked = [text for text in filled if "," in text or "." in text]
     whole = [text for text in filled if "," not in text and "." not in text]
-    if whole and all(map(_ONE_GROUP.fullmatch, marked)) and all(map(_UP_TO_999.fullmatch, whole)):
+    open_to_both = whole or any("," in text for text in marked)
+    if (
+        marked
+        and open_to_both
+        and all(map(_ONE_GROUP.fullmatch, marked))
+        and all(map(_UP_TO_999.fullmatch, whole))
+    ):
         may_be = marked[0].replace(",", "").replace(".", "")
+        got = f"{whole[0]!r} and {marked[0]!r}" if whole else f"{marked[0]!r} and no number below 1"
         raise Ambiguous(
             "numbers whose decimals are certain",
-            f"{whole[0]!r} and {marked[0]!r}, which may be {may_be}",
-            "export the file without thousands separators, or with a fixed number of decimals",
+            f"{got}, which may be {may_be}",
+            "export the file without thousands separators, or with another number of decimals than three",
         )

@@ -9,6 +9,7 @@ import numpy as np
 from dic.errors import CurveError
 from dic.records.decimals import Ambiguous, certain_decimal_marks, is_number, parse
 from dic.records.headings import units_of, without_unit
+from dic.records.unit_names import BASE, NamedUnit
 from dic.records.units import STRESS, ColumnUnit
 from dic.typing import Float
 
@@ -112,7 +113,8 @@ class Table:
     def _places(self, name: str) -> list[int]:
         """Return the indices of the columns whose heading is `name`, with or without a unit in brackets."""
         for wanted in (lambda cell: cell == name, lambda cell: without_unit(cell) == name):
-            for line in self.headings:
+            # The last one is that of the table; results of the test may stand above it.
+            for line in reversed(self.headings):
                 if places := [k for k, cell in enumerate(line) if cell and wanted(cell)]:
                     return places
         return []
@@ -135,7 +137,8 @@ class Table:
 
     def _require_a_heading_for_each_column(self, column: ColumnUnit, place: int) -> None:
         """Raise an error if a line of headings does not fit the columns, so that its places are uncertain."""
-        line = next(line for line in self.headings if place < len(line) and column.name in line[place])
+        fitting = (line for line in reversed(self.headings) if place < len(line))
+        line = next(line for line in fitting if column.name in line[place])
         if self._fits(line):
             return
         columns, named = self._columns, _filled(line)
@@ -163,31 +166,50 @@ class Table:
 
     def _require_only_units_below(self, name: str) -> None:
         """Raise an error if a line between the headings and the first line of numbers also has numbers."""
-        at = next(k for k, line in enumerate(self.headings) if any(name in cell for cell in line))
-        for line in self.headings[at + 1 :]:
+        named = [k for k, line in enumerate(self.headings) if any(name in cell for cell in line)]
+        for line in self.headings[named[-1] + 1 :]:
             texts = [cell for cell in line if cell and not is_number(cell)]
             # A cell with only "1" is not a number here, but the unit of strain.
             if any(cell != "1" and is_number(cell) for cell in line):
                 remedy = "correct or delete this line"
-                raise self._wrong("first lines", "numbers below the headings", repr(texts[0][:40]), remedy)
+                raise self._wrong(
+                    "first lines", "numbers below the headings", repr(" ".join(texts)[:40]), remedy
+                )
 
     def _require_unit(self, column: ColumnUnit, at: int) -> None:
         """Raise an error if the heading of a column names another unit than the user gave."""
-        # Words that are separated by spaces and do not fit the columns have no certain place.
-        lines = [line for line in self.headings if self.separator != " " or self._fits(line)]
-        for unit in filter(None, (units_of(line)[at] for line in lines if at < len(line))):
-            size = column.sizes.get(unit)
-            if size is not None and np.isclose(size, column.factor, rtol=1e-9):
+        for unit in (units_of(line)[at] for line in self._headings_of(column, at)):
+            if unit is None or not column.sizes:
                 continue
-            # "1" is also a number and a name
-            if unit == "1" or not column.sizes:
+            base = column.sizes.get(BASE.get(unit.quantity, ""))
+            size = None if base is None else base * unit.size
+            if size is not None and np.isclose(size, column.factor, rtol=1e-6):
                 continue
-            remedy = f"give {column.role} '{column.name}:{unit}', or correct the heading"
-            if size is None:
+            # "1" and "-" are also a number and a sign for no unit
+            if unit.text in ("1", "-", "–") and base is None:
+                continue
+            same = next(
+                (u for u, known in column.sizes.items() if size and np.isclose(size, known, rtol=1e-6)), ""
+            )
+            remedy = f"give {column.role} '{column.name}:{same}', or correct the heading"
+            if not same:
                 remedy = f"name another column, or convert this one to {column.unit} and correct its heading"
-            if column.role == "--load" and unit in STRESS:
-                remedy = f"give --stress '{column.name}:{unit}' for a column of stress"
-            raise self._wrong(column.role, f"the unit {unit} of the file's heading", column.unit, remedy)
+            if column.role == "--load" and unit.quantity == "stress":
+                remedy = f"give --stress '{column.name}:{_stress_unit(unit)}' for a column of stress"
+            raise self._wrong(column.role, f"the unit {unit.text} of the file's heading", column.unit, remedy)
+
+    def _headings_of(self, column: ColumnUnit, at: int) -> list[list[str]]:
+        """Return the lines that may name the unit of a column: that of its name, and those below it.
+
+        For a column that is given by its number, they are the last lines above the numbers with a cell for
+        each column. Lines further above describe the test.
+        """
+        fitting = [line for line in self.headings if at < len(line) and self._fits(line)]
+        if self._places(column.name):
+            named = [k for k, line in enumerate(fitting) if column.name in line[at]]
+            return fitting[named[-1] :] if named else []
+        whole = [k for k, line in enumerate(fitting) if _filled(line) >= min(self._columns, 2)]
+        return fitting[whole[-1] - 1 if len(whole) > 1 and whole[-1] > 0 else 0 :] if whole else []
 
     def _wrong(self, step: str, expected: str, got: str, remedy: str) -> CurveError:
         return CurveError(self.path, step, expected, got, remedy)
@@ -196,3 +218,10 @@ class Table:
 def _filled(cells: Sequence[str]) -> int:
     """Return the number of cells without the empty ones at the end."""
     return len(cells) - next((k for k, cell in enumerate(reversed(cells)) if cell), len(cells))
+
+
+def _stress_unit(unit: NamedUnit) -> str:
+    """Return a unit of stress as `--stress` takes it."""
+    if unit.text in STRESS:
+        return unit.text
+    return next((name for name, size in STRESS.items() if np.isclose(size, unit.size, rtol=1e-6)), "MPa")

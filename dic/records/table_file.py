@@ -1,6 +1,7 @@
 """Read the file of a testing machine's table: its encoding, separator, headings and blocks."""
 
 import csv
+import re
 from collections import Counter
 from collections.abc import Sequence
 
@@ -17,6 +18,8 @@ MOST_BYTES = 256 * 2**20
 """Largest size of a record file; an hour of readings at 1 kHz is smaller."""
 _SEPARATORS = (";", "\t", "|", ",", " ")
 _SAMPLE = 60
+_MOST_DESCRIBING = 12
+"""Largest number of lines of numbers that describe a test, above its table."""
 
 
 def read_table(path: PathLike, *, with_names: bool = False) -> Table:
@@ -37,7 +40,9 @@ def read_table(path: PathLike, *, with_names: bool = False) -> Table:
     CurveError
         If the file cannot be read or has no table of numbers.
     """
-    texts = _decoded(path).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    # Some programs write the sign of a number as the character of typesetters.
+    text = _decoded(path).replace("\u2212", "-")
+    texts = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     numbered = [(k, text) for k, text in enumerate(texts, 1) if text.strip(" \t;,|")]
     middle = max(0, (len(numbered) - _SAMPLE) // 2)
     least = 0.4 if with_names else 0.5
@@ -51,13 +56,14 @@ def read_table(path: PathLike, *, with_names: bool = False) -> Table:
             "export the record as CSV, with at least a column of load and one of strain",
         )
     cells = [(line, _split(text, separator)) for line, text in numbered]
-    first = next(k for k, (_, row) in enumerate(cells) if _numeric_share(row) > least)
+    width = Counter(len(row) for _, row in cells if _numeric_share(row) > least).most_common(1)[0][0]
+    first = _first_of_table(path, cells, width, least)
     headings = [row for _, row in cells[:first]]
-    width = Counter(len(row) for _, row in cells[first:]).most_common(1)[0][0]
     if separator == " ":
         joined = [joined_with_units(row) for row in headings]
         headings = [new if len(new) == width else row for new, row in zip(joined, headings, strict=True)]
-    body = _without_repeated_headings(cells, first, least)
+    body = _without_repeated_headings(path, cells, first, least)
+    body = _filled_at_end(body, width, least)
     for line, row in body:
         if len(row) != width:
             raise CurveError(
@@ -74,10 +80,58 @@ def read_table(path: PathLike, *, with_names: bool = False) -> Table:
     return Table(str(path), headings, [row for _, row in body], [line for line, _ in body], separator)
 
 
-def _without_repeated_headings(
-    cells: list[tuple[int, list[str]]], first: int, least: float
+def _first_of_table(path: PathLike, cells: list[tuple[int, list[str]]], width: int, least: float) -> int:
+    """Return the index of the first line of numbers, after the lines that describe the test.
+
+    A line of numbers above a further heading belongs to a description, such as the results of the test or the
+    header of a program, if only a few lines are like it.
+    """
+    numbers = [k for k, (_, row) in enumerate(cells) if _numeric_share(row) > least]
+    first = next(k for k in numbers if len(cells[k][1]) == width)
+    below = [k for k in range(first, len(cells)) if _is_heading(cells[k][1], least)]
+    above = [k for k in numbers if below and k < below[0]]
+    after = next((k for k in numbers if below and k > below[-1] and len(cells[k][1]) == width), None)
+    if after is not None and len(above) <= _MOST_DESCRIBING and below[-1] - first <= 2 * _MOST_DESCRIBING:
+        first = after
+    if (early := [k for k in numbers if k < first]) and len(early) > _MOST_DESCRIBING:
+        expected, got = "one table of numbers", f"another one with {len(cells[early[0]][1])} columns in line"
+        remedy = "give one of them as a file of its own"
+        raise CurveError(str(path), "read the record", expected, f"{got} {cells[early[0]][0]}", remedy)
+    return first
+
+
+def _is_heading(row: Sequence[str], least: float) -> bool:
+    """Return whether a line is one of headings: several cells, and words in most of them."""
+    words = sum(bool(re.search(r"[^\W\d_]{2}", cell)) for cell in row)
+    return words >= 2 and words > (1.0 - least) * sum(map(bool, row))
+
+
+def _filled_at_end(
+    body: list[tuple[int, list[str]]], width: int, least: float
 ) -> list[tuple[int, list[str]]]:
-    """Return the lines of numbers, without the headings that are repeated before each block of a test."""
+    """Return the lines with empty cells for a test that ended earlier than the one at its left.
+
+    Some programs leave out the separators behind the longer test. A single short line was cut off instead.
+    """
+    first = len(body)
+    while first and len(body[first - 1][1]) < width and _numeric_share(body[first - 1][1]) > least:
+        first -= 1
+    short = {len(row) for _, row in body[first:]}
+    if len(body) - first < 2 or len(short) != 1:
+        return body
+    return body[:first] + [(line, row + [""] * (width - len(row))) for line, row in body[first:]]
+
+
+def _without_repeated_headings(
+    path: PathLike, cells: list[tuple[int, list[str]]], first: int, least: float
+) -> list[tuple[int, list[str]]]:
+    """Return the lines of numbers, without the headings that are repeated before each block of a test.
+
+    Raises
+    ------
+    CurveError
+        If a block has other headings than the first one, such as other units.
+    """
     repeated = [row for _, row in cells[:first]][-2:]
     body: list[tuple[int, list[str]]] = []
     text: list[tuple[int, list[str]]] = []
@@ -90,7 +144,20 @@ def _without_repeated_headings(
             text.append((line, row))
             if repeated and [each for _, each in text[-len(repeated) :]] == repeated:
                 text = []
+            elif body and any(_is_like(row, one) for one in repeated):
+                raise _other_block(path, line, row)
     return body + text
+
+
+def _is_like(row: Sequence[str], heading: Sequence[str]) -> bool:
+    """Return whether a line has most cells of a heading, in another order or with other ones between."""
+    shared = (set(row) & set(heading)) - {""}
+    return list(row) != list(heading) and len(shared) >= 2 and 2 * len(shared) >= len(set(row) - {""})
+
+
+def _other_block(path: PathLike, line: int, row: Sequence[str]) -> CurveError:
+    expected, got = "blocks with the same headings", f"another block, {' '.join(row)[:60]!r}"
+    return CurveError(str(path), f"line {line}", expected, got, "give each block as a file of its own")
 
 
 def _require_no_decimal_commas(path: PathLike, body: list[tuple[int, list[str]]]) -> None:

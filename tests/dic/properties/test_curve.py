@@ -117,7 +117,7 @@ def test_strain_may_end_before_the_load(tmp_path):
         ),
         (table(r4c1="off"), {}, "column 'Load': expected numbers, got 'off' in line 7"),
         (table(r0c1="off"), {}, "column 'Load': expected numbers, got 'off' in line 3"),
-        (table(r0c1="off", r0c2="x"), {}, "first lines: expected numbers below the headings, got 'off'"),
+        (table(r0c1="off", r0c2="x"), {}, "first lines: expected numbers below the headings, got 'off x'"),
         (table(r4c1="1.234,5"), {}, "column 'Load': expected numbers, got '1,234,5' in line 7"),
         (table(r4c1="", comma=False), {}, "load: expected a number at each point, got an empty cell"),
         (table(r4c2=""), {}, "strain: expected numbers without gaps"),

@@ -103,7 +103,7 @@ def test_blocks_with_repeated_headings_are_read_one_after_the_other(tmp_path):
     other = [["Data Acquisition"], ["Time", "Strain", "Load"]]
     path = table(tmp_path / "b.txt", [*rows[:100], *other, *rows[100:]], "\t", again)
     said = refusal("properties", path, "--load", "Load:N", "--strain", "Strain:%", "--area-mm2", 20)
-    assert "give one block of the file, because here begins one with other headings" in said
+    assert "line 105: expected blocks with the same headings, got another block" in said
 
 
 def test_shorter_test_beside_a_longer_one_is_read_to_its_end(tmp_path):
@@ -146,3 +146,57 @@ def test_table_of_stress_needs_no_area_and_gives_the_same_modulus(tmp_path, unit
     assert "a column of load or of stress, and its unit, got both" in refusal(
         *words, "--load", "1:N", "--stress", f"1:{unit}", "--area-mm2", 20
     )
+
+
+def numbers_of(rows, decimals=5):
+    return [[f"{value:.{decimals}f}" for value in row] for row in rows]
+
+
+def test_results_above_the_table_and_headers_of_programs_are_no_part_of_it(tmp_path):
+    rows = numbers_of(ROWS)
+    results = [["Specimen", "Maximum Load", "Modulus"], ["", "(kN)", "(GPa)"], ["1", "5.573", "70.0"]]
+    header = [["Channels", "2", ""], ["Samples", "200", "200"], ["Delta_X", "0.1", "0.1"], ["***End***"]]
+    for k, above in enumerate((results, header)):
+        path = table(tmp_path / f"{k}.csv", rows, "\t", [*above, NAMES, UNITS])
+        for load, strain in (("Load:N", "Strain:%"), ("2:N", "3:%")):
+            curve = dic.read_curve(path, load=load, strain=strain)
+            assert len(curve.load_n) == len(ROWS)
+            assert slope_gpa(curve) == pytest.approx(70.0, rel=1e-3)
+
+
+def test_block_with_other_units_is_refused(tmp_path):
+    rows = numbers_of(ROWS)
+    path = table(tmp_path / "a.csv", [*rows[:100], NAMES, ["s", "kN", "%"], *rows[100:]], "\t")
+    said = refusal("properties", path, "--load", "Load:N", "--strain", "Strain:%", "--area-mm2", 20)
+    assert "line 104: expected blocks with the same headings, got another block, 's kN %'" in said
+
+
+def test_longer_test_beside_a_shorter_one_is_read_without_separators_behind_it(tmp_path):
+    rows = numbers_of(ROWS)
+    both = [
+        [*long, *(short if k < 150 else [])] for k, (long, short) in enumerate(zip(rows, rows, strict=True))
+    ]
+    path = table(tmp_path / "a.csv", both, ",", [NAMES * 2, UNITS * 2])
+    assert len(dic.read_curve(path, load="2:N", strain="3:%", time="1:s").load_n) == 200
+    assert len(dic.read_curve(path, load="5:N", strain="6:%", time="4:s").load_n) == 150
+
+
+def test_indian_groups_and_signs_of_typesetters_are_numbers(tmp_path):
+    def grouped(value: float) -> str:
+        text = f"{value:.0f}"
+        return text if len(text) < 6 else f"{text[:-5]},{text[-5:-3]},{text[-3:]}"
+
+    rows = [
+        [f"{t:.1f}", grouped(1000.0 * n), f"{100 * e - 1:.5f}".replace("-", "\u2212")]
+        for t, n, e in ((t, n, e / 100) for t, n, e in ROWS)
+        if n > 100.0
+    ]
+    path = table(tmp_path / "a.csv", rows, headings=[NAMES, ["s", "mN", "%"]])
+    assert slope_gpa(dic.read_curve(path, load="Load:mN", strain="Strain:%")) == pytest.approx(70.0, rel=1e-3)
+
+
+def test_numbers_with_one_comma_and_none_below_one_are_refused(tmp_path):
+    rows = [[f"{10 * t:.0f}", f"{n:,.0f}", f"{1e4 * e:.0f}"] for t, n, e in ROWS if n >= 1000.0]
+    path = table(tmp_path / "a.csv", rows, headings=[NAMES, ["s", "N", "µε"]])
+    said = refusal("properties", path, "--load", "Load:N", "--strain", "Strain:µε", "--area-mm2", 20)
+    assert "no number below 1, which may be 1008" in said
