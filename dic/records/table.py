@@ -13,6 +13,9 @@ from dic.records.unit_names import BASE, NamedUnit
 from dic.records.units import STRESS, ColumnUnit
 from dic.typing import Float
 
+_NEAR = 2
+"""Number of lines above the numbers in which a number may be the name of a column."""
+
 
 @dataclass(frozen=True)
 class Table:
@@ -114,7 +117,8 @@ class Table:
         """Return the indices of the columns whose heading is `name`, with or without a unit in brackets."""
         for wanted in (lambda cell: cell == name, lambda cell: without_unit(cell) == name):
             # The last one is that of the table; results of the test may stand above it.
-            for line in reversed(self.headings):
+            # A number far above the table belongs to a description, and is no name of a column.
+            for line in reversed(self.headings[-_NEAR:] if name.isdecimal() else self.headings):
                 if places := [k for k, cell in enumerate(line) if cell and wanted(cell)]:
                     return places
         return []
