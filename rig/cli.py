@@ -134,7 +134,8 @@ def run(
                 # All devices are closed now, so a signal may kill the program if output to the terminal
                 # hangs.
                 ending.enter_context(dying_of_signals())
-        place = f"in {run_path}" if run_path.is_file() else "on file, but not at the place of the run file"
+        whole = outcome.recorded and run_path.is_file()
+        place = f"in {run_path}" if whole else "were finished; the reason above says where their data are"
         done = f"{outcome.status}: {outcome.steps_done} steps {place}"
         lines = [done, at_rest_line(outcome.at_end)]
         for sentence in filter(None, (outcome.reason, *outcome.lost_devices, *outcome.lost_listeners)):

@@ -17,6 +17,8 @@ _LAST_S = 0.5
 LAST_RESORT_S = 180.0
 """Real time in s from the first signal, or from the last sign of progress, to the end of the program.
 Stopping the machines and closing run file and devices have shorter deadlines together."""
+OUTPUT_S = 5.0
+"""Real time in s that a program that was told to end waits for its terminal or pipe."""
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 T = TypeVar("T")
@@ -127,8 +129,9 @@ def dying_of_signals() -> Iterator[None]:
 
     Use this function only at the end of a program, when no device is open any more. While a program waits for
     a terminal to accept output, Python runs no signal handlers. Only the system's default action of these
-    signals can then end the program.
+    signals can then end the program. If a signal has come already, the output must be accepted soon.
     """
+    _last_resort.hurry(OUTPUT_S)
     previous = {number: signal.getsignal(number) for number in _ENDING}
     changed = [number for number, handler in previous.items() if handler is not signal.SIG_IGN]
     try:
@@ -148,6 +151,10 @@ class _LastResort:
 
     def begin(self, after_s: float) -> None:
         if self.armed and not self.ending:
+            signal.setitimer(signal.ITIMER_REAL, after_s)
+
+    def hurry(self, after_s: float) -> None:
+        if self.armed and self.ending:
             signal.setitimer(signal.ITIMER_REAL, after_s)
 
 
@@ -185,10 +192,19 @@ def device_threads() -> set[threading.Thread]:
     return {thread for thread in threading.enumerate() if isinstance(thread, DeviceThread)}
 
 
-def leave(status: int, besides: Iterable[threading.Thread] = ()) -> None:
-    """End the program at once if a driver's call hangs, because a normal exit of Python could wait or crash.
+def never_release(value: object) -> None:
+    """Keep an object until the program ends, because its library could crash or hang when it releases it."""
+    _never_released.append(value)
 
-    If no call hangs, this function does nothing.
+
+_never_released: list[object] = []
+
+
+def leave(status: int, besides: Iterable[threading.Thread] = ()) -> None:
+    """End the program at once if a normal exit of Python could wait or crash.
+
+    This is so if a driver's call hangs, or if an object must never be released. Otherwise this function does
+    nothing.
 
     Parameters
     ----------
@@ -201,7 +217,7 @@ def leave(status: int, besides: Iterable[threading.Thread] = ()) -> None:
     hanging = device_threads().difference(besides)
     for thread in hanging:
         thread.join(max(0.0, end_s - SystemClock().now_s()))
-    if not any(thread.is_alive() for thread in hanging):
+    if not any(thread.is_alive() for thread in hanging) and not _never_released:
         return
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):

@@ -101,11 +101,11 @@ def is_closed(path: Path) -> bool:
     return found.flags == 0 and found.end == path.stat().st_size
 
 
-def mark_closed(path: Path) -> bool:
+def mark_closed(path: Path, opened: int | None = None) -> bool:
     """Repair the superblock of a file that was not closed; return False if no repair was necessary.
 
     The flags are set to "closed", and the stored length is set to the length of the file. No byte outside the
-    superblock is changed.
+    superblock is changed. `opened` is a descriptor of the file that may write to it, if the caller has one.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def mark_closed(path: Path) -> bool:
     place = find(path)
     if place is None:
         raise ValueError("no superblock of HDF5")
-    descriptor = os.open(path, os.O_RDWR)
+    descriptor = os.open(path, os.O_RDWR) if opened is None else os.dup(opened)
     try:
         found = parse(os.pread(descriptor, SUPERBLOCK_BYTES, place))
         closed = replace(found, flags=0, end=os.fstat(descriptor).st_size)

@@ -7,7 +7,6 @@ from contextlib import suppress
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import h5py
 
@@ -16,18 +15,17 @@ from dic.runfile.chunks import pixel_places
 from dic.runfile.digests import BLOCK_BYTES, UserBlock, file_digest
 from dic.runfile.superblock import SUPERBLOCK_BYTES, mark_closed
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame
-from rig.recorder.place import content, require_in_place, rescue
+from rig.recorder.place import content, require_in_place, require_untouched, rescue
 from rig.recorder.records import NO_INTERLOCKS, InterlockRecord, RunHeader, StepRecord
 from rig.recorder.space import ReservedSpace
 from rig.recorder.tables import CameraTable, Table, create_entry, create_group, create_text, fit
+from rig.threads import never_release
 
 ROW_BYTES = 256 << 10
 """Largest growth of the file by one row of any table, in bytes, including new chunks and their index."""
 
 _CACHE_BYTES = 64 << 10
 """Size in bytes of HDF5's cache of each column. The default of 1 MiB would fill up slowly in a long run."""
-_NEVER_RELEASED: list[Any] = []
-"""This list keeps HDF5 files that could not be closed, because h5py may crash when it releases them."""
 
 
 class OpenRunFile:
@@ -57,6 +55,7 @@ class OpenRunFile:
     ) -> None:
         self._path = unfinished = _unfinished(path)
         self._abandoned = False
+        self._beginning, self._bytes = b"", 0
         self._descriptor = _new(unfinished, path)
         try:
             self._hdf5 = _created(unfinished)
@@ -75,6 +74,9 @@ class OpenRunFile:
             if path.exists():
                 raise FileExistsError(path)
             self._path = unfinished.rename(path)
+            # No program can open the file for writing now, unless it has the rights of the administrator.
+            with suppress(PermissionError):  # a file system like FAT has no permissions
+                os.fchmod(self._descriptor, os.fstat(self._descriptor).st_mode & ~0o222)
             _synchronise_folder(path.parent)
         except BaseException:
             self.abandon()
@@ -172,11 +174,21 @@ class OpenRunFile:
         for table in (*self._states.values(), self._steps, self._events, self._reported):
             table.write()
             table.acknowledge()
+        self._bytes = os.fstat(self._descriptor).st_size
 
     def synchronise(self) -> None:
-        """Synchronise the file with the disk (`fsync`). Raise `Misplaced` if it has left its path."""
+        """Synchronise the file with the disk (`fsync`).
+
+        Raise `Misplaced` if it has left its path, and `Overwritten` if another program has changed it.
+        """
         os.fsync(self._descriptor)
         self.require_in_place()
+        self.require_untouched()
+
+    def require_untouched(self) -> None:
+        """Raise `Overwritten` if another program has emptied the file or written to its beginning."""
+        if not self._abandoned:
+            require_untouched(self._descriptor, self._beginning, self._bytes)
 
     def require_in_place(self) -> None:
         """Raise `Misplaced` if the file is not at its path any more. The file can then still be closed."""
@@ -226,14 +238,29 @@ class OpenRunFile:
                 os.close(memory)
                 self._hdf5.close()
             except (OSError, RuntimeError, ValueError):
-                _NEVER_RELEASED.append(self.__dict__.copy())
+                never_release(self.__dict__.copy())
         with suppress(OSError, ValueError):
-            mark_closed(self._path)
+            mark_closed(self._path, self._descriptor)
+        with suppress(OSError):
+            self._release_descriptor()
+
+    def leave(self) -> None:
+        """Release a file that another program has overwritten, and write nothing to it any more.
+
+        HDF5 would read its own tables again, find others, and repeat these reads for ever.
+        """
+        self._abandoned = True
+        with suppress(OSError, RuntimeError, ValueError):
+            memory = os.memfd_create("overwritten run file")
+            os.dup2(memory, self._hdf5.id.get_vfd_handle())
+            os.close(memory)
+        never_release(self.__dict__.copy())
         with suppress(OSError):
             self._release_descriptor()
 
     def _write_block(self, block: UserBlock) -> None:
-        os.pwrite(self._descriptor, block.to_bytes(), 0)
+        self._beginning = block.to_bytes()
+        os.pwrite(self._descriptor, self._beginning, 0)
 
     def _release_descriptor(self) -> None:
         if self._descriptor >= 0:

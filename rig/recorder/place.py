@@ -1,4 +1,5 @@
-"""Whether a run file is still where its path says. It can be deleted, moved or unmounted while it is written.
+"""Whether a run file is still where its path says, and still ours. It can be deleted, moved, unmounted or
+overwritten while it is written.
 
 The recorder's open descriptor goes on working then. So nothing else would notice that the run is recorded to
 a file that nobody finds, or that vanishes with the program.
@@ -14,6 +15,26 @@ _COPIES_MAX = 100
 
 class Misplaced(OSError):
     """The run file is not at its path any more. The message says where its data are."""
+
+
+class Overwritten(OSError):
+    """Another program has emptied the run file, or written to it."""
+
+
+def require_untouched(descriptor: int, beginning: bytes, least_bytes: int) -> None:
+    """Compare an open file with what was written to it: its first bytes, and its size.
+
+    Raises
+    ------
+    Overwritten
+        If the file begins with other bytes, or is smaller than it was.
+    """
+    size = os.fstat(descriptor).st_size
+    if size < least_bytes or os.pread(descriptor, len(beginning), 0) != beginning:
+        raise Overwritten(
+            f"a file of {size} bytes that another program has emptied or overwritten, so that the images and "
+            "readings in it are lost"
+        )
 
 
 def require_in_place(descriptor: int, path: Path) -> None:
@@ -34,10 +55,25 @@ def require_in_place(descriptor: int, path: Path) -> None:
             path = place
     if _is(descriptor, path):
         raise Misplaced(f"a file that was moved: the data are in {path}")
+    if _has_other_name(descriptor, path):
+        number = os.fstat(descriptor).st_ino
+        raise Misplaced(
+            f"a file whose name was deleted, but which has another one: the data are in the file that "
+            f"find -inum {number} shows on this volume"
+        )
     folder = path.absolute().parent
     raise Misplaced(
         f"a file on a volume that is no longer mounted at {folder}: the data are there, in {path.name}"
     )
+
+
+def _has_other_name(descriptor: int, path: Path) -> bool:
+    """Return whether the name was deleted under which the file was opened, while another name is left."""
+    try:
+        opened = content(descriptor, path).readlink()
+    except OSError:
+        return False
+    return opened.name.endswith(" (deleted)") and os.fstat(descriptor).st_nlink > 0
 
 
 def _is(descriptor: int, path: Path) -> bool:

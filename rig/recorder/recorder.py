@@ -21,7 +21,7 @@ from drivers.clock import SystemClock
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame, InterlockState, LoadFrameState, StageState
 from rig.errors import RecordingError
 from rig.recorder.file import OpenRunFile
-from rig.recorder.place import Misplaced
+from rig.recorder.place import Misplaced, Overwritten
 from rig.recorder.records import NO_INTERLOCKS, InterlockRecord, RunHeader, StepRecord
 from rig.recorder.writer import Job, Writer
 from rig.recording import RecordingSettings
@@ -202,8 +202,13 @@ class Recorder:
         failure = self._writer.failure
         try:
             self._file.require_in_place()
+            self._file.require_untouched()
         except Misplaced as error:
             failure = self._writer.failure = failure or self._error("", error)
+        except Overwritten as error:
+            self._file.leave()
+            self._writer.failure = failure or self._error("", error)
+            raise self._writer.failure from error
         if failure is not None and status == "completed":
             status, reason = "failed", str(failure)
         try:
@@ -261,6 +266,9 @@ class Recorder:
         if isinstance(error, Misplaced):
             remedy = "let nobody move or delete the file of a run, or unmount its volume"
             return RecordingError(str(self.path), "the run file at this place", got, remedy)
+        if isinstance(error, Overwritten):
+            remedy = "let no other program write to the file of a run"
+            return RecordingError(str(self.path), "the run file as it was written", got, remedy)
         remedy = "check free space and permissions of the folder, or name another file with -o"
         if isinstance(error, OSError) and error.errno in _FULL:
             got = error.strerror or got

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from drivers.clock import Clock
 from rig.recorder.file import ROW_BYTES, OpenRunFile
-from rig.recorder.place import Misplaced
+from rig.recorder.place import Misplaced, Overwritten
 from rig.recording import RecordingSettings
 
 _JOBS_MAX = 100_000
@@ -159,6 +159,7 @@ class Writer(threading.Thread):
         written: list[Job] = []
         doing = jobs[0]
         try:
+            self._file.require_untouched()
             for doing in self._affordable(jobs):
                 doing.write(self._file)
                 written.append(doing)
@@ -166,7 +167,9 @@ class Writer(threading.Thread):
             self._synchronise_if_due(written)
         except Exception as error:
             self._fail(doing.what, error)
-            if not isinstance(error, Misplaced):
+            if isinstance(error, Overwritten):
+                self._file.leave()
+            elif not isinstance(error, Misplaced):
                 self._file.abandon()
             return
         for job in written:
@@ -199,6 +202,8 @@ class Writer(threading.Thread):
             self._synchronise()
         except OSError as error:
             self._fail("synchronising the run file with the disk", error)
+            if isinstance(error, Overwritten):
+                self._file.leave()
 
     def _fail(self, what: str, error: BaseException) -> None:
         with self._changed:

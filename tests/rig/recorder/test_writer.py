@@ -22,6 +22,9 @@ class Rows:
     def require_space(self, size):
         pass
 
+    def require_untouched(self):
+        pass
+
     def commit(self):
         self.commits.append([])
         self.written.set()
