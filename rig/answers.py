@@ -5,11 +5,23 @@ checked against an old value protects nothing.
 """
 
 import math
-from typing import Any
+from dataclasses import fields
+from datetime import datetime
+from functools import cache
+from typing import Any, get_type_hints
+
+import numpy as np
 
 from drivers.clock import Clock
 from drivers.errors import DeviceFault
-from drivers.interfaces import Frame, InterlockState, LoadFrameState, StageState
+from drivers.interfaces import (
+    CameraInfo,
+    DeviceInfo,
+    Frame,
+    InterlockState,
+    LoadFrameState,
+    StageState,
+)
 from drivers.registry import DeviceKind
 
 _TICK_S = 1e-6
@@ -19,6 +31,16 @@ _STATES: dict[DeviceKind, type] = {
     "stage": StageState,
     "interlock": InterlockState,
 }
+_UNLIKE = "mend the driver, which does not return what its interface declares"
+_WORDS: dict[Any, str] = {
+    float: "a number",
+    int: "a whole number",
+    bool: "True or False",
+    tuple[str, ...]: "a tuple of texts",
+    datetime: "a date and time with its zone, of this century or the last one",
+}
+_FINITE = ("load_n", "displacement_mm", "angle_deg")
+_FIRST_YEAR = 1970
 _UNKNOWN_TIMES = "mend the driver, whose times are not on the rig's clock"
 
 
@@ -41,6 +63,15 @@ def checked(kind: DeviceKind, name: str, device: Any, clock: Clock) -> Any:
     return _CheckedImages(name, device, clock) if kind == "camera" else device
 
 
+def require_identity(kind: DeviceKind, name: str, device: Any) -> None:
+    """Raise `DeviceFault` if a driver opened no device, or one without its description in `info`."""
+    expected = CameraInfo if kind == "camera" else DeviceInfo if kind in _STATES else None
+    info = getattr(device, "info", None)
+    if expected is not None and not isinstance(info, expected):
+        got = _shown(device) if device is None else f"one whose info is {_shown(info)}"
+        raise DeviceFault(name, "open", f"a device with a {expected.__name__} as info", got, _UNLIKE)
+
+
 class _Checked:
     """A wrapper around a device, which passes on all methods that it does not have itself."""
 
@@ -52,9 +83,14 @@ class _Checked:
 
     def _require_kind(self, action: str, value: object, kind: type) -> None:
         if not isinstance(value, kind):
-            got = "None" if value is None else f"a {type(value).__name__}"
-            remedy = "mend the driver, which does not return what its interface declares"
-            raise DeviceFault(self._name, action, f"a {kind.__name__}", got, remedy)
+            raise DeviceFault(self._name, action, f"a {kind.__name__}", _shown(value), _UNLIKE)
+        for name, expected in _kinds(kind).items():
+            given = getattr(value, name)
+            if not _fits(given, expected) or (name in _FINITE and not math.isfinite(given)):
+                words = (
+                    "a finite number" if name in _FINITE else _WORDS.get(expected, "a picture of grey levels")
+                )
+                raise DeviceFault(self._name, action, f"{words} as {name}", _shown(given), _UNLIKE)
 
 
 class _CheckedReadings(_Checked):
@@ -90,6 +126,33 @@ class _CheckedImages(_Checked):
             expected = "an image received until now"
             raise DeviceFault(self._name, "grab", expected, f"one received {got}", _UNKNOWN_TIMES)
         return frame
+
+
+@cache
+def _kinds(kind: type) -> dict[str, Any]:
+    """Return the declared type of each attribute of a state or an image."""
+    hints = get_type_hints(kind)
+    return {each.name: hints[each.name] for each in fields(kind)}
+
+
+def _fits(value: Any, declared: Any) -> bool:
+    """Return whether a value is of a declared type; numbers of numpy count as those of Python."""
+    if declared is bool:
+        return isinstance(value, bool | np.bool_)
+    if declared in (int, float):
+        kinds = (int, np.integer) if declared is int else (int, float, np.integer, np.floating)
+        return isinstance(value, kinds) and not isinstance(value, bool)
+    if declared == tuple[str, ...]:
+        return isinstance(value, tuple) and all(isinstance(each, str) for each in value)
+    if declared is datetime:
+        return isinstance(value, datetime) and value.tzinfo is not None and value.year >= _FIRST_YEAR
+    return isinstance(value, np.ndarray) and value.ndim == 2
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, int | float | np.number | datetime):
+        return str(value)
+    return "None" if value is None else f"a {type(value).__name__}"
 
 
 def _wrong_time(time_s: float, first_s: float, last_s: float) -> str:

@@ -18,7 +18,7 @@ from drivers.interfaces import (
     Operator,
     RotationStage,
 )
-from rig.answers import checked
+from rig.answers import checked, require_identity
 from rig.errors import InterlockOpen
 from rig.limit_settings import RigLimits
 from rig.rigfile import CALL_TIMEOUT_S, DeviceEntry, RigFile
@@ -230,12 +230,14 @@ class _Opener:
         )
         try:
             device = _open(entry, context, self._opening_s)
+            if device is not None:
+                self._close_at_end(entry, device)
+            require_identity(entry.spec.kind, entry.name, device)
         except (DeviceError, ConfigurationError) as error:
             if self._failed is None or entry.spec.kind in ("environment", "operator"):
                 raise
             self._failed[entry.name] = str(error)
             return None
-        self._close_at_end(entry, device)
         return checked(entry.spec.kind, entry.name, device, self.clock)
 
     def reopen(self, entry: DeviceEntry) -> Camera:

@@ -19,6 +19,7 @@ LAST_RESORT_S = 180.0
 Stopping the machines and closing run file and devices have shorter deadlines together."""
 OUTPUT_S = 5.0
 """Real time in s that a program that was told to end waits for its terminal or pipe."""
+_WORDS_MAX = 200
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 T = TypeVar("T")
@@ -43,16 +44,33 @@ class DeviceThread(threading.Thread):
         super().__init__(name=name, daemon=True)
 
 
-def without_ending(device: str, action: str, error: BaseException) -> BaseException:
-    """Return the exception of a driver's call, or an error instead of one that would end the program.
+def error_of_driver(device: str, action: str, error: BaseException) -> BaseException:
+    """Return the exception of a driver's call; a `DeviceFault` for one that no driver may raise.
 
     On the thread that waits for the call, a `SystemExit` would end the program, perhaps with the status of
-    success.
+    success, and an unknown exception would be a traceback. The exceptions of this program are returned as
+    they are.
     """
-    if not isinstance(error, SystemExit | KeyboardInterrupt):
+    if isinstance(error, Exception) and type(error).__module__.partition(".")[0] in _OWN:
         return error
-    got = f"a driver that ends the program ({type(error).__name__})"
-    return DeviceFault(device, action, "a call that returns or raises an error", got, "mend the driver")
+    if isinstance(error, SystemExit | KeyboardInterrupt):
+        got = f"a driver that ends the program ({type(error).__name__})"
+    else:
+        got = f"a driver that raises {type(error).__name__}{_words_of(error)}"
+    return DeviceFault(device, action, "a call that returns or raises a DeviceError", got, "mend the driver")
+
+
+_OWN = ("dic", "drivers", "rig", "simulators")
+
+
+def _words_of(error: BaseException) -> str:
+    """Return the message of an exception as one line of printable characters."""
+    try:
+        text = " ".join(str(error).split())
+    except Exception:
+        return ""
+    shown = "".join(each for each in text if each.isprintable())[:_WORDS_MAX]
+    return f" ({shown})" if shown else ""
 
 
 class Bounded(DeviceThread, Generic[T]):
@@ -91,7 +109,7 @@ class Bounded(DeviceThread, Generic[T]):
         try:
             value = self._function()
         except BaseException as error:
-            self._error = without_ending(self._device, self._action, error)
+            self._error = error_of_driver(self._device, self._action, error)
         else:
             with self._turn:
                 self._values.append(value)

@@ -16,7 +16,7 @@ from typing import Any, Generic, TypeVar
 
 from drivers.clock import Activity, Clock, Event, GivenUp, SystemClock
 from drivers.errors import DeviceError, DeviceTimeout, LinkLost
-from rig.threads import DeviceThread, waited_for_processor_s, without_ending
+from rig.threads import DeviceThread, error_of_driver, waited_for_processor_s
 
 T = TypeVar("T")
 
@@ -97,7 +97,7 @@ class Call(Generic[T]):
         except GivenUp:
             raise
         except BaseException as error:
-            self.fail(without_ending(self.device, self.action, error))
+            self.fail(error_of_driver(self.device, self.action, error))
 
     def finish(self, value: T) -> None:
         """Record the result of the call."""
@@ -212,7 +212,10 @@ class Calls:
         activity = self._clock.activity(at_once=True)
 
         def ended(_: object) -> None:
-            call.run()
+            try:
+                call.finish(future.result())
+            except BaseException as error:  # of this program, and no driver's
+                call.fail(error)
             self._news.set()
             activity.end()
 

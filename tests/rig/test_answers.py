@@ -1,13 +1,15 @@
 """A driver that returns what it cannot have read is told in one sentence."""
 
 import math
+import re
 from dataclasses import replace
+from datetime import datetime
 
 import pytest
 
 from drivers.errors import DeviceError, DeviceFault
-from rig.answers import checked
-from rig.threads import Bounded
+from rig.answers import checked, require_identity
+from rig.threads import Bounded, error_of_driver
 from tests.rig.conftest import FakeCamera, FakeStage
 
 AGE = [
@@ -64,6 +66,64 @@ def test_good_values_are_passed_on_and_so_is_every_other_method(clock):
     assert checked("camera", "one", FakeCamera(clock), clock).grab(1.0).sequence == 1
 
 
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"angle_deg": "45"}, "expected a finite number as angle_deg, got a str"),
+        ({"angle_deg": math.nan}, "expected a finite number as angle_deg, got nan"),
+        ({"moving": None}, "expected True or False as moving, got None"),
+        ({"time_s": None}, "expected a number as time_s, got None"),
+        ({"warnings": "NI"}, "expected a tuple of texts as warnings, got a str"),
+    ],
+)
+def test_state_with_a_value_of_another_kind_is_refused(clock, changes, said):
+    stage = FakeStage(clock, [], on_read=lambda state: replace(state, **changes))
+    with pytest.raises(DeviceFault, match=f"^stage: read: {said}; mend"):
+        checked("stage", "stage", stage, clock).read()
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"image": [[1, 2]]}, "expected a picture of grey levels as image, got a list"),
+        ({"utc": datetime(2026, 1, 1)}, "expected a date and time with its zone.* as utc"),
+        ({"sequence": None}, "expected a whole number as sequence, got None"),
+        ({"exposure_us": "1"}, "expected a number as exposure_us, got a str"),
+    ],
+)
+def test_image_with_a_value_of_another_kind_is_refused(clock, changes, said):
+    camera = FakeCamera(clock, on_grab=lambda _, frame: replace(frame, **changes))
+    with pytest.raises(DeviceFault, match=f"^one: grab: {said}"):
+        checked("camera", "one", camera, clock).grab(1.0)
+
+
+def test_device_without_its_description_is_refused():
+    for device in (None, object()):
+        with pytest.raises(DeviceFault, match="expected a device with a DeviceInfo as info"):
+            require_identity("stage", "stage", device)
+    require_identity("operator", "operator", object())
+
+
+class WithoutWords(Exception):
+    def __str__(self):
+        raise ValueError
+
+
+@pytest.mark.parametrize(
+    ("error", "got"),
+    [
+        (ZeroDivisionError("a bug"), r"ZeroDivisionError \(a bug\)"),
+        (RuntimeError("one\n\x1b[2Jtwo"), r"RuntimeError \(one \[2Jtwo\)"),
+        (GeneratorExit(), "GeneratorExit"),
+        (WithoutWords(), "WithoutWords"),
+    ],
+)
+def test_exception_that_is_no_device_error_is_one_sentence(error, got):
+    said = str(error_of_driver("stage", "read", error))
+    words = "stage: read: expected a call that returns or raises a DeviceError, got a driver that raises"
+    assert re.fullmatch(f"{words} {got}; mend the driver", said)
+
+
 @pytest.mark.parametrize("ending", [SystemExit(0), KeyboardInterrupt()])
 def test_driver_that_ends_the_program_fails_the_run_instead(rotation, ending):
     def end(state):
@@ -73,7 +133,7 @@ def test_driver_that_ends_the_program_fails_the_run_instead(rotation, ending):
     outcome = rotation.engine().run()
     assert outcome.status == "failed"
     assert outcome.reason.startswith(
-        "stage: read: expected a call that returns or raises an error, got a driver"
+        "stage: read: expected a call that returns or raises a DeviceError, got a driver"
     )
     with pytest.raises(DeviceError, match="a driver that ends the program"):
         Bounded("stage", "open", lambda: end(None)).result(60.0, "")

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import SystemClock, VirtualClock
-from drivers.errors import DeviceTimeout, LinkLost
-from drivers.interfaces import OpenContext
+from drivers.errors import DeviceError, DeviceTimeout, LinkLost
+from drivers.interfaces import CameraInfo, OpenContext
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
 from rig.devices import open_rig
@@ -20,6 +20,7 @@ class Opened:
     log: list[str]
     hook: Callable[[str], None]
     clock: VirtualClock = field(default_factory=VirtualClock)
+    info: CameraInfo = field(default_factory=lambda: CameraInfo("maker", "model", "1"))
 
     def close(self) -> None:
         self.hook(f"close {self.name}")
@@ -154,7 +155,10 @@ def test_error_of_a_closing_is_an_error_and_no_hang(error):
             raise error
 
     log = []
-    with pytest.raises(type(error)), open_rig(rig_file(log, {}, hook=fail)) as rig:
+    with (
+        pytest.raises(DeviceError, match=r"^on_axis: close: expected "),
+        open_rig(rig_file(log, {}, hook=fail)) as rig,
+    ):
         pass
     assert rig.lost == {}
     assert log[-2:] == ["close stage", "close simulation"]

@@ -107,7 +107,10 @@ def _make_private(folder: Path) -> bool:
         found = folder.lstat()
         if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid():
             return False
-        if stat.S_IMODE(found.st_mode) & 0o077:
+        if stat.S_IMODE(found.st_mode) & 0o022:
+            # Another user may have put machine code into it already.
+            return False
+        if stat.S_IMODE(found.st_mode) & 0o055:
             folder.chmod(0o700)
         return os.access(folder, os.W_OK | os.X_OK)
     except OSError:

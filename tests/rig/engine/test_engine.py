@@ -129,18 +129,44 @@ def test_camera_failure_holds_the_frame_first_and_closes_the_file_as_failed(tens
     assert tension.states[-3:] == ["IMAGING", "SAFING", "FAILED"]
 
 
-def test_unknown_exception_makes_safe_closes_the_file_and_is_raised_again(rotation):
+@pytest.fixture
+def explode_at(monkeypatch):
+    """A function that lets the recording of a step raise an exception that no code expects."""
+
+    def at(index, before=lambda: None):
+        record = Recorder.step
+
+        def explode(recorder, made):
+            if made.step.index == index:
+                before()
+                raise ZeroDivisionError("a bug")
+            return record(recorder, made)
+
+        monkeypatch.setattr(Recorder, "step", explode)
+
+    return at
+
+
+def test_unknown_exception_makes_safe_closes_the_file_and_is_raised_again(rotation, explode_at):
+    explode_at(2)
+    with pytest.raises(ZeroDivisionError):
+        rotation.engine().run()
+    assert rotation.calls[-1] == "stop"
+    assert rotation.states[-2:] == ["SAFING", "FAILED"]
+    assert read_run(rotation.path)["status"] == "failed"
+
+
+def test_unknown_exception_of_a_driver_fails_the_run(rotation):
     def explode(state):
         if state.angle_deg == 45.0:
             raise ZeroDivisionError("a driver with a bug")
         return state
 
     rotation.stage.on_read = explode
-    with pytest.raises(ZeroDivisionError):
-        rotation.engine().run()
+    outcome = rotation.engine().run()
+    assert outcome.status == "failed"
+    assert "stage: read: expected a call" in outcome.reason
     assert rotation.calls[-1] == "stop"
-    assert rotation.states[-2:] == ["SAFING", "FAILED"]
-    assert read_run(rotation.path)["status"] == "failed"
 
 
 def test_abort_from_another_thread_takes_effect_within_one_poll(tension):
@@ -319,15 +345,11 @@ def test_load_that_is_no_number_ends_the_run_at_once(tension, on_frame_state):
     assert tension.load_frame.reads == 60 + 1  # and once more, to say what holds
 
 
-def test_unknown_exception_carries_the_warning_that_the_machine_is_not_safe(tension):
+def test_unknown_exception_carries_the_warning_that_the_machine_is_not_safe(tension, explode_at):
     def refuse():
         raise DeviceTimeout("load_frame", "hold", "a hold", "silence", "check the link")
 
-    def explode(count, frame):
-        tension.load_frame.on_hold = refuse
-        raise ZeroDivisionError("a driver with a bug")
-
-    tension.cameras["on_axis"].on_grab = explode
+    explode_at(2, lambda: setattr(tension.load_frame, "on_hold", refuse))
     with pytest.raises(ZeroDivisionError) as caught:
         tension.engine().run()
     assert caught.value.__notes__[0].startswith("SAFE STATE NOT CONFIRMED, use the emergency stop")

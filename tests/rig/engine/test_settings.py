@@ -82,7 +82,8 @@ def test_a_device_that_reports_nothing_at_the_start_ends_the_run_before_anything
 def test_a_device_that_reports_nothing_at_the_end_is_a_warning_of_a_completed_run(rotation: FakeRig, error):
     rotation.stage.read_settings = Reporting(SPEED, error)
     assert rotation.engine().run().status == "completed"
-    assert [m for m in rotation.events() if m == f"stage: its settings are unknown at the end: {error}"]
+    begin = "stage: its settings are unknown at the end: stage: "
+    assert [m for m in rotation.events() if m.startswith(begin) and str(error.args[0]) in m]
     assert verify_run(rotation.path).problems == []
 
 
@@ -103,8 +104,7 @@ def test_settings_of_a_failed_run_are_read_after_the_safe_state(rotation: FakeRi
         raise OSError("USB gone")
 
     rotation.cameras["on_axis"].on_grab = unplug
-    with pytest.raises(OSError, match="USB gone"):
-        rotation.engine().run()
+    assert "raises OSError (USB gone)" in rotation.engine().run().reason
     assert asked == [1]
     with RunFile(rotation.path) as run:
         assert run.info.status == "failed"

@@ -46,6 +46,16 @@ def test_without_a_home_folder_it_is_a_private_one_with_the_number_of_the_user(
     assert not (tmp_path / "~").exists()
 
 
+def test_own_folder_that_others_could_write_to_is_not_used(folder, tmp_path):
+    """Another user may have put machine code into it before it was made private."""
+    place = tmp_path / "home" / ".cache" / "offaxis"
+    place.mkdir(parents=True)
+    place.chmod(0o777)
+    found = folder(str(tmp_path / "home"))
+    assert found is not None
+    assert place not in found.parents
+
+
 @pytest.mark.parametrize("planted", ["folder", "link"])
 def test_folder_of_another_user_or_a_link_is_not_used(folder, tmp_path, monkeypatch, planted):
     (tmp_path / "temporary").mkdir()
