@@ -63,7 +63,9 @@ def open_for_reading(path: Path) -> Any:
     try:
         return _opened(path)
     except OSError as error:
-        if error.errno not in _NO_LOCKS:
+        # Network drives refuse locks with many errors. HDF5's own marks still tell of a program that writes.
+        refused = "unable to lock file" in str(error) and error.errno not in _IN_USE
+        if error.errno not in _NO_LOCKS and not refused:
             raise
         return _opened(path, locking=False)
 

@@ -6,11 +6,12 @@ import re
 import struct
 import warnings
 from collections.abc import Callable, Iterable, Sequence
+from decimal import Decimal
 from pathlib import Path
 
 from dic.errors import ImageError, ImageWarning
 from dic.files.reading import opened
-from dic.image.channels import pages_by_channel
+from dic.image.channels import series_of_pages
 from dic.image.container import Damage
 from dic.image.numbering import missing_numbers
 from dic.image.tiff_directory import SIGNATURES as TIFFS
@@ -24,7 +25,9 @@ ENDINGS = (".png", ".tif", ".tiff", ".bmp", ".pgm", ".ppm", ".pnm", ".jpg", ".jp
 _PAGE = re.compile(r"(.+)#([1-9]\d{0,6})", re.DOTALL)
 _MOST_SHOWN = 8
 """Largest number of gaps that a warning names."""
-_PARTS = re.compile(r"(\d+)")
+_PARTS = re.compile(r"(\d+)", re.ASCII)
+_DECIMALS = re.compile(r"((?<![\d.,])\d+[.,]\d+(?![.,]?\d)|\d+)", re.ASCII)
+_FRACTION = re.compile(r"(?<![\d.,])\d+[.,](\d+)(?![.,]?\d)", re.ASCII)
 _SIGNS = ("-", "\u2212")
 _SHELLS: tuple[Callable[[Path], str], ...] = (
     str,
@@ -51,28 +54,35 @@ def page_name(file: Path, page: int) -> Path:
     return file.with_name(f"{file.name}#{page}")
 
 
-def natural_key(path: PathLike) -> list[tuple[int, str]]:
-    """Return a key that sorts names with numbers by the values of the numbers: img2 before img10."""
-    parts = _PARTS.split(str(path))
+def natural_key(path: PathLike, *, decimals: bool = False) -> list[tuple[int | Decimal, str]]:
+    """Return a key that sorts names with numbers by the values of the numbers: img2 before img10.
+
+    With `decimals`, a point or a comma between two numbers stands before decimals: l_0.5 after l_0.25.
+    """
+    stem = _without_ending(path)
+    parts = (_DECIMALS if decimals else _PARTS).split(stem)
+    parts[-1] += str(path)[len(stem) :]
     # Text and numbers alternate, so the same position of two keys always holds the same kind of part.
-    return [(int(part), part) if number % 2 else (0, part.casefold()) for number, part in enumerate(parts)]
+    return [(_value(part), part) if number % 2 else (0, part.casefold()) for number, part in enumerate(parts)]
 
 
 def in_natural_order(paths: Iterable[Path]) -> list[Path]:
-    """Return paths in the natural order of their names, in which numbers may be negative.
+    """Return paths in the natural order of their names, in which numbers may be negative or have decimals.
 
     Cameras with a trigger number the frames before it below zero: c_-2, c_-1, c_0, c_1. A hyphen before a
     number is its sign after an underscore, bracket or equals sign, or if another name has a number without a
     hyphen at this place. Otherwise it only separates, as in img-1, img-2.
     """
     paths = list(paths)
-    texts = [str(path) for path in paths]
-    before = {text[: each.start()].casefold() for text in texts for each in _PARTS.finditer(text)}
+    texts = [_without_ending(path) for path in paths]
+    decimals = _have_decimals(texts)
+    numbers = _DECIMALS if decimals else _PARTS
+    before = {text[: each.start()].casefold() for text in texts for each in numbers.finditer(text)}
 
-    def key(path: Path) -> list[tuple[int, str]]:
-        text = str(path)
-        parts = natural_key(path)
-        for place, each in enumerate(_PARTS.finditer(text)):
+    def key(path: Path) -> list[tuple[int | Decimal, str]]:
+        text = _without_ending(path)
+        parts = natural_key(path, decimals=decimals)
+        for place, each in enumerate(numbers.finditer(text)):
             prefix = text[: each.start() - 1]
             signed = text[: each.start()].endswith(_SIGNS) and not prefix[-1:].isdigit()
             if signed and (prefix.endswith(("_", "(", "[", "=")) or prefix.casefold() in before):
@@ -83,6 +93,27 @@ def in_natural_order(paths: Iterable[Path]) -> list[Path]:
         return parts
 
     return sorted(paths, key=key)
+
+
+def _have_decimals(texts: Sequence[str]) -> bool:
+    """Return whether points or commas in names stand before decimals, as in l_0, l_0.5, l_1.
+
+    In 1.8, 1.9, 1.10 they separate whole numbers: no program that leaves out zeros at the end writes 1.10.
+    """
+    fractions = [text for each in texts for text in _FRACTION.findall(each)]
+    if len({len(fraction) for fraction in fractions}) < 2:
+        return bool(fractions)
+    return not any(len(fraction) > 1 and fraction.endswith("0") for fraction in fractions)
+
+
+def _without_ending(path: PathLike) -> str:
+    """Return a path without the ending of its name, whose point is none of a number."""
+    path = Path(path)
+    return str(path.with_suffix("") if path.suffix.lower() in ENDINGS else path)
+
+
+def _value(text: str) -> int | Decimal:
+    return Decimal(text.replace(",", ".")) if "." in text or "," in text else int(text)
 
 
 def list_images(*sources: PathLike) -> list[Path]:
@@ -153,18 +184,19 @@ def _pages_of_tiff(file: Path) -> int:
         if content[:4] not in TIFFS:
             return 1
         pages = pages_of_file(content)
-        channels = pages_by_channel(content, pages)
-    if len(channels) > 1:
-        shown = [f"{page_name(file, page)}" for page in channels[0]]
+        series, what = series_of_pages(content, pages)
+    if len(series) > 1:
+        shown = [f"{page_name(file, page)}" for page in series[0]]
         ends = shown if len(shown) <= _MOST_SHOWN else [*shown[: _MOST_SHOWN - 1], "…"]
         raise ImageError(
             str(file),
             "list images",
-            "a series of images of one channel",
-            f"{len(channels)} channels of {len(shown)} images each",
-            f"save one channel alone, or name its pages, those of channel 1 being {' '.join(ends)}",
+            "one series of images",
+            f"{what}: {len(series)} series of {len(shown)} images each",
+            f"save one series alone, or name its pages, those of the first being {' '.join(ends)}",
         )
-    return len(pages)
+    # the reader of the image tells of a file without pages
+    return max(1, len(pages))
 
 
 def _frames(file: Path) -> int:

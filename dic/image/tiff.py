@@ -49,6 +49,8 @@ def read_tiff(content: FileContent, page: int = 1) -> Container:
     """
     pages = pages_of_file(content)
     if page > len(pages):
+        if not pages:
+            raise Damage("a TIFF without pages, which was not written to its end", "save or copy it again")
         raise Damage(f"a TIFF with {len(pages)} pages", f"name a page from 1 to {len(pages)}")
     entries = read_entries(content, pages[page - 1])
     order = byte_order(content)

@@ -194,13 +194,22 @@ OME = (
         ("ImageJ=1.54\nimages=6\nchannels=2\nframes=3\nhyperstack=true\n", "a.tif#1 a.tif#3 a.tif#5"),
         (OME.format("XYCZT"), "a.tif#1 a.tif#3 a.tif#5"),
         (OME.format("XYZTC"), "a.tif#1 a.tif#2 a.tif#3"),
+        ("ImageJ=1.54\nimages=6\nslices=2\nframes=3\nhyperstack=true\n", "a.tif#1 a.tif#3 a.tif#5"),
+        (OME.format("XYZTC").replace('C="2"', 'C="1"').replace('Z="1"', 'Z="2"'), "a.tif#1 a.tif#3 a.tif#5"),
+        ('{"shape": [3, 2, 64, 64], "axes": "TCYX"}', "a.tif#1 a.tif#3 a.tif#5"),
+        ('{"shape": [2, 3, 64, 64], "axes": "CTYX"}', "a.tif#1 a.tif#2 a.tif#3"),
+        ('{"shape": [6, 64, 64], "axes": "TYX"}', None),
+        ('{"shape": [6, 64, 64]}', None),
+        ("ImageJ=1.54\nimages=6\nslices=6\n", None),
         ("ImageJ=1.54\nimages=6\nframes=6\n", None),
         ("ImageJ=1.54\nimages=6\nchannels=4\n", None),
         (OME.format("XYCZT").replace('SizeC="2"', 'SizeC="1"'), None),
         ("6 images in 2 channels=2", None),
     ],
 )
-def test_channels_of_a_stack_are_no_series_of_images(tmp_path, monkeypatch, description, channel_1):
+def test_channels_and_depths_of_a_stack_are_no_series_of_images(
+    tmp_path, monkeypatch, description, channel_1
+):
     monkeypatch.chdir(tmp_path)
     tifffile = pytest.importorskip("tifffile")
     images = [picture.astype(np.uint8) for picture in pictures(6)]
@@ -210,7 +219,7 @@ def test_channels_of_a_stack_are_no_series_of_images(tmp_path, monkeypatch, desc
     if channel_1 is None:
         assert len(list_images("a.tif")) == 6
         return
-    with pytest.raises(ImageError, match=f"got 2 channels of 3 images each; .* channel 1 being {channel_1}$"):
+    with pytest.raises(ImageError, match=f"2 series of 3 images each; .* of the first being {channel_1}$"):
         list_images("a.tif")
     assert names(list_images(*channel_1.split())) == channel_1.split()
 
@@ -230,6 +239,13 @@ def test_names_with_numbers_are_in_the_order_of_the_numbers():
         ["frame-10.tif", "frame-2.tif", "frame0.tif", "frame3.tif"],
         ["t=\u22122.5", "t=\u22121.5", "t=0.5"],
         ["a (-3) b", "a (-1) b", "a (2) b"],
+        # decimals
+        ["t_-0.5s.png", "t_0.0s.png", "t_0.5s.png", "t_1.0s.png"],
+        ["l_0.png", "l_0.5.png", "l_1.png", "l_1.25.png"],
+        ["F_1kN.tif", "F_1,5kN.tif", "F_10kN.tif"],
+        # points that separate
+        ["cam1.8.tif", "cam1.9.tif", "cam1.10.tif"],
+        ["a.1.9.tif", "a.1.10.tif"],
         # a hyphen that only separates
         ["img-1", "img-2", "img-10"],
         ["scan -1", "scan -2"],
@@ -300,3 +316,11 @@ def test_a_name_that_no_file_can_have_is_refused_by_the_reader(tmp_path: Path, n
     assert list_images(tmp_path / name) == [tmp_path / name]
     with pytest.raises(ImageError, match=f"{got}; name an image file that exists"):
         read_image(tmp_path / name)
+
+
+@pytest.mark.parametrize("content", [b"II*\0" + bytes(12), b"II*\0\0\0\0\0" + bytes(4000)])
+def test_file_that_was_not_written_to_its_end_is_told_by_its_reader(tmp_path, content):
+    (tmp_path / "a.tif").write_bytes(content)
+    assert list_images(tmp_path / "a.tif") == [tmp_path / "a.tif"]
+    with pytest.raises(ImageError, match="a TIFF without pages, which was not written to its end"):
+        read_image(tmp_path / "a.tif")
