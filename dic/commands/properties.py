@@ -170,6 +170,7 @@ def properties(
     Exit status: 0 if E was found, 1 if not, 2 if the record cannot be used.
     """
     from dic import CurveError, gauge_curve, material_properties, with_shared_error
+    from dic.commands.gauge_text import joined_line
     from dic.pipeline.gauge_series import is_results
     from dic.pipeline.test_ontology import about_curve, about_series
 
@@ -191,6 +192,8 @@ def properties(
         content |= {"strain_kind": read.kind, "images": images, "left_out": read.left_out}
         content |= {} if joined is None else {"record": joined.as_dict()}
         say(f"{read.kind} strain of {images} images, {read.left_out} without a reading")
+        if joined is not None:
+            say(joined_line(joined))
         about = about_series(series, gauge, read.kind, facts, iri=iri)
     else:
         _require_no_gauges(curve, field.given, choice, record)

@@ -14,6 +14,9 @@ from dic.records.joining import JOINS, JoinedRecord, join_by_name, join_by_row, 
 from dic.records.machine import MachineRecord
 from dic.typing import Float, Mask
 
+_COPIED = 0.1
+"""Images of a test span more than this part of the machine's record. Copies of their files span less."""
+
 
 @dataclass(frozen=True)
 class ImageClock:
@@ -126,6 +129,8 @@ def join_record(
     else:
         clock = clock or ImageClock()
         times_s, source = clock.of(series.images)
+        if source == "file":
+            _require_own_times(record, times_s)
         strain = None
         if clock.offset_s is None:
             strain, _ = series.strain(gauge or _first_along(series, record))
@@ -137,6 +142,24 @@ def join_record(
         for image, reading in zip(series.images, map(joined.reading, range(len(labels))), strict=True)
     )
     return replace(series, images=images), joined
+
+
+def _require_own_times(record: MachineRecord, times_s: Float) -> None:
+    """Raise an error if the times of the image files' last change are probably those of a copy.
+
+    Raises
+    ------
+    CurveError
+        If the images span a small part of the machine's record.
+    """
+    span_s = float(np.ptp(times_s))
+    whole_s = 0.0 if record.time_s is None else float(np.ptp(record.time_s))
+    if span_s < _COPIED * whole_s:
+        expected = (
+            f"image files whose last changes span at least {_COPIED * whole_s:.3g} s of the {whole_s:.6g} s"
+        )
+        remedy = "give --image-interval-s, or --image-times with a table: copying files changes their times"
+        raise record.wrong("join by time", expected, f"{span_s:.3g} s", remedy)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import Any
 from dic.errors import CorrelationError
 from dic.image.pages import list_images, split_page
 from dic.image.read import read_image
+from dic.pipeline.series_order import doubts_about_order
 from dic.typing import PathLike
 
 
@@ -80,7 +81,7 @@ class SeriesSources:
         if listed and not kept:
             expected, remedy = "other images than the reference", "name images of the deformed specimen"
             raise CorrelationError(str(reference), "list images", expected, "none", remedy)
-        return cls(first, kept, notes)
+        return cls(first, kept, notes + doubts_about_order(first, kept))
 
 
 def files_of(images: Iterable[Path]) -> list[Path]:

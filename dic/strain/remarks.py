@@ -9,6 +9,8 @@ from dic.correlation.field import Field
 from dic.typing import Float
 
 _STILL_PX = 1e-4
+_PART = 0.1
+"""Noise leaves fewer points still than this share."""
 _JUMP_MIN_PX = 0.1
 _CLEAR = 8.0
 """A jump is at least this multiple of the usual deviation of the other rows."""
@@ -23,8 +25,14 @@ _ACROSS = 0.8
 def remarks_on(field: Field) -> list[str]:
     """Return one sentence for each thing about a picture that makes its strain doubtful."""
     found = []
-    if _is_reference(field):
+    still = _still_share(field)
+    if still == 1.0:
         found.append("no point has moved at all: this is the reference's own picture, or a copy of it")
+    elif still >= _PART:
+        found.append(
+            f"{100 * still:.0f} % of the points have not moved at all: a part of this picture is the "
+            "reference's"
+        )
     if (place := _tear(field)) is not None:
         y_px, jump_px = place
         found.append(
@@ -34,10 +42,10 @@ def remarks_on(field: Field) -> list[str]:
     return found
 
 
-def _is_reference(field: Field) -> bool:
-    """Return whether no point has moved by as much as the noise of any camera."""
-    moved = np.abs(np.stack([field.u_px, field.v_px])[:, field.converged])
-    return bool(moved.size) and float(moved.max()) < _STILL_PX
+def _still_share(field: Field) -> float:
+    """Return the share of the points that have moved by less than the noise of any camera."""
+    moved = np.abs(np.stack([field.u_px, field.v_px])[:, field.converged]).max(axis=0, initial=0.0)
+    return float(np.mean(moved < _STILL_PX)) if moved.size else 0.0
 
 
 def _tear(field: Field) -> tuple[float, float] | None:

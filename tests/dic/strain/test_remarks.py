@@ -49,3 +49,18 @@ def test_other_displacements_are_not_remarked_on(u):
 def test_reference_against_itself_is_remarked_on():
     (said,) = remarks_on(field_of(lambda x, y: 0.0 * x, noise=0.0))
     assert "the reference's own picture, or a copy of it" in said
+
+
+def test_part_of_the_reference_in_a_picture_is_remarked_on():
+    pattern = SpecklePattern(seed=3, shape=SHAPE)
+    rng = np.random.default_rng(2)
+    reference, deformed = (
+        drawn + rng.normal(0.0, 1.0, SHAPE).astype(np.float32)
+        for drawn in (pattern.draw(), pattern.draw(lambda x, y: (x, y - 0.004 * (y - 130))))
+    )
+    deformed[140:] = reference[140:]
+    field = Correlator(reference, np.ones(SHAPE, bool), CorrelationSettings(21, 10)).correlate(deformed)
+    assert (
+        "of the points have not moved at all: a part of this picture is the reference's"
+        in remarks_on(field)[0]
+    )

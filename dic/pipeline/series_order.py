@@ -1,0 +1,47 @@
+"""Signs that the reference and the deformed images of a series were given in the wrong order."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from dic.image.pages import in_natural_order, natural_key
+from dic.image.times import SeriesTimes
+
+_REFERENCE = re.compile(
+    r"(?i)(^|[^a-z])(ref|reference|referenz|undeformed|unloaded|unstrained|initial|nullbild|zero)([^a-z]|$)"
+)
+_MOST_TIMES = 50
+"""Number of images whose times are read; a series given in the wrong order shows it at once."""
+
+
+def doubts_about_order(reference: Path, images: Sequence[Path]) -> list[str]:
+    """Return a sentence if the reference seems to be a deformed image: by its name, its number or its time.
+
+    Strain between swapped images has the wrong sign and, at large strain, the wrong size; nothing else shows
+    it.
+    """
+    named = [image for image in images if _REFERENCE.search(image.stem)]
+    if named and not _REFERENCE.search(reference.stem):
+        return [_doubt(reference, f"{named[0].name}, which is named as a reference, is measured against it")]
+    if (
+        images
+        and _begin_alike([reference, *images])
+        and in_natural_order([*images, reference])[-1] == reference
+    ):
+        return [_doubt(reference, "all other images come before it by their names")]
+    clock = SeriesTimes(reference)
+    times = [clock.of(image) for image in images[:_MOST_TIMES]]
+    own = [time.time_s for time in times if time.source in ("exif", "video") and time.time_s is not None]
+    if own and max(own) < 0.0:
+        return [_doubt(reference, "all other images were taken before it")]
+    return []
+
+
+def _begin_alike(paths: Sequence[Path]) -> bool:
+    """Return whether names differ in numbers only, so that their order is that of the images."""
+    shapes = {tuple(text for _, text in natural_key(path.name)[::2]) for path in paths}
+    return len(shapes) == 1
+
+
+def _doubt(reference: Path, why: str) -> str:
+    return f"is {reference.name} the reference? {why}; swapped images give strain of the wrong sign"
