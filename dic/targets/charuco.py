@@ -5,6 +5,8 @@ markers. The corners of nearby markers predict where the corners of the squares 
 then measures the corners of the squares.
 """
 
+from difflib import get_close_matches
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -61,6 +63,10 @@ def find_charuco(
     wanted = f"corners of a board of {squares[0]} × {squares[1]} squares with markers of {dictionary}"
     expected = f"at least half of the {lines[0] * lines[1]} {wanted}"
     number, corners, place, marker_px = _markers_on_board(image, squares, marker_side, dictionary)
+    if len(place) < _FEWEST_MARKERS and _first_is_hidden(number, squares[0] * squares[1] // 2):
+        got = f"the markers {number.min()} to {number.max()} of a board that does not begin with marker 0"
+        remedy = "uncover its first and its last marker, which show where it begins, or correct --squares"
+        raise CalibrationError(source, _STEP, expected, got, remedy)
     if len(place) < _FEWEST_MARKERS:
         raise TargetNotSeen(source, _STEP, expected, f"{len(place)} markers of this board", _REMEDY)
     again = _second_board(number, corners, marker_px)
@@ -98,6 +104,15 @@ def is_dictionary(name: str) -> bool:
     return name.startswith("DICT_") and hasattr(cv2.aruco, name)
 
 
+def nearest_dictionary(name: str) -> str:
+    """Return the name of OpenCV's dictionary that is most like a name, such as DICT_4X4_250 for 4x4_250."""
+    import cv2
+
+    known = [each for each in dir(cv2.aruco) if each.startswith("DICT_")]
+    wanted = f"DICT_{str(name).upper().removeprefix('DICT_')}"
+    return next(iter(get_close_matches(wanted, known, 1, 0.8)), "DICT_5X5_100")
+
+
 def _markers_on_board(
     image: NDArray[np.uint8], squares: tuple[int, int], marker_side: float, dictionary: str
 ) -> tuple[Indices, Float, Float, Float]:
@@ -126,6 +141,8 @@ def _markers_on_board(
         scaled = image if scale == 1 else cv2.resize(image, None, fx=scale, fy=scale)
         number, corners = markers_seen(scaled, dictionary)
         corners = (corners + 0.5) / scale - 0.5
+        if len(number) > len(best[0]) and not len(best[2]):
+            best = number, corners, none, none
         for first in _first_numbers(number, possible):
             for legacy in (False, True):
                 at_number = _drawn_markers(squares, marker_side, dictionary, first, legacy=legacy)
@@ -149,6 +166,12 @@ def _first_numbers(number: Indices, possible: int) -> list[int]:
     if not len(number) or int(number.max()) < possible:
         return [0]
     return [0, int(number.min())] if int(np.ptp(number)) == possible - 1 else [0]
+
+
+def _first_is_hidden(number: Indices, possible: int) -> bool:
+    """Return whether the markers are those of a part of a board that does not begin with marker 0."""
+    enough = len(number) >= _FEWEST_MARKERS and int(number.max()) >= possible
+    return enough and int(np.ptp(number)) < possible - 1
 
 
 def _drawn_markers(

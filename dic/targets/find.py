@@ -287,7 +287,7 @@ def require_possible(spec: Target, source: str) -> None:
             )
         )
     if isinstance(spec, CharucoTarget):
-        from dic.targets.charuco import is_dictionary
+        from dic.targets.charuco import is_dictionary, nearest_dictionary
 
         checks += [
             (
@@ -302,7 +302,7 @@ def require_possible(spec: Target, source: str) -> None:
                 "dictionary",
                 "a dictionary of OpenCV",
                 spec.dictionary,
-                "give --dictionary DICT_5X5_100",
+                f"give --dictionary {nearest_dictionary(spec.dictionary)}",
             ),
         ]
     require_all(CalibrationError, source, checks)

@@ -250,7 +250,7 @@ class RtuWire:
 
     def _receive(self, deadline_s: float, wake: int | None) -> bytes:
         buffer = b""
-        while (size := _frame_size(buffer)) is None or len(buffer) < size:
+        while (size := _frame_size(buffer)) is None or len(buffer) < size or self._may_be_echo(buffer[:size]):
             if not (data := self._channel.receive(deadline_s, wake)):
                 self._require_no_echo(buffer)
                 raise SilenceError(f"the part {shown(buffer)}" if buffer else "none")
@@ -261,6 +261,11 @@ class RtuWire:
         if buffer != (frame * (len(buffer) // size + 1))[: len(buffer)]:
             raise DamagedError(f"more than one frame, {shown(buffer)}")
         return frame
+
+    def _may_be_echo(self, frame: bytes) -> bool:
+        """Return whether a damaged frame is rather the beginning of the request, which the line returns."""
+        begins = len(frame) < len(self._sent) and self._sent.startswith(frame)
+        return begins and crc(frame[:-2]) != frame[-2:]
 
     def _require_no_echo(self, buffer: bytes) -> None:
         """Raise an error if the line returns a request to read, which is no answer to it."""
