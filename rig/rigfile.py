@@ -114,6 +114,8 @@ def read_rig(path: str | Path) -> RigFile:
     """
     path = Path(path)
     data, text = read_toml_text(path)
+    if "kind" in data and not _KNOWN & set(data):
+        raise ConfigurationError(str(path), ["expected a rig file, got a protocol; give the rig file here"])
     known = ", ".join(sorted(_KNOWN))
     mistakes = [
         f"{key}: unknown key; remove it, or name it one of {known}" for key in data if key not in _KNOWN

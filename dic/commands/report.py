@@ -111,6 +111,7 @@ class ReportOutputs:
                 "tests": [each.as_dict() | {"tables": tables_of_test(each, results)} for each in tests]
             }
             write_text(self.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+            say(f"values: {self.json_file}")
         if self.ttl_file is not None:
             left_out = write_test_ontology(tests[0], self.ttl_file, iri=self.ttl_iri or "")
             say(ontology_line(self.ttl_file, left_out))
@@ -208,7 +209,7 @@ def report(
     outputs.require_test(tests)
     loaded = _write(results, tests, gauges, page, outputs)
     outputs.write_values(tests, loaded)
-    say(f"report: {outputs.output}")
+    say(f"report: {', '.join(str(path) for path in (outputs.output, outputs.pdf) if path is not None)}")
 
 
 def _write(

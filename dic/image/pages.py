@@ -142,7 +142,20 @@ def list_images(*sources: PathLike) -> list[Path]:
     given = [Path(source) for source in sources]
     if any(given == sorted(given, key=key) for key in _SHELLS):
         given = in_natural_order(given)
-    return [page for source in given for file in _files(source) for page in _pages(file)]
+    found = [page for source in given for file in _files(source) for page in _pages(file)]
+    for page in found:
+        _require_text(page)
+    return found
+
+
+def _require_text(path: Path) -> None:
+    """Raise an error for a name that no result file could hold, such as one from an archive in Latin-1."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        shown = str(path).encode("utf-8", "backslashreplace").decode()
+        expected, got = "a name in UTF-8, the encoding of this system", "one in another encoding"
+        raise ImageError(shown, "list images", expected, got, "rename the file") from None
 
 
 def _files(source: Path) -> Sequence[Path]:

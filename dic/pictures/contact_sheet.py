@@ -20,7 +20,7 @@ from dic.typing import Grey, ImageLike, PathLike
 MOST_PANELS = 48
 """Largest number of images shown; of a longer series, evenly spaced images from first to last are shown."""
 
-_LONGEST_NAME = 24
+_LONGEST_NAME, _SHORTEST_NAME = 24, 4
 
 
 def shown_of(number: int) -> list[int]:
@@ -114,7 +114,8 @@ def draw_contact_sheet(
         axis = layout.add_axes(figure, index)
         draw_background(axis, background)
         kind = f", {panels[index].kind}" if mixed else ""
-        axis.set_title(shortened(name, beside=kind), fontsize=FONT_PT - 1, pad=1.5, y=1.0)
+        text = shortened(name, beside=kind, most=layout.letters)
+        axis.set_title(text, fontsize=FONT_PT - 1, pad=1.5, y=1.0, loc="left")
         meshes.append(draw_panel(axis, panels[index], maps.places.drawn_corners(), settings, scale))
     drawn = [mesh for mesh in meshes if mesh is not None]
     if drawn:
@@ -123,10 +124,13 @@ def draw_contact_sheet(
     return figure
 
 
-def shortened(name: str, beside: str = "") -> str:
+def shortened(name: str, beside: str = "", most: int = _LONGEST_NAME) -> str:
     """Return the last part of a path, cut at its beginning if it is too long for a small map.
 
-    The text `beside` follows the name and is not cut.
+    The text `beside` follows the name and is not cut. Neither is a number before the name, as in "7: a.png".
     """
-    last, most = PurePath(name).name, _LONGEST_NAME - len(beside)
-    return (last if len(last) <= most else "…" + last[1 - most :]) + beside
+    number, colon, last = PurePath(name).name.rpartition(": ")
+    most = min(most, _LONGEST_NAME) - len(beside) - len(number + colon)
+    if most < _SHORTEST_NAME and colon:
+        return number + beside
+    return number + colon + (last if len(last) <= most else "…" + last[1 - max(most, 2) :]) + beside

@@ -13,10 +13,12 @@ _MARGIN_MM = 1.5
 _GAP_MM = 1.5
 _LEAST_AXES_MM = 16.0
 """Least width of a panel's axes with numbers, which narrower axes have no place for."""
+_LETTER_MM = 1.25
+"""Width of a letter of 6 pt."""
 _NUMBER_MM = 8.0
 """Width of an axis for each number below it."""
 _MOST_NUMBERS = 5
-_FITTING, _HIGHEST = 0.75, 1.1
+_FITTING, _HIGHEST = 0.75, 0.9
 """Largest heights as fractions of the picture's width: of the picture if more columns can achieve it, and of
 a row in any case.
 """
@@ -96,6 +98,16 @@ class Layout:
         most_mm = _HIGHEST * self.width_mm - self._frame_mm - _PANEL_TITLE_MM - _GAP_MM
         width = min(self._width_mm, max(most_mm, 3.0) / self.aspect)
         return width, width * self.aspect
+
+    @property
+    def letters(self) -> int:
+        """Number of letters of a panel's title that fit into its cell."""
+        return max(1, int(self.title_mm / _LETTER_MM))
+
+    @property
+    def title_mm(self) -> float:
+        """Width for the title of a panel, which may reach over its colour bar."""
+        return max(self._cell_mm - _GAP_MM, self.axes_mm[0])
 
     @property
     def _row_mm(self) -> float:

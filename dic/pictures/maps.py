@@ -17,6 +17,7 @@ from dic.strain.measurement import Measurement
 from dic.typing import Float, ImageLike, PathLike
 
 _GREY_PERCENTILES = (1.0, 99.5)
+_MOST_BAR_NUMBERS, _BAR_NUMBER_MM = 8, 3.5
 _LETTER_WIDTH, _LEAST_TITLE_PT = 0.6, 4.0
 """Mean width of a letter as a share of its size, and the least size of a title's letters."""
 
@@ -85,8 +86,8 @@ def draw_maps(maps: Maps, image: NDArray[Any], title: str, settings: MapSettings
         if unit is not None:
             draw_numbers(axis, unit, layout, index)
         # If the height of the title is given, matplotlib need not measure all labels to find it.
-        size = fitting_pt(panel.title, layout.axes_mm[0], FONT_PT)
-        axis.set_title(panel.title, fontsize=size, pad=2.5, y=1.0)
+        size = fitting_pt(panel.title, layout.title_mm, FONT_PT)
+        axis.set_title(panel.title, fontsize=size, pad=2.5, y=1.0, loc="left")
         mesh = draw_panel(axis, panel, corners, settings, scale)
         if mesh is not None:
             draw_bar(figure, mesh, layout.add_bar(figure, index), cut_ends([panel], scale))
@@ -142,7 +143,12 @@ def draw_panel(axis: Any, panel: Panel, corners: Float, settings: MapSettings, s
 
 def draw_bar(figure: Any, mesh: Any, axis: Any, extend: str) -> None:
     """Draw the colour bar; an end of the bar is an arrow if the map has values beyond this end."""
+    from matplotlib.ticker import MaxNLocator
+
     bar = figure.colorbar(mesh, cax=axis, extend=extend, extendfrac=0.04)
+    height_mm = axis.get_position().height * figure.get_figheight() * MM_PER_IN
+    bar.locator = MaxNLocator(nbins=max(1, min(_MOST_BAR_NUMBERS, int(height_mm / _BAR_NUMBER_MM))))
+    bar.update_ticks()
     bar.ax.tick_params(labelsize=FONT_PT - 1, length=2, pad=1.5)
     bar.ax.ticklabel_format(useOffset=False)
 

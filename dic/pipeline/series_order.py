@@ -10,6 +10,9 @@ from dic.image.times import SeriesTimes
 _REFERENCE = re.compile(
     r"(?i)(^|[^a-z])(ref|reference|referenz|undeformed|unloaded|unstrained|initial|nullbild|zero)([^a-z]|$)"
 )
+_TARGET = re.compile(
+    r"(?i)(^|[^a-z])(grid|calib\w*|target|che(ss|cker)board|charuco|dots|mask|roi)([^a-z]|$)"
+)
 _MOST_TIMES = 50
 """Number of images whose times are read; a series given in the wrong order shows it at once."""
 
@@ -23,11 +26,10 @@ def doubts_about_order(reference: Path, images: Sequence[Path]) -> list[str]:
     named = [image for image in images if _REFERENCE.search(image.stem)]
     if named and not _REFERENCE.search(reference.stem):
         return [_doubt(reference, f"{named[0].name}, which is named as a reference, is measured against it")]
-    if (
-        images
-        and _begin_alike([reference, *images])
-        and in_natural_order([*images, reference])[-1] == reference
-    ):
+    if images and _TARGET.search(reference.stem) and not _TARGET.search(images[-1].stem):
+        return [f"is {reference.name} the reference? It is named as a calibration target; give another first"]
+    every = [*images, reference]
+    if images and _begin_alike(every) and in_natural_order(every)[-1] == reference:
         return [_doubt(reference, "all other images come before it by their names")]
     clock = SeriesTimes(reference)
     times = [clock.of(image) for image in images[:_MOST_TIMES]]

@@ -65,7 +65,7 @@ class SeriesSources:
         if images is None:
             if others or not split_page(first)[0].exists():
                 # If the reference does not exist, the later reading raises an error.
-                return cls(first, others, notes)
+                return cls(first, others, notes + doubts_about_order(first, others))
             # Keep the name of a damaged stack or video. The later reading reports the reason.
             read_image(first)
             expected, remedy = "images of the deformed specimen", "name them, or a folder, stack or video"

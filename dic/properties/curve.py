@@ -103,6 +103,8 @@ class Curve:
 
     def _require_tension(self) -> None:
         low, high = float(self.load_n.min()), float(self.load_n.max())
+        if low == high == 0.0:
+            raise self._wrong("load", "a load", "zero at all points", "name another column")
         if high <= 0.0 or -low > high:
             got = f"compression: loads from {low:g} N to {high:g} N"
             remedy = (

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 
 import numpy as np
 
@@ -137,7 +138,11 @@ class Table:
         present = ", ".join(repr(cell) for cell in named if cell) or "no headings"
         expected = "one column of this name" if places else f"one of the columns {present}"
         got = f"{len(places)} columns of this name" if places else repr(column.name)
-        raise self._wrong(column.role, expected, got, f"give the number of the column, from 1 to {width}")
+        near = [] if places else get_close_matches(column.name, [cell for cell in named if cell], 1)
+        meant = f"did you mean '{near[0]}', or " if near else ""
+        raise self._wrong(
+            column.role, expected, got, f"{meant}give the number of the column, from 1 to {width}"
+        )
 
     def _require_a_heading_for_each_column(self, column: ColumnUnit, place: int) -> None:
         """Raise an error if a line of headings does not fit the columns, so that its places are uncertain."""

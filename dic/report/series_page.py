@@ -28,6 +28,8 @@ from dic.strain.measurement import Measurement
 from dic.strain.strain import gauge_text
 from dic.typing import PathLike
 
+_UNFINISHED = "The series was stopped before its last image; the same command goes on with the others."
+
 
 @dataclass(frozen=True)
 class SeriesView:
@@ -109,11 +111,17 @@ def series_dict(result: SeriesResult) -> dict[str, object]:
     return {
         "results": result.source,
         "reference": result.reference_name,
+        "unfinished": is_unfinished(result),
         "images": [image.row() for image in result.series.images],
         "command": result.provenance.command,
         "versions": result.provenance.versions,
         "inputs": dict(result.provenance.inputs),
     }
+
+
+def is_unfinished(result: SeriesResult) -> bool:
+    """Return whether the series was stopped: its folder of finished images lies beside the result file."""
+    return Path(f"{result.source}.unfinished").exists()
 
 
 def _title(results: Sequence[SeriesResult], views: Sequence[SeriesView]) -> str:
@@ -123,7 +131,8 @@ def _title(results: Sequence[SeriesResult], views: Sequence[SeriesView]) -> str:
     names = [PurePath(row.name).stem for row in rows if row.share != NONE] or [rows[0].name]
     if len(names) == 1:
         return f"Strain in {names[0]}"
-    return f"Strain in {len(names)} images, {names[0]} to {names[-1]}"
+    count = f"{len(names)} images" if len(names) == len(rows) else f"{len(names)} of {len(rows)} images"
+    return f"Strain in {count}, {names[0]} to {names[-1]}"
 
 
 def _view(result: SeriesResult, wanted: str, gauges: GaugeSeries | None, *, tested: bool) -> SeriesView:
@@ -132,6 +141,8 @@ def _view(result: SeriesResult, wanted: str, gauges: GaugeSeries | None, *, test
     settings = [("Command", result.provenance.command), ("Versions", result.provenance.versions)]
     strains = displacements = curve = sheet = shown = kind = component = ""
     summary = [_count(result, means)]
+    if is_unfinished(result):
+        summary.append(_UNFINISHED)
     if means.measured:
         at = _chosen(result.source, means, wanted)
         shown, kind = means.name(at), means.kind_at(at)
@@ -170,6 +181,8 @@ def _chosen(source: str, means: SeriesMeans, wanted: str) -> int:
     found = [k for k in means.find(wanted) if k in means.measured]
     if len(found) != 1:
         got = f"{len(found)} of the name {wanted!r}"
+        if not found and means.find(wanted):
+            got = f"{wanted!r}, which could not be measured"
         remedy = f"give --image {means.name(means.measured[-1])}"
         raise RunFileError(source, "choose an image", "one measured image", got, remedy)
     return found[0]

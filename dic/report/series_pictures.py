@@ -9,7 +9,7 @@ from dic.gauges.series import GaugeSeries
 from dic.pictures.contact_sheet import draw_contact_sheet, shown_of
 from dic.pictures.maps import draw_maps
 from dic.pictures.panels import Maps, maps_of, scale_of
-from dic.pictures.plots import PlotSettings
+from dic.pictures.plots import PlotSettings, draw_banded
 from dic.pictures.plots import plot_style as gauge_style
 from dic.pictures.settings import MapSettings
 from dic.pipeline.series_result import MeasuredSeries
@@ -20,7 +20,6 @@ from dic.report.style import (
     OFF_AXIS_COLOURS,
     PICTURE_DPI,
     PICTURE_WIDTH_MM,
-    draw_banded,
     legend_below,
     new_figure,
     png_uri,

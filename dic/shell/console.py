@@ -1,6 +1,7 @@
 """Messages and exit status of commands. For an error, the command prints one sentence and no traceback."""
 
 import os
+import re
 import signal
 import sys
 import warnings
@@ -27,6 +28,8 @@ _unprinted: list[OSError] = []
 
 Python's stream does not record these errors. This list of errors is global because the stream is global.
 """
+
+_NO_GLYPH = re.compile(r"Glyph \d+ .*missing from")
 
 
 def run(command: click.Command, foreseen: tuple[type[Exception], ...], prefix: str) -> NoReturn:
@@ -109,13 +112,16 @@ def _status(command: click.Command, foreseen: tuple[type[Exception], ...], prefi
 
 @contextmanager
 def _warnings_as_lines() -> Iterator[None]:
-    """Print a warning of this package as one line, without file name and line number of the code."""
+    """Print a warning of this package as one line, without file name and line number of the code.
+
+    A picture shows a box for a character that its font lacks, which needs no warning.
+    """
     shown = warnings.showwarning
 
     def show(message: Warning | str, *others: Any, **named: Any) -> None:
         if isinstance(message, ImageWarning | WorkerWarning):
             say(f"warning: {message}", err=True)
-        else:
+        elif not _NO_GLYPH.match(str(message)):
             shown(message, *others, **named)
 
     warnings.showwarning = show
@@ -126,7 +132,11 @@ def _warnings_as_lines() -> Iterator[None]:
 
 
 def _prepare_streams() -> None:
-    """Prevent errors from characters that a stream cannot encode and from closed standard streams."""
+    """Prevent errors from characters that a stream cannot encode and from closed standard streams.
+
+    A notebook sets matplotlib's backend for its own pictures. No command shows one on a screen.
+    """
+    os.environ.pop("MPLBACKEND", None)
     for descriptor in range(3):
         try:
             os.fstat(descriptor)

@@ -29,6 +29,8 @@ def read_protocol(path: str | Path) -> Protocol:
 def read_protocol_text(path: str | Path) -> tuple[Protocol, str]:
     """Return a protocol and the text of its file. Raise the same errors as `read_protocol`."""
     table, text = read_toml_text(Path(path))
+    if "kind" not in table and ("rig" in table or "cameras" in table):
+        raise ConfigurationError(str(path), ["expected a protocol, got a rig file; give it with --rig"])
     try:
         return parse_protocol(table), text
     except ValidationError as error:

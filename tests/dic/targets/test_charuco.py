@@ -63,7 +63,7 @@ def test_board_with_other_first_numbers_and_hidden_rows_could_be_shifted_and_is_
     larger = CharucoTarget((6, 8), 1.2, 0.9)
     view = View.of(charuco(larger, first=60), size_px=(480, 480))
     with pytest.raises(
-        CalibrationError, match="got the markers 60 to 83 of a board .* first and its last marker"
+        CalibrationError, match=r"got the markers 60 to 83 of a board .* first and its last marker"
     ):
         find_target(view.image(), CharucoTarget((6, 10), 1.2, 0.9))
 
