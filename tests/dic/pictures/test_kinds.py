@@ -95,4 +95,4 @@ def test_a_contact_sheet_of_different_kinds_names_the_kind_in_each_map(measureme
         images = [(name, maps_of(measurement, settings, one)) for name, one in both]
         figure = draw_contact_sheet(images, np.zeros(SHAPE, np.float32), 2, settings, {"exx": (0.0, 1.0)})
         assert figure._suptitle.get_text() == title
-        assert [axes.get_title() for axes in figure.axes[:2]] == names
+        assert [axes.get_title(loc="left") for axes in figure.axes[:2]] == names

@@ -63,7 +63,7 @@ def test_title_is_what_was_measured_or_what_the_user_says_and_the_first_image_is
     page = tmp_path / "report.html"
     assert run_dic("report", measured, "-o", page).status == 0
     first = page.read_text(encoding="utf-8")
-    assert "<h1>Strain in 2 images, moved to stretched</h1>" in first
+    assert "<h1>Strain in 2 of 3 images, moved to stretched</h1>" in first
     assert "Maps of strain of stretched.png" in first
     options = "--title", "Sheet 7", "--image", "moved", "--force"
     assert run_dic("report", measured, "-o", page, *options).status == 0
@@ -71,7 +71,7 @@ def test_title_is_what_was_measured_or_what_the_user_says_and_the_first_image_is
     assert "<h1>Sheet 7</h1>" in text
     assert "Maps of strain of moved.png" in text
     said = refusal("report", measured, "-o", page, "--image", "other", "--force")
-    assert "one measured image, got 0 of the name 'other'; give --image stretched.png" in said
+    assert "one measured image, got 'other', which could not be measured; give --image stretched.png" in said
 
 
 def test_strains_above_one_percent_are_shown_in_percent(speckle, tmp_path):
