@@ -18,7 +18,7 @@ from rig.commands.output import PATH as _PATH
 from rig.commands.output import NumberRange
 from rig.commands.output import finish as _finish
 from rig.commands.output import write as _write
-from rig.threads import device_threads, dying_of_signals, last_resort, leave
+from rig.threads import device_threads, dying_of_signals, last_resort, leave, never_released
 
 if TYPE_CHECKING:
     from rig import Outcome
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 def main() -> None:
     """Run the command line. For a known error, print one sentence on stderr and exit with status 2."""
-    before = device_threads()
+    before, kept = device_threads(), never_released()
     try:
         with last_resort():
             run_command(cli, (RigError, DeviceError, ConfigurationError, MeasurementError), "rig")
     except SystemExit as ended:
-        leave(int(ended.code or 0), before)
+        leave(int(ended.code or 0), before, kept)
         raise
 
 

@@ -218,7 +218,12 @@ def never_release(value: object) -> None:
 _never_released: list[object] = []
 
 
-def leave(status: int, besides: Iterable[threading.Thread] = ()) -> None:
+def never_released() -> int:
+    """Return the number of objects that are kept until the program ends."""
+    return len(_never_released)
+
+
+def leave(status: int, besides: Iterable[threading.Thread] = (), kept: int = 0) -> None:
     """End the program at once if a normal exit of Python could wait or crash.
 
     This is so if a driver's call hangs, or if an object must never be released. Otherwise this function does
@@ -230,12 +235,14 @@ def leave(status: int, besides: Iterable[threading.Thread] = ()) -> None:
         The exit status.
     besides : iterable of Thread
         Threads that are ignored, because they existed before the command began.
+    kept : int
+        Number of objects that were never to be released before the command began.
     """
     end_s = SystemClock().now_s() + _LAST_S
     hanging = device_threads().difference(besides)
     for thread in hanging:
         thread.join(max(0.0, end_s - SystemClock().now_s()))
-    if not any(thread.is_alive() for thread in hanging) and not _never_released:
+    if not any(thread.is_alive() for thread in hanging) and never_released() == kept:
         return
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
