@@ -7,6 +7,7 @@ from typing import Any
 from dic.calibration.calibration import Calibration
 from dic.errors import Check, CorrelationError, is_number, require_all
 from dic.files.lazy import Computed
+from dic.keywords import named_settings
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.rigidity import correct_rotation
@@ -20,6 +21,7 @@ MOTIONS = ("free", "rigid", "tension")
 POISSON_RATIO = 0.33
 
 
+@named_settings
 @dataclass(frozen=True)
 class Motion:
     """Assumed motion of a specimen, used to correct calibrated strain for out-of-plane motion.

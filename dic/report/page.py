@@ -7,6 +7,7 @@ from typing import Any
 
 from dic.errors import RunFileError, require_kind
 from dic.files.writing import write_text
+from dic.keywords import takes_settings
 from dic.pipeline.run_result import RunResult
 from dic.report import rotation, tension
 from dic.report.calibration import residual_figure
@@ -66,6 +67,7 @@ class RunView:
     fields: list[FieldPicture]
 
 
+@takes_settings()
 def write_report(
     results: RunResult | Sequence[RunResult],
     path: PathLike,

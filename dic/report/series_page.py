@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 
 from dic.calibration.calibration import Calibration
-from dic.errors import RunFileError
+from dic.errors import RunFileError, require_kind
 from dic.files.writing import write_text
 from dic.gauges.series import GaugeSeries
+from dic.keywords import takes_settings
 from dic.pipeline.series_result_file import SeriesResult
 from dic.report.pdf import require_pdf, write_pdf
 from dic.report.series_means import NONE, ImageRow, SeriesMeans, means_of
@@ -28,6 +29,7 @@ from dic.strain.measurement import Measurement
 from dic.strain.strain import gauge_text
 from dic.typing import PathLike
 
+_LOAD_FIRST = "read them first: dic.load_series_result(path)"
 _UNFINISHED = "The series was stopped before its last image; the same command goes on with the others."
 
 
@@ -55,8 +57,9 @@ class SeriesView:
     inputs: list[tuple[str, str]]
 
 
+@takes_settings()
 def write_series_report(
-    results: Sequence[SeriesResult],
+    results: SeriesResult | Sequence[SeriesResult],
     path: PathLike,
     *,
     tests: Sequence[TensileTest] = (),
@@ -71,7 +74,7 @@ def write_series_report(
 
     Parameters
     ----------
-    results : sequence of SeriesResult
+    results : SeriesResult, or sequence of SeriesResult
     path : path
     tests : sequence of TensileTest, optional
         Tensile tests in these series, from `tensile_test`.
@@ -93,6 +96,10 @@ def write_series_report(
     RunFileError
         If `image` is not exactly one measured image.
     """
+    results = [results] if isinstance(results, SeriesResult) else results
+    require_kind("results", results, Sequence, _LOAD_FIRST)
+    for result in results:
+        require_kind("results", result, SeriesResult, _LOAD_FIRST)
     if pdf is not None:
         require_pdf(pdf)
     with plot_style():

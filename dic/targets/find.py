@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dic.errors import CalibrationError, Check, require_all, require_kind
+from dic.errors import CalibrationError, Check, is_number, is_whole, require_all, require_kind
 from dic.image.given import grey_image, name_of
+from dic.keywords import named_settings
 from dic.targets.axes import XAxis
 from dic.targets.not_seen import TargetNotSeen
 from dic.targets.points import GridPoints
@@ -23,6 +24,7 @@ _PITCHES_MM = (1e-6, 1e6)
 """Smallest and largest possible pitch. The square of a length outside this range could overflow."""
 
 
+@named_settings
 @dataclass(frozen=True)
 class LineGridTarget:
     """A grid of equidistant lines in two directions, with or without a mark of its origin and axes.
@@ -41,6 +43,7 @@ class LineGridTarget:
     pitch_mm: float = 0.5
 
 
+@named_settings
 @dataclass(frozen=True)
 class CheckerboardTarget:
     """A checkerboard of dark and bright squares. The points are the corners at which four squares meet.
@@ -58,6 +61,7 @@ class CheckerboardTarget:
     pitch_mm: float
 
 
+@named_settings
 @dataclass(frozen=True)
 class CharucoTarget:
     """A checkerboard with ArUco markers in its bright squares, as OpenCV draws it.
@@ -80,6 +84,7 @@ class CharucoTarget:
     dictionary: str = "DICT_5X5_100"
 
 
+@named_settings
 @dataclass(frozen=True)
 class DotTarget:
     """Round dots on a square lattice, darker or brighter than the background.
@@ -99,6 +104,7 @@ class DotTarget:
     pitch_mm: float
 
 
+@named_settings
 @dataclass(frozen=True)
 class AsymmetricDotTarget:
     """Round dots in rows; every second row is shifted by half a pitch, as in OpenCV's asymmetric grid of
@@ -253,12 +259,25 @@ def _describes(spec: Target, seen: "SeenTarget") -> bool:
     return seen.option == option and not seen.dictionary and sorted(seen.counts) == sorted(counts)
 
 
+def _require_numbers(spec: Target, source: str) -> None:
+    """Raise an error if a length or a count of a target is no number, such as lines=21 for lines=(21, 21)."""
+    checks: list[Check] = []
+    for name, value in vars(spec).items():
+        if name.endswith("_mm"):
+            checks.append((is_number(value), name, "a number", repr(value), f"give {name}=0.5"))
+        elif name != "dictionary":
+            pair = isinstance(value, tuple | list) and len(value) == 2 and all(map(is_whole, value))
+            checks.append((pair, name, "two whole numbers, (X, Y)", repr(value), f"give {name}=(21, 21)"))
+    require_all(CalibrationError, source, checks)
+
+
 def require_possible(spec: Target, source: str) -> None:
     """Raise an error if the description of a target is not possible; the message names all mistakes.
 
     The number of lines of a line grid is checked in the function `find_grid`.
     """
     least_mm, most_mm = _PITCHES_MM
+    _require_numbers(spec, source)
     pitch_possible = least_mm <= spec.pitch_mm <= most_mm
     checks: list[Check] = [
         (

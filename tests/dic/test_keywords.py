@@ -15,6 +15,8 @@ import dic
             r"did you mean settings=CorrelationSettings\(subset_px=…\)",
         ),
         (lambda: dic.process_run("run.h5", strain_window=5), "got 'strain_window'; "),
+        (lambda: dic.LineGridTarget(pitch=0.5), "did you mean pitch_mm=…"),
+        (lambda: dic.write_report([], "r.html", titel=""), "did you mean title=…"),
         (lambda: dic.StrainSettings(rhubarb=1), "leave rhubarb out"),
     ],
 )

@@ -1,6 +1,7 @@
 import pytest
 
 from drivers.errors import ConfigurationError
+from rig.protocol.protocol import read_protocol
 from rig.rigfile import read_rig
 from tests.places import EXAMPLES, example
 
@@ -86,3 +87,12 @@ def test_a_camera_has_a_name_that_a_program_can_use(tmp_path):
     path.write_text(example("rig-virtual-tension", ("[cameras.off_axis]", '[cameras."off axis/2"]')))
     with pytest.raises(ConfigurationError, match=r"cameras.off axis/2: a name of letters, digits and _"):
         read_rig(path)
+
+
+def test_protocol_in_the_place_of_a_rig_file_is_told_and_the_other_way_round(tmp_path):
+    (tmp_path / "p.toml").write_text('title = "pull"\nkind = "tension"\n')
+    (tmp_path / "r.toml").write_text('[rig]\nname = "one"\n')
+    with pytest.raises(ConfigurationError, match=r"p\.toml: expected a rig file, got a protocol"):
+        read_rig(tmp_path / "p.toml")
+    with pytest.raises(ConfigurationError, match=r"r\.toml: expected a protocol, got a rig file"):
+        read_protocol(tmp_path / "r.toml")

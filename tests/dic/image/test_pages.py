@@ -1,5 +1,6 @@
 """Tests of pages of TIFF files, folders and patterns, with images that Pillow and OpenCV have written."""
 
+import os
 import struct
 from pathlib import Path
 
@@ -324,3 +325,10 @@ def test_file_that_was_not_written_to_its_end_is_told_by_its_reader(tmp_path, co
     assert list_images(tmp_path / "a.tif") == [tmp_path / "a.tif"]
     with pytest.raises(ImageError, match="a TIFF without pages, which was not written to its end"):
         read_image(tmp_path / "a.tif")
+
+
+def test_name_that_is_no_utf_8_is_refused_in_one_sentence(tmp_path):
+    name = os.fsdecode(b"pr\xfcfung.png")
+    (tmp_path / name).write_bytes(b"")
+    with pytest.raises(ImageError, match=r"pr\\udcfcfung.png: list images: expected a name in UTF-8"):
+        list_images(tmp_path)

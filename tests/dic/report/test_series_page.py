@@ -124,3 +124,13 @@ def test_file_without_a_part_is_one_sentence(measured, missing, word, tmp_path):
         del file[missing]
     assert word in refusal("report", cut, "-o", tmp_path / "report.html")
     assert not (tmp_path / "report.html").exists()
+
+
+def test_series_that_was_stopped_is_not_called_whole(measured, tmp_path):
+    copy = tmp_path / "r.h5"
+    copy.write_bytes(measured.read_bytes())
+    (tmp_path / "r.h5.unfinished").mkdir()
+    page, values = tmp_path / "report.html", tmp_path / "values.json"
+    assert run_dic("report", copy, "-o", page, "--json", values).status == 0
+    assert "The series was stopped before its last image" in page.read_text(encoding="utf-8")
+    assert json.loads(values.read_text(encoding="utf-8"))["series"][0]["unfinished"]
