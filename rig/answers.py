@@ -5,7 +5,7 @@ checked against an old value protects nothing.
 """
 
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 from datetime import datetime
 from functools import cache
 from typing import Any, get_type_hints
@@ -37,7 +37,7 @@ _WORDS: dict[Any, str] = {
     int: "a whole number",
     bool: "True or False",
     tuple[str, ...]: "a tuple of texts",
-    datetime: "a date and time with its zone, of this century or the last one",
+    datetime: "a date and time with its zone, from 1970 on",
 }
 _FINITE = ("load_n", "displacement_mm", "angle_deg")
 _FIRST_YEAR = 1970
@@ -81,7 +81,8 @@ class _Checked:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._device, name)
 
-    def _require_kind(self, action: str, value: object, kind: type) -> None:
+    def _as(self, action: str, value: Any, kind: type) -> Any:
+        """Return a state or an image with Python's numbers; raise `DeviceFault` if it is none."""
         if not isinstance(value, kind):
             raise DeviceFault(self._name, action, f"a {kind.__name__}", _shown(value), _UNLIKE)
         for name, expected in _kinds(kind).items():
@@ -91,6 +92,10 @@ class _Checked:
                     "a finite number" if name in _FINITE else _WORDS.get(expected, "a picture of grey levels")
                 )
                 raise DeviceFault(self._name, action, f"{words} as {name}", _shown(given), _UNLIKE)
+        state: Any = value
+        given = {name: getattr(state, name) for name in _kinds(kind)}
+        plain = {name: each.item() for name, each in given.items() if isinstance(each, np.generic)}
+        return replace(state, **plain) if plain else state
 
 
 class _CheckedReadings(_Checked):
@@ -101,8 +106,7 @@ class _CheckedReadings(_Checked):
     def read(self) -> Any:
         """Return the state. Raise `DeviceFault` if it is none, or was not read during this call."""
         asked_s = self._clock.now_s()
-        state = self._device.read()
-        self._require_kind("read", state, self._kind)
+        state = self._as("read", self._device.read(), self._kind)
         if got := _wrong_time(state.time_s, asked_s, self._clock.now_s()):
             raise DeviceFault(
                 self._name, "read", "a reading made after it was asked for", f"one made {got}", _UNKNOWN_TIMES
@@ -116,8 +120,7 @@ class _CheckedImages(_Checked):
 
         The engine itself refuses and repeats an image that was exposed before it was asked for.
         """
-        frame = self._device.grab(timeout_s)
-        self._require_kind("grab", frame, Frame)
+        frame = self._as("grab", self._device.grab(timeout_s), Frame)
         now_s = self._clock.now_s()
         if got := _wrong_time(frame.exposed_s, -math.inf, frame.received_s):
             expected = "an image exposed before it was received"

@@ -245,6 +245,7 @@ class _Opener:
         context = OpenContext(entry.name, self.clock, self._environment)
         camera: Camera = entry.spec.open(entry.settings, context)
         self._close_at_end(entry, camera)
+        require_identity(entry.spec.kind, entry.name, camera)
         return cast(Camera, checked(entry.spec.kind, entry.name, camera, self.clock))
 
     def _close_at_end(self, entry: DeviceEntry, device: Any) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from drivers.clock import Event, SystemClock
-from drivers.errors import DeviceFault, DeviceTimeout
+from drivers.errors import DeviceError, DeviceFault, DeviceTimeout
 
 _LAST_S = 0.5
 """Real time in s that the end of the program waits for threads that are just ending."""
@@ -51,13 +51,16 @@ def error_of_driver(device: str, action: str, error: BaseException) -> BaseExcep
     success, and an unknown exception would be a traceback. The exceptions of this program are returned as
     they are.
     """
-    if isinstance(error, Exception) and type(error).__module__.partition(".")[0] in _OWN:
+    own = isinstance(error, DeviceError) or type(error).__module__.partition(".")[0] in _OWN
+    if isinstance(error, Exception) and own:
         return error
     if isinstance(error, SystemExit | KeyboardInterrupt):
         got = f"a driver that ends the program ({type(error).__name__})"
     else:
         got = f"a driver that raises {type(error).__name__}{_words_of(error)}"
-    return DeviceFault(device, action, "a call that returns or raises a DeviceError", got, "mend the driver")
+    fault = DeviceFault(device, action, "a call that returns or raises a DeviceError", got, "mend the driver")
+    fault.__cause__ = error
+    return fault
 
 
 _OWN = ("dic", "drivers", "rig", "simulators")

@@ -61,7 +61,9 @@ def _block(content: FileContent, page: int) -> tuple[Content | None, int]:
 def _of_jpeg(content: FileContent) -> bytes | None:
     at = 2
     while at < len(content):
-        _, marker, length = struct.unpack(">BBH", content[at : at + 4])
+        begin, marker, length = struct.unpack(">BBH", content[at : at + 4])
+        if begin != 0xFF:
+            return None
         data = content[at + 4 : at + 2 + length] if marker == _APP1 else b""
         if data.startswith(b"Exif\0\0"):
             return data[6:]
@@ -77,6 +79,9 @@ def _of_png(content: FileContent) -> bytes | None:
         length, kind = struct.unpack(">I4s", content[at : at + 8])
         if kind == b"eXIf" and length <= _MOST_BYTES:
             return content[at + 8 : at + 8 + length]
+        # Behind the end of the image, and in a damaged file, are no further blocks.
+        if kind == b"IEND" or not kind.isalpha():
+            return None
         at += 12 + length
     return None
 

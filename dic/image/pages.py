@@ -27,7 +27,7 @@ _MOST_SHOWN = 8
 """Largest number of gaps that a warning names."""
 _PARTS = re.compile(r"(\d+)", re.ASCII)
 _DECIMALS = re.compile(r"((?<![\d.,])\d+[.,]\d+(?![.,]?\d)|\d+)", re.ASCII)
-_FRACTION = re.compile(r"(?<![\d.,])\d+[.,](\d+)(?![.,]?\d)", re.ASCII)
+_FRACTION = re.compile(r"(?<![\d.,])(\d+)[.,](\d+)(?![.,]?\d)", re.ASCII)
 _SIGNS = ("-", "\u2212")
 _SHELLS: tuple[Callable[[Path], str], ...] = (
     str,
@@ -100,9 +100,14 @@ def _have_decimals(texts: Sequence[str]) -> bool:
 
     In 1.8, 1.9, 1.10 they separate whole numbers: no program that leaves out zeros at the end writes 1.10.
     """
-    fractions = [text for each in texts for text in _FRACTION.findall(each)]
+    found = [_FRACTION.findall(each) for each in texts]
+    fractions = [fraction for each in found for _, fraction in each]
+    wholes = {int(whole) for each in found for whole, _ in each}
     if len({len(fraction) for fraction in fractions}) < 2:
         return bool(fractions)
+    # cam1.2, cam1.11: the same number before all points is that of a camera, and the others count images.
+    if all(found) and len(wholes) == 1 and wholes != {0}:
+        return False
     return not any(len(fraction) > 1 and fraction.endswith("0") for fraction in fractions)
 
 

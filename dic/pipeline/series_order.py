@@ -24,12 +24,12 @@ def doubts_about_order(reference: Path, images: Sequence[Path]) -> list[str]:
     it.
     """
     named = [image for image in images if _REFERENCE.search(image.stem)]
-    if named and not _REFERENCE.search(reference.stem):
+    if named and not _REFERENCE.search(f"{reference.parent.name} {reference.stem}"):
         return [_doubt(reference, f"{named[0].name}, which is named as a reference, is measured against it")]
     if images and _TARGET.search(reference.stem) and not _TARGET.search(images[-1].stem):
         return [f"is {reference.name} the reference? It is named as a calibration target; give another first"]
-    every = [*images, reference]
-    if images and _begin_alike(every) and in_natural_order(every)[-1] == reference:
+    every = [Path(path.name) for path in (*images, reference)]
+    if images and _begin_alike(every) and in_natural_order(every)[-1].name == reference.name:
         return [_doubt(reference, "all other images come before it by their names")]
     clock = SeriesTimes(reference)
     times = [clock.of(image) for image in images[:_MOST_TIMES]]
@@ -41,8 +41,8 @@ def doubts_about_order(reference: Path, images: Sequence[Path]) -> list[str]:
 
 def _begin_alike(paths: Sequence[Path]) -> bool:
     """Return whether names differ in numbers only, so that their order is that of the images."""
-    shapes = {tuple(text for _, text in natural_key(path.name)[::2]) for path in paths}
-    return len(shapes) == 1
+    shapes = {tuple(text for _, text in natural_key(path)[::2]) for path in paths}
+    return len(shapes) == 1 and len(set(paths)) == len(paths)
 
 
 def _doubt(reference: Path, why: str) -> str:

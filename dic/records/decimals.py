@@ -15,10 +15,8 @@ _SPACES = " '’\u00a0\u2009\u202f"
 """Signs between thousands that never stand before decimals."""
 _EXPONENT = r"(?:[eE][+-]?\d+)?"
 _PLAIN = re.compile(rf"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+){_EXPONENT}", re.ASCII)
-_GROUPED = re.compile(
-    rf"[+-]?[1-9]\d{{0,2}}([.,{_SPACES}])\d{{3}}(?:\1\d{{3}})*(?:(?!\1)[.,]\d*)?{_EXPONENT}", re.ASCII
-)
-_INDIAN = re.compile(rf"[+-]?[1-9]\d?(,\d{{2}})+,\d{{3}}(?:\.\d*)?{_EXPONENT}", re.ASCII)
+_GROUPED = re.compile(rf"[+-]?[1-9]\d{{0,2}}([.,{_SPACES}])\d{{3}}(?:\1\d{{3}})*(?:(?!\1)[.,]\d*)?", re.ASCII)
+_INDIAN = re.compile(r"[+-]?[1-9]\d?(,\d{2})+,\d{3}(?:\.\d*)?", re.ASCII)
 """Groups of two digits before the last one, as in 1,12,927."""
 _ONE_GROUP = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
 _UP_TO_999 = re.compile(r"[+-]?\d{1,3}", re.ASCII)

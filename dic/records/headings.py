@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 from dic.records.unit_names import NamedUnit, multiplier_in, named_unit
 
@@ -10,9 +11,10 @@ _LAST_WORD = re.compile(r"(.*?)([\s,;/_:.]|\bin\s|\s)([^\s,;/_:.]+/?[^\s,;/_:.]*
 _GLUED = re.compile(r"(.*[a-zà-ÿ])(kN|daN|MPa|GPa|kgf|lbf)$")
 _NONE = ("", "-", "–")
 """Cells of a line of units that name none."""
-_WORDS = ("min", "in", "bar", "g", "me", "lb", "count", "counts", "digits", "ton", "tons", "second", "mil")
-"""Units that are also words of a name, as in "Load min"; outside brackets they are no units."""
+_WORDS = ("min", "in", "bar", "g", "me", "count", "counts", "digits", "ton", "tons", "second", "mil")
+"""Units that are also words of a name, as in "Load min", unless the name says what it measures."""
 _OF_FORCE = re.compile(r"(?i).*(load|force|kraft|last|carga|fuerza|effort|^f\b|^f[/_,: ])")
+_OF_LENGTH = re.compile(r"(?i).*(extension|elongation|displacement|stroke|position|weg|crosshead)")
 _OF_TIME = re.compile(r"(?i).*(time|zeit|temps|tiempo|^t[/_,: ])")
 
 
@@ -50,29 +52,38 @@ def _unit_behind(heading: str) -> NamedUnit | None:
     if unit is not None and len(heading) > 1 and heading.casefold() not in _WORDS:
         return unit
     last = _LAST_WORD.fullmatch(heading)
-    if last is None or last[3].casefold() in _WORDS:
+    # A number before the unit is a capacity or a gauge length, as in "Extensometer 50 mm".
+    if last is None or re.search(r"(?:^|\s)\d+(?:[.,]\d+)?\s*$", last[1]):
         return None
     unit = named_unit(last[3])
     # A single letter is rather a name, as in "Channel V", unless the name says what it measures.
-    if unit is None or (len(last[3]) == 1 and last[3] not in "%‰" and not _is_expected(unit, heading)):
+    short = len(last[3]) == 1 and last[3] not in "%‰"
+    if unit is None or ((short or last[3].casefold() in _WORDS) and not _is_expected(unit, heading)):
         return None
-    return unit
+    return _with_factor(last[1], unit)
 
 
 def _in_brackets(name: str, text: str) -> NamedUnit | None:
-    if text.strip() in ("-", "–", "1"):
-        return NamedUnit(text.strip(), "strain", 1.0)
-    unit = named_unit(text)
+    bare = text.strip()
+    unit = NamedUnit(bare, "strain", 1.0) if bare in ("-", "–", "1") else named_unit(text)
+    if unit is None:
+        return None
+    return _with_factor(name, replace(unit, symbol=len(bare) == 1 and bare in "tTsAVmghK"))
+
+
+def _with_factor(name: str, unit: NamedUnit) -> NamedUnit | None:
+    """Return a unit with the factor that a heading names before it, as in "Load x10 (N)"."""
     factor = multiplier_in(name)
-    return (
-        unit
-        if unit is None or factor == 1.0
-        else NamedUnit(f"{factor:g} {text}", unit.quantity, factor * unit.size)
-    )
+    if factor == 1.0:
+        return unit
+    # "Strain x10^6" may be a strain in millionths, or in millions.
+    if unit.quantity == "strain" and factor > 1.0:
+        return None
+    return replace(unit, text=f"{factor:g} {unit.text}", size=factor * unit.size)
 
 
 def _is_expected(unit: NamedUnit, heading: str) -> bool:
-    names = {"force": _OF_FORCE, "time": _OF_TIME}.get(unit.quantity)
+    names = {"force": _OF_FORCE, "time": _OF_TIME, "length": _OF_LENGTH}.get(unit.quantity)
     return names is not None and names.match(heading) is not None
 
 

@@ -194,6 +194,8 @@ class Table:
             size = None if base is None else base * unit.size
             if size is not None and np.isclose(size, column.factor, rtol=1e-6):
                 continue
+            if unit.symbol and base is None:
+                continue
             # "1" and "-" are also a number and a sign for no unit
             if unit.text in ("1", "-", "–") and base is None:
                 continue

@@ -4,6 +4,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -63,7 +64,8 @@ def read_table(path: PathLike, *, with_names: bool = False) -> Table:
         joined = [joined_with_units(row) for row in headings]
         headings = [new if len(new) == width else row for new, row in zip(joined, headings, strict=True)]
     body = _without_repeated_headings(path, cells, first, least)
-    body = _filled_at_end(body, width, least)
+    if separator != " ":
+        _filled_at_end(body, headings, width)
     for line, row in body:
         if len(row) != width:
             raise CurveError(
@@ -83,16 +85,23 @@ def read_table(path: PathLike, *, with_names: bool = False) -> Table:
 def _first_of_table(path: PathLike, cells: list[tuple[int, list[str]]], width: int, least: float) -> int:
     """Return the index of the first line of numbers, after the lines that describe the test.
 
-    A line of numbers above a further heading belongs to a description, such as the results of the test or the
-    header of a program, if only a few lines are like it.
+    A few lines of numbers belong to a description, such as the results of the test or the header of a
+    program, if other headings stand below them than above.
     """
     numbers = [k for k, (_, row) in enumerate(cells) if _numeric_share(row) > least]
     first = next(k for k in numbers if len(cells[k][1]) == width)
-    below = [k for k in range(first, len(cells)) if _is_heading(cells[k][1], least)]
-    above = [k for k in numbers if below and k < below[0]]
-    after = next((k for k in numbers if below and k > below[-1] and len(cells[k][1]) == width), None)
-    if after is not None and len(above) <= _MOST_DESCRIBING and below[-1] - first <= 2 * _MOST_DESCRIBING:
-        first = after
+    for begin, after in _heading_blocks(cells, numbers, first):
+        above = [row for _, row in cells[:begin] if _is_heading(row)]
+        below = [row for _, row in cells[begin:after] if _is_heading(row)]
+        few = sum(k < begin for k in numbers) <= _MOST_DESCRIBING
+        if (
+            few
+            and above
+            and below
+            and len(cells[after][1]) == width
+            and not any(row in above for row in below)
+        ):
+            first = after
     if (early := [k for k in numbers if k < first]) and len(early) > _MOST_DESCRIBING:
         expected, got = "one table of numbers", f"another one with {len(cells[early[0]][1])} columns in line"
         remedy = "give one of them as a file of its own"
@@ -100,26 +109,44 @@ def _first_of_table(path: PathLike, cells: list[tuple[int, list[str]]], width: i
     return first
 
 
-def _is_heading(row: Sequence[str], least: float) -> bool:
-    """Return whether a line is one of headings: several cells, and words in most of them."""
+def _heading_blocks(
+    cells: list[tuple[int, list[str]]], numbers: list[int], first: int
+) -> list[tuple[int, int]]:
+    """Return the first and the stop index of the blocks of text between lines of numbers.
+
+    A single line of text is no block unless an empty line stands before it: it notes an event of the test.
+    """
+    blocks = []
+    for before, after in pairwise(k for k in numbers if k >= min(first, numbers[0])):
+        empty_line = after - before > 1 and cells[before + 1][0] - cells[before][0] > 1
+        if after - before > 2 or empty_line:
+            blocks.append((before + 1, after))
+    return blocks
+
+
+def _is_heading(row: Sequence[str]) -> bool:
+    """Return whether a line is one of headings: several cells with words, and no number."""
     words = sum(bool(re.search(r"[^\W\d_]{2}", cell)) for cell in row)
-    return words >= 2 and words > (1.0 - least) * sum(map(bool, row))
+    return words >= 2 and not any(map(is_number, filter(None, row)))
 
 
-def _filled_at_end(
-    body: list[tuple[int, list[str]]], width: int, least: float
-) -> list[tuple[int, list[str]]]:
-    """Return the lines with empty cells for a test that ended earlier than the one at its left.
+def _filled_at_end(body: list[tuple[int, list[str]]], headings: list[list[str]], width: int) -> None:
+    """Add empty cells to the lines at the end, for a test that ended earlier than the one at its left.
 
-    Some programs leave out the separators behind the longer test. A single short line was cut off instead.
+    Some programs leave out the separators behind the longer test. Only headings that repeat those at the
+    left show that the missing cells belong to another test.
     """
     first = len(body)
-    while first and len(body[first - 1][1]) < width and _numeric_share(body[first - 1][1]) > least:
+    while first and len(body[first - 1][1]) < width:
         first -= 1
     short = {len(row) for _, row in body[first:]}
-    if len(body) - first < 2 or len(short) != 1:
-        return body
-    return body[:first] + [(line, row + [""] * (width - len(row))) for line, row in body[first:]]
+    at_left = next(iter(short), 0)
+    names = next((line for line in reversed(headings) if len(line) == width and _is_heading(line)), [])
+    repeated = names and set(names[at_left:]) <= set(names[:at_left])
+    if len(body) - first < 2 or len(short) != 1 or not repeated:
+        return
+    for _, row in body[first:]:
+        row += [""] * (width - at_left)
 
 
 def _without_repeated_headings(

@@ -76,7 +76,9 @@ _SPELLED: dict[str, dict[float, str]] = {
     },
 }
 _CYRILLIC = str.maketrans("кКНнМПа", "kkNNMPa")
-_MULTIPLIER = re.compile(r"(?:[x×*]\s*)?(?<!\d)(10+)(?:(?:\^|\*\*)?([-−]?\d+))?\s*[x×*·]?\s*(.*)", re.ASCII)
+_POWER = r"(?:[x×*]\s*(10+)(?:(?:\^|\*\*)([-−]?\d+))?|\b(10)(?:\^|\*\*)([-−]?\d+))"
+"""A written factor, such as x10, ×1000 or 10^3. A plain number before a unit is a capacity or a length."""
+_MULTIPLIER = re.compile(rf"{_POWER}\s*[x×*·]?\s*(.*)", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -91,11 +93,14 @@ class NamedUnit:
         "force", "stress", "strain", "length", "time" or "other".
     size : float
         Size in N, MPa, mm or s, or as a strain; NaN if it is not certain or not known.
+    symbol : bool
+        True for a single letter in brackets, which may be a symbol instead, as in "Weg (s)".
     """
 
     text: str
     quantity: str
     size: float
+    symbol: bool = False
 
 
 def _table() -> Mapping[str, tuple[str, float]]:
@@ -121,7 +126,7 @@ def named_unit(text: str) -> NamedUnit | None:
     if known is not None:
         return NamedUnit(text, *known)
     multiple = _MULTIPLIER.fullmatch(bare)
-    inner = named_unit(multiple[3]) if multiple and multiple[3] else None
+    inner = named_unit(multiple[5]) if multiple and multiple[5] else None
     if multiple is None or inner is None:
         return None
     return NamedUnit(text, inner.quantity, inner.size * _multiplied(multiple))
@@ -129,10 +134,10 @@ def named_unit(text: str) -> NamedUnit | None:
 
 def multiplier_in(text: str) -> float:
     """Return the factor that a heading names beside its unit, as in "Load x10 (N)"; 1 without one."""
-    found = re.search(r"[x×*]\s*(10+)(?:(?:\^|\*\*)([-−]?\d+))?", text, re.ASCII)
+    found = re.search(_POWER, text, re.ASCII)
     return 1.0 if found is None else _multiplied(found)
 
 
 def _multiplied(found: re.Match[str]) -> float:
-    power = float((found[2] or "1").replace("−", "-"))
-    return float(float(found[1]) ** power)
+    number, power = (found[1], found[2] or "1") if found[1] else (found[3], found[4])
+    return float(float(number) ** float(power.replace("−", "-")))

@@ -104,7 +104,10 @@ def write_series_report(
         require_pdf(pdf)
     with plot_style():
         tensile = [tensile_view(test, results) for test in tests]
-        views = [_view(result, image, gauges, tested=bool(tests)) for result in results]
+        own = [gauges, *[None] * (len(results) - 1)]
+        views = [
+            _view(result, image, each, tested=bool(tests)) for result, each in zip(results, own, strict=True)
+        ]
     title = title or _title(results, views)
     template = page_templates().get_template("series.html.j2")
     page: str = template.render(title=title, views=views, tensile=tensile)

@@ -37,7 +37,7 @@ def remarks_on(field: Field) -> list[str]:
         y_px, jump_px = place
         found.append(
             f"all columns jump by {jump_px:.2g} px at y = {y_px:.0f} px: a picture torn between two frames, "
-            "or a crack from side to side"
+            "a crack or a narrow band from side to side"
         )
     return found
 

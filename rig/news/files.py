@@ -46,6 +46,8 @@ class _Follower(threading.Thread, ABC):
             self._follow()
         except OSError as error:
             self.failure = f"{self.path}: {error.strerror or error}; it is not written any more"
+        except Exception as error:
+            self.failure = f"{self.path}: {type(error).__name__} ({error}); it is not written any more"
 
     @abstractmethod
     def _follow(self) -> None:

@@ -75,7 +75,7 @@ class OpenRunFile:
                 raise FileExistsError(path)
             self._path = unfinished.rename(path)
             # No program can open the file for writing now, unless it has the rights of the administrator.
-            with suppress(PermissionError):  # a file system like FAT has no permissions
+            with suppress(OSError):  # some file systems have no permissions
                 os.fchmod(self._descriptor, os.fstat(self._descriptor).st_mode & ~0o222)
             _synchronise_folder(path.parent)
         except BaseException:

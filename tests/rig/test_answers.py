@@ -5,6 +5,7 @@ import re
 from dataclasses import replace
 from datetime import datetime
 
+import numpy as np
 import pytest
 
 from drivers.errors import DeviceError, DeviceFault
@@ -95,6 +96,22 @@ def test_image_with_a_value_of_another_kind_is_refused(clock, changes, said):
     camera = FakeCamera(clock, on_grab=lambda _, frame: replace(frame, **changes))
     with pytest.raises(DeviceFault, match=f"^one: grab: {said}"):
         checked("camera", "one", camera, clock).grab(1.0)
+
+
+def test_numbers_of_numpy_become_those_of_python(clock):
+    numbers = {"angle_deg": np.float32(0.5), "moving": np.bool_(True)}
+    stage = FakeStage(clock, [], on_read=lambda state: replace(state, **numbers))
+    state = checked("stage", "stage", stage, clock).read()
+    assert (type(state.angle_deg), type(state.moving)) == (float, bool)
+
+
+def test_error_of_a_driver_of_another_package_stays_what_it_is():
+    class CableOut(DeviceError):
+        pass
+
+    CableOut.__module__ = "acme.driver"
+    error = CableOut("stage", "read", "an answer", "none", "plug the cable in")
+    assert error_of_driver("stage", "read", error) is error
 
 
 def test_device_without_its_description_is_refused():

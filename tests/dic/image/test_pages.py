@@ -247,6 +247,7 @@ def test_names_with_numbers_are_in_the_order_of_the_numbers():
         # points that separate
         ["cam1.8.tif", "cam1.9.tif", "cam1.10.tif"],
         ["a.1.9.tif", "a.1.10.tif"],
+        ["cam1.1.tif", "cam1.2.tif", "cam1.11.tif"],
         # a hyphen that only separates
         ["img-1", "img-2", "img-10"],
         ["scan -1", "scan -2"],

@@ -155,13 +155,48 @@ def numbers_of(rows, decimals=5):
 def test_results_above_the_table_and_headers_of_programs_are_no_part_of_it(tmp_path):
     rows = numbers_of(ROWS)
     results = [["Specimen", "Maximum Load", "Modulus"], ["", "(kN)", "(GPa)"], ["1", "5.573", "70.0"]]
-    header = [["Channels", "2", ""], ["Samples", "200", "200"], ["Delta_X", "0.1", "0.1"], ["***End***"]]
+    header = [
+        ["LabVIEW Measurement", "Writer", "lab"],
+        ["Channels", "2", ""],
+        ["Samples", "200", "200"],
+        ["Delta_X", "0.1", "0.1"],
+        ["***End***"],
+    ]
     for k, above in enumerate((results, header)):
         path = table(tmp_path / f"{k}.csv", rows, "\t", [*above, NAMES, UNITS])
         for load, strain in (("Load:N", "Strain:%"), ("2:N", "3:%")):
             curve = dic.read_curve(path, load=load, strain=strain)
             assert len(curve.load_n) == len(ROWS)
             assert slope_gpa(curve) == pytest.approx(70.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("event", [["Stop", "Pause", "unload"], ["0.45", "NaN", "NaN"]])
+@pytest.mark.parametrize("headings", [[NAMES, UNITS], []])
+def test_line_of_text_within_a_test_drops_no_line_of_it(tmp_path, event, headings):
+    rows = numbers_of(ROWS)
+    path = table(tmp_path / "a.csv", [*rows[:8], event, *rows[8:]], headings=headings)
+    said = refusal("properties", path, "--load", "2:N", "--strain", "3:%", "--area-mm2", 20)
+    assert f"in line {len(headings) + 9}" in said
+
+
+def test_short_first_block_under_the_same_headings_is_read(tmp_path):
+    rows = numbers_of(ROWS)
+    path = table(tmp_path / "a.csv", [*rows[:5], NAMES, UNITS, *rows[5:]])
+    assert len(dic.read_curve(path, load="Load:N", strain="Strain:%").load_n) == len(ROWS)
+
+
+def test_column_that_ends_early_between_spaces_takes_no_other_column(tmp_path):
+    rows = [[*row, "9.9"] if k < 150 else [*row[:2], "9.9"] for k, row in enumerate(numbers_of(ROWS))]
+    path = table(tmp_path / "a.txt", rows, " ", [[*NAMES, "Disp"]])
+    said = refusal("properties", path, "--load", "Load:N", "--strain", "Strain:%", "--area-mm2", 20)
+    assert "line 152: expected 4 cells as in the other lines, got 3" in said
+
+
+def test_numbers_with_three_decimals_and_an_exponent_are_no_thousands(tmp_path):
+    rows = [[f"{value:.3E}" for value in row] for row in ROWS[1:]]
+    path = table(tmp_path / "a.csv", rows)
+    curve = dic.read_curve(path, load="Load:N", strain="Strain:%")
+    assert curve.load_n[-1] == pytest.approx(ROWS[-1][1], rel=1e-3)
 
 
 def test_block_with_other_units_is_refused(tmp_path):

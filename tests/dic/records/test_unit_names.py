@@ -27,6 +27,12 @@ SPELLED = {
     "load_n": 1.0,
     "Kraft in kN": 1e3,
     "Load x10 (N)": 10.0,
+    "Load x1000 N": 1e3,
+    "Load 10^3 N": 1e3,
+    "Load lb": LBF_N,
+    "Time/min": 60.0,
+    "Extension in": 25.4,
+    "Strain x10^-6 (-)": 1e-6,
     "Load (10^3 N)": 1e3,
     "Load (x1000 N)": 1e3,
     "Stress (kgf/mm2)": KGF_N,
@@ -45,9 +51,19 @@ def test_size_of_a_unit_however_it_is_spelled(heading):
     assert unit.size == pytest.approx(SPELLED[heading], rel=1e-6)
 
 
-@pytest.mark.parametrize("heading", ["Load min", "Channel V", "Load 1", "Probe A", "Strain", "t"])
+@pytest.mark.parametrize(
+    "heading",
+    ["Load min", "Channel V", "Probe A", "Strain", "t", "Load (10 kN)", "Loadcell 100kN", "Gauge 50 mm"],
+)
 def test_words_of_a_name_are_no_units(heading):
     assert units_of([heading, "Time"])[0] is None
+
+
+def test_letter_in_brackets_may_be_the_symbol_of_a_quantity(tmp_path):
+    rows = [[f"{t:.1f}", f"{n:.6f}", f"{e:.6f}"] for t, n, e in ROWS]
+    path = table(tmp_path / "a.csv", rows, headings=[["Zeit (t)", "Kraft (N)", "Dehnung (A)"]])
+    curve = dic.read_curve(path, load="2:N", strain="3:%", time="1:s")
+    assert slope_gpa(curve) == pytest.approx(70.0, rel=1e-3)
 
 
 def test_ton_may_be_three_units():
