@@ -24,7 +24,8 @@ def doubts_about_order(reference: Path, images: Sequence[Path]) -> list[str]:
     it.
     """
     named = [image for image in images if _REFERENCE.search(image.stem)]
-    if named and not _REFERENCE.search(f"{reference.parent.name} {reference.stem}"):
+    own = _REFERENCE.search(reference.stem) or _REFERENCE.fullmatch(reference.parent.name)
+    if named and not own:
         return [_doubt(reference, f"{named[0].name}, which is named as a reference, is measured against it")]
     if images and _TARGET.search(reference.stem) and not _TARGET.search(images[-1].stem):
         return [f"is {reference.name} the reference? It is named as a calibration target; give another first"]
@@ -33,8 +34,8 @@ def doubts_about_order(reference: Path, images: Sequence[Path]) -> list[str]:
         return [_doubt(reference, "all other images come before it by their names")]
     clock = SeriesTimes(reference)
     times = [clock.of(image) for image in images[:_MOST_TIMES]]
-    own = [time.time_s for time in times if time.source in ("exif", "video") and time.time_s is not None]
-    if own and max(own) < 0.0:
+    taken = [time.time_s for time in times if time.source in ("exif", "video") and time.time_s is not None]
+    if taken and max(taken) < 0.0:
         return [_doubt(reference, "all other images were taken before it")]
     return []
 
