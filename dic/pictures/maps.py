@@ -147,7 +147,8 @@ def draw_bar(figure: Any, mesh: Any, axis: Any, extend: str) -> None:
 
     bar = figure.colorbar(mesh, cax=axis, extend=extend, extendfrac=0.04)
     height_mm = axis.get_position().height * figure.get_figheight() * MM_PER_IN
-    bar.locator = MaxNLocator(nbins=max(1, min(_MOST_BAR_NUMBERS, int(height_mm / _BAR_NUMBER_MM))))
+    most = max(1, min(_MOST_BAR_NUMBERS, int(height_mm / _BAR_NUMBER_MM)))
+    bar.locator = MaxNLocator(nbins=most, steps=[1, 2, 5, 10])
     bar.update_ticks()
     bar.ax.tick_params(labelsize=FONT_PT - 1, length=2, pad=1.5)
     bar.ax.ticklabel_format(useOffset=False)
