@@ -11,7 +11,7 @@ from dic.commands.option_groups import all_of, option_group
 from dic.commands.target_options import TargetOptions, target_options
 from dic.files.writing import write_text
 from dic.shell.console import say
-from dic.shell.output_paths import FORCE, require_places
+from dic.shell.output_paths import FORCE, require_hdf5, require_places
 
 if TYPE_CHECKING:
     from dic import Calibration, KnownCamera
@@ -132,6 +132,7 @@ def calibrate(
     shown, known = all_of(target.read, camera.read)
     files = [outputs.output, outputs.points_file, outputs.plot_file, outputs.json_file]
     require_places(images, files, force=force)
+    require_hdf5(outputs.output, "give --points for a table of the grid, or --json for the values")
     calibration = calibrate_images(
         images,
         shown,

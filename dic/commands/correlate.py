@@ -27,7 +27,7 @@ from dic.commands.series_options import (
 from dic.commands.settings_file import settings_option, used_settings_file
 from dic.commands.worker_options import chosen_workers, worker_options
 from dic.errors import each_warning_once
-from dic.shell.output_paths import require_places
+from dic.shell.output_paths import require_hdf5, require_places
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -100,6 +100,7 @@ def correlate(
     known_files.append(used_settings_file())
     written = [outputs.json_file, motion.save_alignment, *region.outputs(), *files.all()]
     _require_places([*sources.files, *known_files], written, files.folders, outputs)
+    require_hdf5(outputs.output, "give --csv FOLDER for tables, --json for the values, --maps for pictures")
     set_up = read_set_up(calibration_file, how, known)
     for note in sources.notes:
         say(note)

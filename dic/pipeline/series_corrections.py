@@ -19,7 +19,8 @@ def require_calibration(motion: Motion | None, calibration: Calibration | None) 
     Raises
     ------
     CorrelationError
-        If the motion is not "free" and there is no calibration, or an argument has the wrong type.
+        If the motion is not "free", or the shift is stated, and there is no calibration, or an argument has
+        the wrong type.
     """
     require_kind("motion", motion, Motion | None, 'give dic.Motion("tension")')
     require_kind("calibration", calibration, Calibration | None, "read it with dic.load_calibration(path)")
@@ -30,6 +31,14 @@ def require_calibration(motion: Motion | None, calibration: Calibration | None) 
             "a calibration, which knows the camera's place",
             f"--motion {motion.kind} without one",
             "name a calibration file, such as --calibration cal.h5",
+        )
+    if motion is not None and motion.shift_std_um is not None and calibration is None:
+        raise CorrelationError(
+            "settings",
+            "state the shift towards the camera",
+            "a calibration, with which the shift has an effect",
+            "--shift-std-um without one",
+            "name a calibration file, such as --calibration cal.h5, or leave out --shift-std-um",
         )
 
 

@@ -15,6 +15,10 @@ from dic.files.reading import kind_of
 FORCE = click.option("--force", is_flag=True, help="Replace output files that exist already.")
 
 
+_OTHERS = (".csv", ".txt", ".json", ".xlsx", ".png", ".tif", ".pdf", ".html", ".mat", ".npz")
+"""Endings that promise another kind of file than HDF5."""
+
+
 def require_places(
     inputs: Iterable[Path | None],
     outputs: Iterable[Path | None],
@@ -64,6 +68,24 @@ def require_places(
                 remedy,
             )
         taken[place] = "one that holds other results"
+
+
+def require_hdf5(path: Path | None, instead: str) -> None:
+    """Raise an error if an HDF5 file would have the ending of another kind of file, such as .csv.
+
+    Parameters
+    ----------
+    path : path or None
+    instead : str
+        What to do for a file of that kind.
+
+    Raises
+    ------
+    OutputError
+    """
+    if path is not None and path.suffix.lower() in _OTHERS:
+        expected, got = "an HDF5 file, such as one that ends with .h5", f"one that ends with {path.suffix}"
+        raise OutputError(str(path), "write results", expected, got, instead)
 
 
 @contextmanager

@@ -172,12 +172,19 @@ def test_an_image_is_never_overwritten_by_results(folder, tmp_path, monkeypatch,
 
 @pytest.mark.parametrize("taken", ["-o", "--contact-sheet"])
 def test_folders_of_a_refused_command_are_not_made(folder, tmp_path, taken):
-    (tmp_path / "old.png").touch()
-    place = tmp_path / "old.png" if taken == "-o" else f"eyy={tmp_path / 'old.png'}"
+    old = tmp_path / ("old.h5" if taken == "-o" else "old.png")
+    old.touch()
+    place = old if taken == "-o" else f"eyy={old}"
     folders = ["--maps", tmp_path / "new" / "maps", "--csv", tmp_path / "tables"]
     command = ["correlate", folder / "ref.png", folder / "still.png", *folders, taken, place]
     assert "one that exists" in refusal(*command)
-    assert [path.name for path in tmp_path.iterdir()] == ["old.png"]
+    assert list(tmp_path.iterdir()) == [old]
+
+
+def test_result_file_does_not_end_like_another_kind_of_file(folder, tmp_path):
+    said = refusal("correlate", folder / "ref.png", folder / "still.png", "-o", tmp_path / "r.csv")
+    assert "expected an HDF5 file, such as one that ends with .h5, got one that ends with .csv" in said
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_other_outputs_may_be_in_a_new_folder_of_maps(folder, tmp_path):
