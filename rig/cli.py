@@ -18,7 +18,14 @@ from rig.commands.output import PATH as _PATH
 from rig.commands.output import NumberRange
 from rig.commands.output import finish as _finish
 from rig.commands.output import write as _write
-from rig.threads import device_threads, dying_of_signals, last_resort, leave, never_released
+from rig.threads import (
+    device_threads,
+    drivers_exit_by_exception,
+    dying_of_signals,
+    last_resort,
+    leave,
+    never_released,
+)
 
 if TYPE_CHECKING:
     from rig import Outcome
@@ -28,7 +35,7 @@ def main() -> None:
     """Run the command line. For a known error, print one sentence on stderr and exit with status 2."""
     before, kept = device_threads(), never_released()
     try:
-        with last_resort():
+        with last_resort(), drivers_exit_by_exception():
             run_command(cli, (RigError, DeviceError, ConfigurationError, MeasurementError), "rig")
     except SystemExit as ended:
         leave(int(ended.code or 0), before, kept)

@@ -183,6 +183,33 @@ _last_resort = _LastResort()
 
 
 @contextmanager
+def drivers_exit_by_exception() -> Iterator[None]:
+    """Within a `with` block, let `os._exit` and `os.abort` of a driver raise `SystemExit` instead.
+
+    They would end the program at once: with a status that may be that of success, without a word, and without
+    a stop of the machines. A process that a driver has forked may still end itself.
+    """
+    before = {name: getattr(os, name) for name in ("_exit", "abort")}
+    own = os.getpid()
+
+    def of_drivers(name: str) -> Callable[..., object]:
+        def end(*status: int) -> object:
+            if isinstance(threading.current_thread(), DeviceThread) and os.getpid() == own:
+                raise SystemExit(*status)
+            return before[name](*status)
+
+        return end
+
+    for name in before:
+        setattr(os, name, of_drivers(name))
+    try:
+        yield
+    finally:
+        for name, function in before.items():
+            setattr(os, name, function)
+
+
+@contextmanager
 def last_resort() -> Iterator[None]:
     """Within a `with` block, let the system end the program if it neither makes progress nor ends.
 

@@ -1,9 +1,14 @@
 """A program can end although a thread hangs in a driver."""
 
+import os
 import subprocess
 import sys
+import warnings
 
 import pytest
+
+from drivers.errors import DeviceFault
+from rig.threads import Bounded, drivers_exit_by_exception
 
 HANGING_READ = """
 import sys
@@ -61,3 +66,19 @@ print("usual")
 def test_program_without_a_hanging_thread_goes_on_to_its_usual_end(status):
     script = f"from rig.threads import leave\nleave(7)\nprint('usual')\nraise SystemExit({status})"
     assert ended(script) == (status, "usual\n", "")
+
+
+@pytest.mark.parametrize("end", [lambda: os._exit(0), lambda: os.abort()])
+def test_driver_that_would_end_the_process_is_told_instead(end):
+    with drivers_exit_by_exception(), pytest.raises(DeviceFault, match="a driver that ends the program"):
+        Bounded("stage", "read", end).result(60.0, "")
+
+
+def test_process_that_a_driver_forks_may_end_itself():
+    def fork():
+        if not (child := os.fork()):
+            os._exit(7)
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+    with drivers_exit_by_exception(), warnings.catch_warnings(action="ignore"):
+        assert Bounded("stage", "read", fork).result(60.0, "") == 7
