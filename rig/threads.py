@@ -1,5 +1,6 @@
 """Threads for driver calls, which may hang. The program can end although such a thread hangs."""
 
+import ctypes
 import os
 import signal
 import sys
@@ -243,6 +244,8 @@ def device_threads() -> set[threading.Thread]:
 def never_release(value: object) -> None:
     """Keep an object until the program ends, because its library could crash or hang when it releases it."""
     _never_released.append(value)
+    # Python releases what lists hold when it ends. This reference is never given back.
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(value))
 
 
 _never_released: list[object] = []

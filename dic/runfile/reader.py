@@ -316,8 +316,8 @@ class RunFile:
         attributes = self._file.attrs
         if attributes.get("file_format") != schema.FORMAT:
             if attributes.get("file_format") == _RESULTS:
-                expected, remedy = f"a run file of version {schema.VERSION}", "give it to `dic report`"
-                raise RunFileError(str(self.path), "read run", expected, "a result file", remedy)
+                remedy = "give it to `dic report`"
+                raise RunFileError(str(self.path), "read run", "a run file", "a result file", remedy)
             raise self._damaged("an HDF5 file of another kind")
         require_known(self.path, self._file)
         require_layout(self._file)
@@ -389,7 +389,6 @@ class RunFile:
 
 
 _RESULTS = "offaxis-results"
-"""The format of the files with what was measured in a run."""
 _UNREADABLE = (
     AttributeError, IndexError, KeyError, MemoryError, OSError, OverflowError, RuntimeError, TypeError,
     ValueError,
