@@ -14,6 +14,7 @@ from dic.records.unit_names import BASE, NamedUnit
 from dic.records.units import STRESS, ColumnUnit
 from dic.typing import Float
 
+_TRUE = re.compile(r"(?i)\b(true|wahre[rs]?|vraie?|verdader[ao])\b")
 _NEAR = 2
 """Number of lines above the numbers in which a number may be the name of a column."""
 
@@ -61,6 +62,7 @@ class Table:
         """
         at = self._place(column)
         self._require_unit(column, at)
+        self._require_engineering(column, at)
         texts = [row[at] for row in self.rows]
         for text, line in zip(texts, self.lines, strict=True):
             if text and not is_number(text):
@@ -208,6 +210,17 @@ class Table:
             if column.role == "--load" and unit.quantity == "stress":
                 remedy = f"give --stress '{column.name}:{_stress_unit(unit)}' for a column of stress"
             raise self._wrong(column.role, f"the unit {unit.text} of the file's heading", column.unit, remedy)
+
+    def _require_engineering(self, column: ColumnUnit, at: int) -> None:
+        """Raise an error for true stress or strain: all properties are those of engineering ones."""
+        if column.role not in ("--strain", "--transverse", "--stress"):
+            return
+        for cell in (line[at] for line in self._headings_of(column, at)):
+            if _TRUE.search(cell):
+                remedy = "name the column of the engineering value, or convert it and correct the heading"
+                raise self._wrong(
+                    column.role, "engineering stress or strain", f"the heading {cell!r}", remedy
+                )
 
     def _headings_of(self, column: ColumnUnit, at: int) -> list[list[str]]:
         """Return the lines that may name the unit of a column: that of its name, and those below it.

@@ -95,3 +95,10 @@ def test_load_that_stands_for_none_is_refused(tmp_path):
     path = table(tmp_path / "a.csv", rows, headings=[["Time", "Load", "Strain"]])
     said = refusal("properties", path, "--load", "2:N", "--strain", "3:%", "--area-mm2", 20)
     assert "got 99999 N at point 71" in said
+
+
+def test_true_strain_is_not_taken_for_engineering_strain(tmp_path):
+    rows = [[f"{t:.1f}", f"{n:.6f}", f"{e:.6f}"] for t, n, e in ROWS]
+    path = table(tmp_path / "a.csv", rows, headings=[["Time", "Load", "True Strain (%)"]])
+    said = refusal("properties", path, "--load", "2:N", "--strain", "3:%", "--area-mm2", 20)
+    assert "--strain: expected engineering stress or strain, got the heading 'True Strain (%)'" in said
