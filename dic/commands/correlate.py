@@ -100,7 +100,6 @@ def correlate(
     known_files.append(used_settings_file())
     written = [outputs.json_file, motion.save_alignment, *region.outputs(), *files.all()]
     _require_places([*sources.files, *known_files], written, files.folders, outputs)
-    require_hdf5(outputs.output, "give --csv FOLDER for tables, --json for the values, --maps for pictures")
     set_up = read_set_up(calibration_file, how, known)
     for note in sources.notes:
         say(note)
@@ -207,3 +206,4 @@ def _require_places(
     # Allow an existing result file here: whether it can be used is known only after reading the reference.
     replaceable = [*earlier, *standing]
     require_places(inputs, written, force=outputs.force, replaceable=replaceable, new_folders=new_folders)
+    require_hdf5(outputs.output, "give --csv FOLDER for tables, --json for the values, --maps for pictures")

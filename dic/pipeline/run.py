@@ -74,7 +74,6 @@ def process_run(
         same arguments continues after these images. If the file already contains the results of the same
         call, they are returned. If only settings of strain or corrections have changed, the fields in the
         file are used, and nothing is correlated. Default: a temporary file.
-
     workers : Workers, optional
         Processes that correlate several images at the same time, such as `LocalWorkers`. The results have the
         same bits. By default, threads of this process share the work at each image.

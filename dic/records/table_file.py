@@ -90,7 +90,7 @@ def _first_of_table(path: PathLike, cells: list[tuple[int, list[str]]], width: i
     """
     numbers = [k for k, (_, row) in enumerate(cells) if _numeric_share(row) > least]
     first = next(k for k in numbers if len(cells[k][1]) == width)
-    for begin, after in _heading_blocks(cells, numbers, first):
+    for begin, after in _heading_blocks(cells, numbers):
         above = [row for _, row in cells[:begin] if _is_heading(row)]
         below = [row for _, row in cells[begin:after] if _is_heading(row)]
         few = sum(k < begin for k in numbers) <= _MOST_DESCRIBING
@@ -109,15 +109,13 @@ def _first_of_table(path: PathLike, cells: list[tuple[int, list[str]]], width: i
     return first
 
 
-def _heading_blocks(
-    cells: list[tuple[int, list[str]]], numbers: list[int], first: int
-) -> list[tuple[int, int]]:
+def _heading_blocks(cells: list[tuple[int, list[str]]], numbers: list[int]) -> list[tuple[int, int]]:
     """Return the first and the stop index of the blocks of text between lines of numbers.
 
     A single line of text is no block unless an empty line stands before it: it notes an event of the test.
     """
     blocks = []
-    for before, after in pairwise(k for k in numbers if k >= min(first, numbers[0])):
+    for before, after in pairwise(numbers):
         empty_line = after - before > 1 and cells[before + 1][0] - cells[before][0] > 1
         if after - before > 2 or empty_line:
             blocks.append((before + 1, after))

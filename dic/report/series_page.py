@@ -25,6 +25,7 @@ from dic.report.style import plot_style
 from dic.report.templating import page_templates
 from dic.report.tensile_page import tensile_view
 from dic.report.tensile_test import TensileTest
+from dic.results.unfinished import ENDING
 from dic.strain.measurement import Measurement
 from dic.strain.strain import gauge_text
 from dic.typing import PathLike
@@ -43,7 +44,6 @@ class SeriesView:
     name: str
     summary: list[str]
     shown: str
-    kind: str
     component: str
     strains: str
     displacements: str
@@ -131,7 +131,7 @@ def series_dict(result: SeriesResult) -> dict[str, object]:
 
 def is_unfinished(result: SeriesResult) -> bool:
     """Return whether the series was stopped: its folder of finished images lies beside the result file."""
-    return Path(f"{result.source}.unfinished").exists()
+    return Path(f"{result.source}{ENDING}").exists()
 
 
 def _title(results: Sequence[SeriesResult], views: Sequence[SeriesView]) -> str:
@@ -149,13 +149,13 @@ def _view(result: SeriesResult, wanted: str, gauges: GaugeSeries | None, *, test
     series = result.series
     means = means_of(series.images, calibrated=result.calibration is not None)
     settings = [("Command", result.provenance.command), ("Versions", result.provenance.versions)]
-    strains = displacements = curve = sheet = shown = kind = component = ""
+    strains = displacements = curve = sheet = shown = component = ""
     summary = [_count(result, means)]
     if is_unfinished(result):
         summary.append(_UNFINISHED)
     if means.measured:
         at = _chosen(result.source, means, wanted)
-        shown, kind = means.name(at), means.kind_at(at)
+        shown = means.name(at)
         summary.append(_mean(means, at))
         strains, displacements = (maps_picture(series, at, what) for what in (STRAINS, DISPLACEMENTS))
         largest = _largest(means, at)
@@ -170,7 +170,6 @@ def _view(result: SeriesResult, wanted: str, gauges: GaugeSeries | None, *, test
         name=Path(result.source).name,
         summary=summary,
         shown=shown,
-        kind=kind,
         component=component,
         strains=strains,
         displacements=displacements,

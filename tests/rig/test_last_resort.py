@@ -29,6 +29,13 @@ STUCK = {
             rig.threads.still_running()
             ctypes.PyDLL(None).pause()
     """,
+    "in output that nobody accepts, after a signal": """
+        rig.threads.LAST_RESORT_S, rig.threads.OUTPUT_S = 1000.0, 0.3
+        with rig.threads.last_resort():
+            rig.threads.must_end()
+            with rig.threads.dying_of_signals():
+                os.write(os.pipe()[1], bytes(1 << 20))
+    """,
 }
 
 

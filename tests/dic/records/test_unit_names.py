@@ -7,7 +7,7 @@ import pytest
 import dic
 from dic.records.headings import units_of
 from tests.command_line import refusal
-from tests.dic.records.test_foreign_tables import ROWS, slope_gpa, table
+from tests.dic.records.test_foreign_tables import ROWS, numbers_of, slope_gpa, table
 
 KGF_N, LBF_N = 9.80665, 4.4482216152605
 SPELLED = {
@@ -60,8 +60,7 @@ def test_words_of_a_name_are_no_units(heading):
 
 
 def test_letter_in_brackets_may_be_the_symbol_of_a_quantity(tmp_path):
-    rows = [[f"{t:.1f}", f"{n:.6f}", f"{e:.6f}"] for t, n, e in ROWS]
-    path = table(tmp_path / "a.csv", rows, headings=[["Zeit (t)", "Kraft (N)", "Dehnung (A)"]])
+    path = table(tmp_path / "a.csv", numbers_of(ROWS), headings=[["Zeit (t)", "Kraft (N)", "Dehnung (A)"]])
     curve = dic.read_curve(path, load="2:N", strain="3:%", time="1:s")
     assert slope_gpa(curve) == pytest.approx(70.0, rel=1e-3)
 
@@ -82,8 +81,7 @@ def test_unit_of_the_same_size_is_taken_and_another_is_refused(tmp_path, heading
 
 
 def test_value_that_no_material_has_is_refused(tmp_path):
-    rows = [[f"{t:.1f}", f"{n:.6f}", f"{e:.6f}"] for t, n, e in ROWS]
-    path = table(tmp_path / "a.csv", rows, headings=[["Time", "Load", "Strain"]])
+    path = table(tmp_path / "a.csv", numbers_of(ROWS), headings=[["Time", "Load", "Strain"]])
     said = refusal("properties", path, "--load", "2:kN", "--strain", "3:%", "--area-mm2", 20)
     assert "expected a modulus of at most 1250 GPa, which diamond has, got 7e+04 GPa" in said
     said = refusal("properties", path, "--load", "2:N", "--strain", "3:ue", "--area-mm2", 20)
@@ -98,7 +96,6 @@ def test_load_that_stands_for_none_is_refused(tmp_path):
 
 
 def test_true_strain_is_not_taken_for_engineering_strain(tmp_path):
-    rows = [[f"{t:.1f}", f"{n:.6f}", f"{e:.6f}"] for t, n, e in ROWS]
-    path = table(tmp_path / "a.csv", rows, headings=[["Time", "Load", "True Strain (%)"]])
+    path = table(tmp_path / "a.csv", numbers_of(ROWS), headings=[["Time", "Load", "True Strain (%)"]])
     said = refusal("properties", path, "--load", "2:N", "--strain", "3:%", "--area-mm2", 20)
     assert "--strain: expected engineering stress or strain, got the heading 'True Strain (%)'" in said

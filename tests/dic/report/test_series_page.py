@@ -134,3 +134,7 @@ def test_series_that_was_stopped_is_not_called_whole(measured, tmp_path):
     assert run_dic("report", copy, "-o", page, "--json", values).status == 0
     assert "The series was stopped before its last image" in page.read_text(encoding="utf-8")
     assert json.loads(values.read_text(encoding="utf-8"))["series"][0]["unfinished"]
+
+
+def test_command_for_runs_says_what_to_do_with_a_result_file(measured):
+    assert "got a result file; give it to `dic report`" in refusal("process", measured)
