@@ -17,8 +17,8 @@ import cv2
 
 from benchmarks.speckle import Speckle, eight_bit, gentle_strain
 from dic.commands.correlate import correlate
+from dic.derived.gauge_series import measure_gauges
 from dic.gauges.declared import Extensometer, Gauge, LineCut, PointGauge, StrainGauge, TransverseExtensometer
-from dic.pipeline.gauge_series import measure_gauges
 
 LEAST = 20.0
 NOISE = 2.0

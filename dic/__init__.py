@@ -36,6 +36,13 @@ if TYPE_CHECKING:
     from dic.correlation.series import Series
     from dic.correlation.settings import CorrelationSettings
     from dic.correlation.status import Status
+    from dic.derived.animation import Animation, write_animation
+    from dic.derived.compared import compare_results
+    from dic.derived.export import Export, export_results
+    from dic.derived.export_tables import to_pandas, to_xarray
+    from dic.derived.gauge_record import GaugeCurve, ImageClock, gauge_curve, join_record
+    from dic.derived.gauge_series import measure_gauges, write_gauge_picture
+    from dic.derived.whole_field import whole_field_gauges
     from dic.drawing.page import write_drawing_page
     from dic.errors import (
         CalibrationError,
@@ -78,28 +85,20 @@ if TYPE_CHECKING:
     from dic.pictures.panels import map_scale
     from dic.pictures.plots import PlotSettings
     from dic.pictures.settings import MapSettings
-    from dic.pipeline.animation import Animation, write_animation
-    from dic.pipeline.camera_result import CameraResult
-    from dic.pipeline.compared import compare_results
-    from dic.pipeline.export import Export, export_results
-    from dic.pipeline.export_tables import to_pandas, to_xarray
-    from dic.pipeline.gauge_record import GaugeCurve, ImageClock, gauge_curve, join_record
-    from dic.pipeline.gauge_series import measure_gauges, write_gauge_picture
+    from dic.pipeline.correction_settings import CorrectionSettings
+    from dic.pipeline.corrections import JointCorrections, RunCorrections, corrected_rotation
     from dic.pipeline.images import measure_images, measure_series
     from dic.pipeline.measured import measure
+    from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
+    from dic.pipeline.result import CameraResult, RunResult, SeriesResult
+    from dic.pipeline.result_file import load_run_result, load_series_result
+    from dic.pipeline.result_writer import save_run_result
     from dic.pipeline.run import process_run
-    from dic.pipeline.run_corrections import CorrectionSettings, JointCorrections, RunCorrections
     from dic.pipeline.run_reference import RunReference, run_reference
-    from dic.pipeline.run_result import RunResult
-    from dic.pipeline.run_result_file import load_run_result, save_run_result
     from dic.pipeline.run_source import RunSource
-    from dic.pipeline.series_corrections import corrected_rotation
     from dic.pipeline.series_image import SeriesImage
-    from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
-    from dic.pipeline.series_result_file import SeriesResult, load_series_result
     from dic.pipeline.strain_anew import strain_of_run, strain_of_series
     from dic.pipeline.target_images import calibrate_images
-    from dic.pipeline.whole_field import whole_field_gauges
     from dic.properties.anisotropy import planar_anisotropy
     from dic.properties.curve import Curve, read_curve
     from dic.properties.plot import plot_properties
@@ -238,26 +237,25 @@ _NAMES_OF = {
     "dic.pictures.panels": ("map_scale",),
     "dic.pictures.plots": ("PlotSettings",),
     "dic.pictures.settings": ("MapSettings",),
-    "dic.pipeline.animation": ("Animation", "write_animation"),
-    "dic.pipeline.camera_result": ("CameraResult",),
-    "dic.pipeline.compared": ("compare_results",),
-    "dic.pipeline.export": ("Export", "export_results"),
-    "dic.pipeline.export_tables": ("to_pandas", "to_xarray"),
-    "dic.pipeline.gauge_record": ("GaugeCurve", "ImageClock", "gauge_curve", "join_record"),
-    "dic.pipeline.whole_field": ("whole_field_gauges",),
-    "dic.pipeline.gauge_series": ("measure_gauges", "write_gauge_picture"),
+    "dic.derived.animation": ("Animation", "write_animation"),
+    "dic.derived.compared": ("compare_results",),
+    "dic.derived.export": ("Export", "export_results"),
+    "dic.derived.export_tables": ("to_pandas", "to_xarray"),
+    "dic.derived.gauge_record": ("GaugeCurve", "ImageClock", "gauge_curve", "join_record"),
+    "dic.derived.whole_field": ("whole_field_gauges",),
+    "dic.derived.gauge_series": ("measure_gauges", "write_gauge_picture"),
     "dic.pipeline.images": ("measure_images", "measure_series"),
     "dic.pipeline.measured": ("measure",),
     "dic.pipeline.run": ("process_run",),
-    "dic.pipeline.run_corrections": ("CorrectionSettings", "JointCorrections", "RunCorrections"),
+    "dic.pipeline.correction_settings": ("CorrectionSettings",),
+    "dic.pipeline.corrections": ("JointCorrections", "RunCorrections", "corrected_rotation"),
     "dic.pipeline.run_reference": ("RunReference", "run_reference"),
-    "dic.pipeline.run_result": ("RunResult",),
-    "dic.pipeline.run_result_file": ("load_run_result", "save_run_result"),
+    "dic.pipeline.result": ("CameraResult", "RunResult", "SeriesResult"),
+    "dic.pipeline.result_file": ("load_run_result", "load_series_result"),
+    "dic.pipeline.result_writer": ("save_run_result",),
     "dic.pipeline.run_source": ("RunSource",),
-    "dic.pipeline.series_corrections": ("corrected_rotation",),
     "dic.pipeline.series_image": ("SeriesImage",),
-    "dic.pipeline.series_result": ("MeasuredImage", "MeasuredSeries"),
-    "dic.pipeline.series_result_file": ("SeriesResult", "load_series_result"),
+    "dic.pipeline.measured_images": ("MeasuredImage", "MeasuredSeries"),
     "dic.pipeline.strain_anew": ("strain_of_run", "strain_of_series"),
     "dic.pipeline.target_images": ("calibrate_images",),
     "dic.properties.anisotropy": ("planar_anisotropy",),

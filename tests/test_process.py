@@ -18,8 +18,9 @@ from dic.errors import CalibrationError, RunFileError
 from dic.out_of_plane.correction import Correction
 from dic.pictures.panels import maps_of
 from dic.pictures.settings import MapSettings
+from dic.pipeline.result_file import load_run_result
+from dic.pipeline.result_writer import save_run_result
 from dic.pipeline.run import process_run
-from dic.pipeline.run_result_file import load_run_result, save_run_result
 from dic.report.camera_images import images_of
 from dic.report.hardware import hardware_table
 from dic.report.stated_facts import StatedFacts

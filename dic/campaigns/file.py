@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from dic.campaigns.specimen import CampaignSpecimen, CurveColumns, GaugeChoice, require_apart
+from dic.derived.gauge_series import is_results
 from dic.errors import CurveError, MeasurementError, joined
 from dic.files.toml import NUMBER, NUMBERS, TEXT, is_of_kind, read_toml, wrong_values
 from dic.image.pages import natural_key
-from dic.pipeline.gauge_series import is_results
 from dic.properties.settings import PropertySettings
 from dic.typing import PathLike
 

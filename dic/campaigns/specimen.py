@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dic.campaigns.campaign import Campaign, SpecimenTest, campaign_of, require_direction
+from dic.derived.gauge_record import ImageClock, gauge_curve, join_record
+from dic.derived.gauge_series import measure_gauges
+from dic.derived.whole_field import whole_field_gauges
 from dic.errors import CurveError, MeasurementError, joined
 from dic.files.digest import file_sha256
 from dic.gauges.file import read_gauges
-from dic.pipeline.gauge_record import ImageClock, gauge_curve, join_record
-from dic.pipeline.gauge_series import measure_gauges
-from dic.pipeline.whole_field import whole_field_gauges
 from dic.properties.curve import read_curve
 from dic.properties.properties import Properties, material_properties
 from dic.properties.settings import PropertySettings

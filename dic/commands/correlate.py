@@ -1,8 +1,7 @@
 """The command `dic correlate`, which measures displacements and strains in image files."""
 
-from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -35,11 +34,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from dic import CorrelationSettings
-    from dic.pipeline.series_correlation import SeriesCorrelation
-    from dic.pipeline.series_result_file import SeriesResult
-    from dic.pipeline.series_set_up import SeriesSetUp
+    from dic.pipeline.series_camera import SeriesCamera
     from dic.pipeline.series_sources import SeriesSources
-    from dic.results.provenance import Provenance
     from dic.workers.workers import Workers
 
 _FILE = click.Path(path_type=Path)
@@ -79,10 +75,9 @@ def correlate(
     the series after the current image and keeps its results. Exit status: 0 if all images are measured well,
     1 if an image is measured poorly, 2 if an image cannot be measured.
     """
-    from dic import read_image, write_region
+    from dic import SeriesResult, read_image, write_region
     from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
     from dic.pipeline.series_sources import SeriesSources
-    from dic.results.unfinished import alone
     from dic.shell.console import say
 
     settings, how, _, known, _, drawn, gauges = all_of(
@@ -103,51 +98,48 @@ def correlate(
     set_up = read_set_up(calibration_file, how, known)
     for note in sources.notes:
         say(note)
-    with ExitStack() as stack:
+    with chosen_workers() as workers:
         image = read_image(sources.reference, stored=True)
-        workers = stack.enter_context(chosen_workers())
-        correlated = _correlation(image, sources, region, start, settings, workers)
-        series = correlated.series
+        of_files = _camera(image, sources, region, start, settings, workers)
+        series = of_files.series
         set_up.require_use(series.shape)
         if series.specimen is not None and not series.specimen.is_whole:
             say(str(series.specimen))
         places = SeriesPlaces(files, drawn, outputs.decimal_comma)
         work = SeriesEvaluation(image, [str(path) for path in sources.images], settings, set_up, places)
-        found = _known_results(correlated, set_up, outputs, known_files)
-        if correlated.known is not None and found.same is None:
-            stack.enter_context(alone(outputs.output))
-        elif correlated.known is None and (outputs.output is not None or known.kind == "rigid"):
-            stack.enter_context(correlated.keeping(outputs.place(), written))
-        files.make_folders()
-        if region.write_mask is not None:
-            write_region(series.region, image, region.write_mask)
-        if found.same is not None:
-            whole = work.show(found.same.series)
-        else:
-            whole = work.run(correlated.images(), correlated.again, found.origin)
+        place, inputs = outputs.place(written), [outputs.fields_from, *known_files]
+        whole = True
+        with of_files.begun(image, set_up, place, inputs) as begun:
+            if begun.earlier.note:
+                say(begun.earlier.note)
+            files.make_folders()
+            if region.write_mask is not None:
+                write_region(series.region, image, region.write_mask)
+            if isinstance(begun.earlier.same, SeriesResult):
+                work.show(begun.earlier.same.series)
+            elif begun.measuring is not None:
+                whole = work.measure(begun.measuring)
         if outputs.json_file is not None:
             work.write_json(outputs.json_file, str(sources.reference), series.specimen)
         motion.save(work.alignment)
         # Write the pictures last: if this fails, they can be drawn again from the files written before.
         work.draw()
-        if not whole:
-            correlated.stay()
-            if outputs.output is not None:
-                say("give the same command again to go on with the images that are not measured", err=True)
+        if not whole and outputs.output is not None:
+            say("give the same command again to go on with the images that are not measured", err=True)
     end(work.record)
 
 
-def _correlation(
+def _camera(
     image: "NDArray[Any]",
     sources: "SeriesSources",
     region: RegionOptions,
     start: StartOptions,
     settings: "CorrelationSettings",
     workers: "Workers | None",
-) -> "SeriesCorrelation":
-    """Prepare the correlation of the series with its reference `image`."""
+) -> "SeriesCamera":
+    """Return the camera of the series with its reference `image`."""
     from dic import Series, SeriesImage
-    from dic.pipeline.series_correlation import SeriesCorrelation
+    from dic.pipeline.series_camera import SeriesCamera
     from dic.pipeline.series_image import FileDigests, KnownImage
 
     digests = FileDigests()
@@ -156,40 +148,7 @@ def _correlation(
     known_image = KnownImage(source, image)
     series = Series(known_image, region.read(image.shape), settings, incremental=start.incremental)
     hint = start.hint(image.shape)
-    return SeriesCorrelation(series, sources, start.incremental, hint, workers, digests=digests)
-
-
-class _Known(NamedTuple):
-    """What an earlier measurement left: the same results or None, and the origin of the results to write."""
-
-    same: "SeriesResult | None"
-    origin: "Provenance | None"
-
-
-def _known_results(
-    correlated: "SeriesCorrelation",
-    set_up: "SeriesSetUp",
-    outputs: OutputOptions,
-    known_files: "Sequence[Path | None]",
-) -> _Known:
-    """Search for the results of an earlier measurement, and say which of them are used."""
-    from dic.pipeline.reuse import FIELDS, SAME
-    from dic.results.job import Job
-    from dic.results.provenance import Provenance
-    from dic.shell.console import say
-
-    place = outputs.place()
-    if place is None:
-        return _Known(None, None)
-    same = correlated.look_up(place, set_up)
-    inputs = [correlated.sources.files[0], outputs.fields_from, *known_files]
-    job = Job.of(correlated.job, set_up.as_dict())
-    origin = Provenance.of(inputs, job, correlated.digests.of_file)
-    if correlated.known is not None:
-        say(f"{correlated.known.source}: {FIELDS if same is None else SAME}")
-    elif correlated.begun_text:
-        say(correlated.begun_text)
-    return _Known(same, origin)
+    return SeriesCamera(series, sources, start.incremental, hint, workers, digests)
 
 
 def _require_places(
@@ -199,11 +158,9 @@ def _require_places(
     outputs: OutputOptions,
 ) -> None:
     """Raise an error if an output file cannot be written; an unfinished result may be continued."""
-    from dic.results.unfinished import outputs_of
+    from dic.results.place import outputs_of
 
-    standing = [] if outputs.output is None else [outputs.output]
-    earlier = [path for output in standing for path in outputs_of(output)]
     # Allow an existing result file here: whether it can be used is known only after reading the reference.
-    replaceable = [*earlier, *standing]
+    replaceable = [] if outputs.output is None else [*outputs_of(outputs.output), outputs.output]
     require_places(inputs, written, force=outputs.force, replaceable=replaceable, new_folders=new_folders)
     require_hdf5(outputs.output, "give --csv FOLDER for tables, --json for the values, --maps for pictures")

@@ -139,7 +139,7 @@ def process(
     """
     from dic import Series
     from dic.commands.run_work import RunWork, process_shelf
-    from dic.pipeline.run_files import list_run_files
+    from dic.pipeline.run_source import list_run_files
 
     listed = list_run_files(runs)
     for earlier, later in listed.continued.items():

@@ -171,8 +171,8 @@ def properties(
     """
     from dic import CurveError, gauge_curve, material_properties, with_shared_error
     from dic.commands.gauge_text import joined_line
-    from dic.pipeline.gauge_series import is_results
-    from dic.pipeline.test_ontology import about_curve, about_series
+    from dic.derived.gauge_series import is_results
+    from dic.derived.ontology_facts import about_curve, about_series
 
     area_unknown = columns.stress is not None and test.area_mm2 is None
     settings = test.settings(1.0 if area_unknown else None)

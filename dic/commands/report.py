@@ -221,7 +221,7 @@ def _write(
 ) -> "Sequence[RunResult] | Sequence[SeriesResult]":
     """Write the page on the result files of runs, or of series, as HTML and PDF, and return the results."""
     from dic import RunFileError, load_run_result, load_series_result, write_report
-    from dic.pipeline.series_result_file import is_series_result
+    from dic.pipeline.result_file import is_series_result
     from dic.report.series_page import write_series_report
 
     series = [path for path in results if is_series_result(path)]
@@ -256,7 +256,7 @@ def _gauges_alone(
     test: TestOptions,
 ) -> "GaugeSeries | None":
     """Return the declared gauges of a series of images if no option asks for a test with a load."""
-    from dic.pipeline.series_result_file import is_series_result
+    from dic.pipeline.result_file import is_series_result
 
     if not field.declares or about.is_given or record.record_file or test.area_mm2 is not None:
         return None
@@ -298,7 +298,7 @@ def _tests(
 def _area_mm2(results: Path) -> float | None:
     """Return the area of a run's specimen; None for a series of images."""
     from dic import load_run_result
-    from dic.pipeline.series_result_file import is_series_result
+    from dic.pipeline.result_file import is_series_result
 
     if is_series_result(results):
         return None

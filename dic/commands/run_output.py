@@ -35,7 +35,7 @@ class OutputOptions:
         The `inputs` are the files with settings; None means "no file".
         """
         from dic import ResultPlace
-        from dic.results.unfinished import outputs_of
+        from dic.results.place import outputs_of
 
         replace = self.force or output.resolve() in outputs_of(output)
         known = tuple(path for path in inputs if path is not None)
@@ -74,7 +74,7 @@ class OutputOptions:
         """Read gauges in all steps, print and write the readings, and return them for JSON."""
         from dic import measure_gauges, write_gauge_table
         from dic.commands.gauge_text import gauge_lines, gauges_dict
-        from dic.pipeline.series_files import GAUGE_FILE
+        from dic.derived.series_files import GAUGE_FILE
         from dic.shell.console import say
 
         found = measure_gauges(result, gauges)
@@ -98,7 +98,7 @@ class OutputOptions:
         `result_may_stand` is True if `process_run` decides whether an existing result file can be used.
         """
         written = [] if alignments is None else [*alignments.glob("*.alignment.json")]
-        from dic.results.unfinished import outputs_of
+        from dic.results.place import outputs_of
 
         # The names of the tables of points follow from the steps of the run.
         tables = [] if self.csv_folder is None else [*self.csv_folder.glob("*.csv")]
@@ -121,7 +121,7 @@ class OutputOptions:
         from dic.shell.console import say
 
         if self.csv_folder is not None:
-            from dic.pipeline.run_tables import write_run_tables
+            from dic.derived.run_tables import write_run_tables
             from dic.results.strain_table import STRAIN_FILE
 
             with same_or_new(self.csv_folder, replace=self.force or not result.known) as folder:

@@ -35,7 +35,7 @@ def table(result: "RunResult") -> str:
 def _camera_lines(result: "RunResult", camera: "CameraResult") -> list[str]:
     from dic import gauge_text
 
-    calibration = camera.calibration
+    calibration = camera.require_calibration()
     lines = [
         f"{camera.camera}: {calibration.grid.found} of {calibration.grid.expected} grid points,"
         f" residual {calibration.rms_px:.4f} px rms ({calibration.rms_mm * 1e3:.2f} µm)"
@@ -147,7 +147,7 @@ def as_dict(result: "RunResult") -> dict[str, Any]:
     for camera in result.cameras:
         corrections = result.corrections.cameras[camera.camera]
         steps = starmap(_step_as_dict, by_index(camera.steps, camera.measurements, corrections.images))
-        calibration = camera.calibration
+        calibration = camera.require_calibration()
         cameras[camera.camera] = {
             "calibration": {
                 "found": calibration.grid.found,

@@ -1,25 +1,23 @@
 """Compute, print and write the strains of a series whose images are correlated one by one."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import deque
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dic.commands.series_record import SeriesRecord
-from dic.files.lazy import Computed
 from dic.files.writing import write_text
 
 if TYPE_CHECKING:
-    from dic import Alignment, CorrelationSettings, MapSettings, MeasuredImage, MeasuredSeries, Specimen
-    from dic.pipeline.series_files import SeriesFiles, SeriesOutputs
-    from dic.pipeline.series_maps import SeriesMaps
-    from dic.pipeline.series_set_up import SeriesSetUp
-    from dic.results.job import Outcome
-    from dic.results.provenance import Provenance
-    from dic.results.unfinished import FinishedImage
+    from dic import Alignment, CorrelationSettings, MapSettings, MeasuredSeries, Specimen
+    from dic.derived.series_files import SeriesFiles, SeriesOutputs
+    from dic.derived.series_maps import SeriesMaps
+    from dic.pipeline.corrections import MeasuredStep
+    from dic.pipeline.measuring import Measuring
+    from dic.pipeline.set_up import SeriesSetUp
     from dic.typing import Grey
 
 _UNCORRECTED = (
@@ -61,7 +59,7 @@ class SeriesEvaluation:
     ----------
     record : SeriesRecord
     alignment : Alignment or None
-        The rotation stage's alignment, after `run`.
+        The rotation stage's alignment, after the last image.
     """
 
     def __init__(
@@ -75,44 +73,50 @@ class SeriesEvaluation:
         self._reference, self._labels = reference, labels
         self._settings, self._set_up, self._places = settings, set_up, places
         self.record = SeriesRecord(labels, calibrated=set_up.calibration is not None)
-        self.alignment: Alignment | None = set_up.motion.alignment
-        self._outcomes: list[Outcome] = []
+        self.alignment: Alignment | None = None
         self._maps: SeriesMaps | None = None
         self._gauges: dict[str, Any] = {}
 
-    def run(
-        self,
-        images: "Iterable[FinishedImage]",
-        again: "Callable[[int], FinishedImage]",
-        origin: "Provenance | None",
-        doing: str = "correlating",
-    ) -> bool:
-        """Evaluate the images; return True after the last one, and False if a signal stopped the series.
+    def measure(self, measuring: "Measuring", doing: str = "correlating") -> bool:
+        """Measure the images; return True after the last one, and False if a signal stopped the series.
 
         Parameters
         ----------
-        images : iterable of FinishedImage
-            The images, which are correlated or read when they are used.
-        again : callable
-            Function that returns an image for a second time, by its index. A rotation needs all images twice.
-        origin : Provenance or None
-            Origin of the results, which is written into the result file.
+        measuring : Measuring
         doing : str
             Text of the progress bar.
         """
-        calibration, motion = self._set_up.calibration, self._set_up.motion
-        with self._outputs(self._places.files, origin) as results:
-            whole = self._measure(images, results, doing)
-            if calibration is not None and motion.kind == "rigid":
-                self._correct(results, again)
-            results.write_set_up(self._reference, calibration, self._outcomes, self.alignment)
-        return whole
+        from dic.shell.console import stopped_early, stopping_between
+        from dic.shell.progress import progress
+
+        count = len(self._labels)
+        with self._outputs() as results, progress(doing, count) as bar, stopping_between() as stopped:
+            shown = 0
+
+            def show(step: "MeasuredStep") -> None:
+                nonlocal shown
+                number, image = step.number, step.image
+                if not step.provisional:
+                    results.write(number, image)
+                if number < shown:
+                    self.record.correct(number, image)
+                    return
+                self.record.add(number, image)
+                bar.advance()
+                shown += 1
+                left = count - number - 1
+                if stopped() and left:
+                    rest = stopped_early(left, count, "measured")
+                    self.record.fail(number + 1, self._labels[number + 1], rest, "; those before it are kept")
+                    measuring.stopped = True
+
+            deque(map(show, measuring.steps()), maxlen=0)
+        self.alignment = measuring.alignment("")
+        return not measuring.stopped
 
     def show(self, series: "MeasuredSeries") -> bool:
         """Print the results of images that are measured, and write all files except the result file."""
-        files = copy(self._places.files)
-        files.output = None
-        with self._outputs(files, None) as results:
+        with self._outputs() as results:
             for number, image in enumerate(series.images):
                 results.write(number, image)
                 self.record.add(number, image)
@@ -120,24 +124,26 @@ class SeriesEvaluation:
         return True
 
     @contextmanager
-    def _outputs(self, files: "SeriesFiles", origin: "Provenance | None") -> "Iterator[SeriesOutputs]":
-        """Print the values that all images share, and open the output files; write the table of strains."""
+    def _outputs(self) -> "Iterator[SeriesOutputs]":
+        """Print what all images share, and provide the output files; write the table of strains last."""
         from dic.commands.gauge_text import gauge_lines, gauges_dict
-        from dic.pipeline.series_files import SeriesOutputs
-        from dic.pipeline.series_maps import SeriesMaps
+        from dic.derived.gauge_series import GaugeReader
+        from dic.derived.series_files import SeriesOutputs
+        from dic.derived.series_maps import SeriesMaps
         from dic.shell.console import say
 
+        files, calibration, motion = self._places.files, self._set_up.calibration, self._set_up.motion
         say(self._gauge())
-        if self._set_up.calibration is not None and self._set_up.motion.kind == "free":
+        if calibration is not None and motion is not None and motion.kind == "free":
             say(_UNCORRECTED)
         self._maps = maps = SeriesMaps(self._reference, files.pictures, self._places.drawn)
-        comma, calibration = self._places.decimal_comma, self._set_up.calibration
-        with SeriesOutputs(self._settings, files, maps, origin, decimal_comma=comma) as results:
-            results.read_gauges(calibration, self._reference.shape)
-            try:
-                yield results
-            finally:
-                results.write_table(list(self.record.rows))
+        gauges = GaugeReader(files.gauges, calibration, self._reference.shape) if files.gauges else None
+        comma = self._places.decimal_comma
+        results = SeriesOutputs(self._settings, files, maps, gauges, decimal_comma=comma)
+        try:
+            yield results
+        finally:
+            results.write_table(list(self.record.rows))
         if files.gauges:
             for line in gauge_lines(results.gauge_series):
                 say(line)
@@ -163,48 +169,6 @@ class SeriesEvaluation:
             with progress("drawing", self._maps.pictures_left) as bar:
                 self._maps.draw(bar.advance)
 
-    def _measured(self, found: "FinishedImage") -> "MeasuredImage":
-        from dic.pipeline.images import measured
-
-        return measured(found, self._set_up.calibration, self._set_up.strain, self._set_up.motion)
-
-    def _measure(self, images: "Iterable[FinishedImage]", results: "SeriesOutputs", doing: str) -> bool:
-        """Measure the images one by one; print and write each result at once."""
-        from dic.shell.console import stopped_early, stopping_between
-        from dic.shell.progress import progress
-
-        count = len(self._labels)
-        with progress(doing, count) as bar, stopping_between() as stopped:
-            for found in images:
-                number = len(self._outcomes)
-                self._outcomes.append(found.outcome)
-                image = self._measured(found)
-                if self._set_up.motion.kind != "rigid":
-                    results.write(number, image)
-                self.record.add(number, image)
-                # Free the memory of a large image's fields before the next image is correlated.
-                del found, image
-                bar.advance()
-                left = count - number - 1
-                if stopped() and left:
-                    rest = stopped_early(left, count, "measured")
-                    self.record.fail(number + 1, self._labels[number + 1], rest, "; those before it are kept")
-                    return False
-        return True
-
-    def _correct(self, results: "SeriesOutputs", again: "Callable[[int], FinishedImage]") -> None:
-        """Solve the stage's alignment from all images of a rotation; correct, print and write the images."""
-        from dic import corrected_rotation
-
-        set_up, numbers = self._set_up, self.record.measured
-        if set_up.calibration is None or not numbers:
-            return
-        images = Computed(len(numbers), lambda place: self._measured(again(numbers[place])))
-        corrected, self.alignment = corrected_rotation(images, set_up.calibration, set_up.motion)
-        for number, image in zip(numbers, corrected, strict=True):
-            results.write(number, image)
-            self.record.correct(number, image)
-
     def _gauge(self) -> str:
         """Return lines about the virtual strain gauge: its width, and the strain wave that it resolves."""
         from dic import gauge_text, strain_resolution_px
@@ -220,7 +184,7 @@ class SeriesEvaluation:
         from dic import Sensitivity
 
         calibration, motion = self._set_up.calibration, self._set_up.motion
-        if calibration is None:
+        if calibration is None or motion is None:
             return {}
         sensitivity = Sensitivity.of(calibration)
         return {

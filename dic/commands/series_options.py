@@ -25,9 +25,11 @@ from dic.commands.option_groups import all_of, option_group
 from dic.shell.output_paths import FORCE
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dic import Alignment, Gauge, Motion, ResultPlace, StrainSettings
-    from dic.pipeline.series_files import SeriesFiles
-    from dic.pipeline.series_set_up import SeriesSetUp
+    from dic.derived.series_files import SeriesFiles
+    from dic.pipeline.set_up import SeriesSetUp
     from dic.typing import Float, Mask
 
 _FILE = click.Path(path_type=Path)
@@ -199,7 +201,7 @@ def read_set_up(calibration_file: Path | None, strain: "StrainSettings", motion:
     """Read the calibration file, and return the inputs from which a series' strains are computed."""
     from dic import load_calibration
     from dic.files.digest import file_sha256
-    from dic.pipeline.series_set_up import SeriesSetUp
+    from dic.pipeline.set_up import SeriesSetUp
 
     if calibration_file is None:
         return SeriesSetUp(strain, motion)
@@ -244,15 +246,17 @@ class OutputOptions:
     force: bool
     fields_from: Path | None
 
-    def place(self) -> "ResultPlace | None":
-        """Return the place of the result file, and whether existing results may be replaced or used."""
+    def place(self, written: "Sequence[Path | None]") -> "ResultPlace | None":
+        """Return the place of the result file, and whether existing results may be replaced or used.
+
+        The other files that the command writes are `written`.
+        """
         from dic import ResultPlace
-        from dic.results.unfinished import outputs_of
 
         if self.output is None:
             return None
-        replace = self.force or self.output.resolve() in outputs_of(self.output)
-        return ResultPlace(self.output, replace, fields_from=self.fields_from)
+        others = tuple(path for path in written if path is not None)
+        return ResultPlace(self.output, self.force, self.fields_from, outputs=others)
 
     def gauges(self) -> "tuple[Gauge, ...]":
         """Return the gauges of `--gauges`; none without this option."""
@@ -262,7 +266,7 @@ class OutputOptions:
 
     def files(self, deformed: list[Path], gauges: "tuple[Gauge, ...]") -> "SeriesFiles":
         """Return the paths of the output files for the deformed images, except the file of `--json`."""
-        from dic.pipeline.series_files import SeriesFiles
+        from dic.derived.series_files import SeriesFiles
 
         maps = self.maps
         sheets = maps.contact_sheets()

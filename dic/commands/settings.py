@@ -84,7 +84,7 @@ def _option(setting: Setting) -> tuple[click.Option, list[str]]:
 
 def _job_of(results: Path) -> "Job":
     from dic import RunFileError, load_run_result, load_series_result
-    from dic.pipeline.series_result_file import is_series_result
+    from dic.pipeline.result_file import is_series_result
 
     load = load_series_result if is_series_result(results) else load_run_result
     origin = load(results).provenance

@@ -148,7 +148,7 @@ def strain(results: Path, strain: StrainOptions, anew: AnewOptions, outputs: Out
     Exit status: 0 if all images are measured well, 1 if an image is measured poorly, 2 if an image could not
     be measured.
     """
-    from dic.pipeline.series_result_file import is_series_result
+    from dic.pipeline.result_file import is_series_result
 
     series = is_series_result(results)
     anew.require(str(results), series=series)
@@ -170,20 +170,18 @@ def _of_series(
     outputs: OutputOptions,
     read: list[Path | None],
 ) -> None:
-    from dic import MapSettings
+    from dic import MapSettings, Motion, load_series_result
     from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
     from dic.commands.series_options import read_set_up
-    from dic.pipeline.series_files import SeriesFiles
-    from dic.pipeline.series_result_file import load_series_result
-    from dic.pipeline.series_set_up import SeriesSetUp
-    from dic.pipeline.strain_anew import job_of_fields, origin_anew
-    from dic.results.job import Job, as_text
-    from dic.results.unfinished import alone
+    from dic.derived.series_files import SeriesFiles
+    from dic.pipeline.reuse import job_of_fields
+    from dic.pipeline.set_up import SeriesSetUp
+    from dic.pipeline.strain_anew import series_anew
 
     result = load_series_result(results)
-    job = job_of_fields(result)
-    known = SeriesSetUp.of_job(job, result.calibration)
-    how, motion = all_of(partial(strain.settings, known.strain), partial(anew.of_series, known.motion))
+    known = SeriesSetUp.of_job(job_of_fields(result), result.calibration)
+    assumed = known.motion or Motion()
+    how, motion = all_of(partial(strain.settings, known.strain), partial(anew.of_series, assumed))
     set_up = replace(known, strain=how, motion=motion)
     if anew.calibration_file is not None:
         set_up = read_set_up(anew.calibration_file, how, motion)
@@ -194,11 +192,9 @@ def _of_series(
     require_places(read, written, force=outputs.force, new_folders=files.folders)
     files.make_folders()
     places = SeriesPlaces(files, MapSettings(), outputs.decimal_comma)
-    work = SeriesEvaluation(result.series.reference, labels, result.fields.settings, set_up, places)
-    images = result.correlated
-    with alone(outputs.output):
-        origin = origin_anew(result, read, Job(job.fields, as_text(set_up.as_dict())))
-        work.run(images, images.__getitem__, origin, "computing strain")
+    work = SeriesEvaluation(result.series.reference, labels, result.settings, set_up, places)
+    with series_anew(result, set_up, outputs.output, read) as measuring:
+        work.measure(measuring, "computing strain")
     if outputs.json_file is not None:
         work.write_json(outputs.json_file, result.reference_name, None)
     end(work.record)
@@ -213,8 +209,8 @@ def _of_run(
 ) -> None:
     from dic import load_run_result, strain_of_run
     from dic.commands.run_table import table
-    from dic.pipeline.run_set_up import strain_of_job
-    from dic.pipeline.strain_anew import job_of_fields
+    from dic.pipeline.reuse import job_of_fields
+    from dic.pipeline.set_up import strain_of_job
     from dic.shell.console import say
     from dic.shell.progress import progress
 

@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from dic.correlation.chaining import chain, moved_region
+from dic.correlation.earlier_field import EarlierField
 from dic.correlation.field import Field
 from dic.correlation.initial_guess import checked_homography
 from dic.correlation.reference import Reference
@@ -172,7 +173,7 @@ class Series:
         return self.correlate_fields(deformed, hint=hint).from_first
 
     def correlate_fields(self, deformed: ImageLike, *, hint: Float | None = None) -> SeriesFields:
-        """Return the field of `correlate`, together with the field from the current reference.
+        """Return the field of `correlate`, together with the data with which later images begin.
 
         The method `accept` of a second `Series` takes these fields. The second series can then go on after
         the image `deformed` without correlating it.
@@ -235,8 +236,10 @@ class Series:
         number = self._images
         self._images += 1
         reference, field = self._best_reference(correlate, number, hint)
-        fields = SeriesFields(field if reference.before is None else chain(reference.before, field), field)
-        self._current = reference.after(number, LastImage(read, partial(_given, fields)), field)
+        fields = SeriesFields(field)
+        if reference.before is not None:
+            fields = SeriesFields(chain(reference.before, field), EarlierField.of(field), quality_of(field))
+        self._current = reference.after(number, LastImage(read, partial(_given, fields)), fields)
         return fields
 
     def completed(self, attempt: Attempt, field: Field) -> Field:
@@ -266,7 +269,7 @@ class Series:
             return
         if reference.last is not None and fields.from_first.updates > reference.updates:
             reference = self._updated(reference.last)
-        self._current = reference.after(number, LastImage(read, partial(_given, fields)), fields.from_current)
+        self._current = reference.after(number, LastImage(read, partial(_given, fields)), fields)
 
     def keep_last_elsewhere(self, fields: Callable[[], SeriesFields]) -> None:
         """Forget the fields of the last image; the function `fields` reads them again.

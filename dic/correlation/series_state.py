@@ -32,13 +32,16 @@ class SeriesFields:
     ----------
     from_first : Field
         The field from the first reference to the image, which is the result.
-    from_current : Field
-        The field from the reference with which the image was correlated. Until the first new reference, both
-        fields are the same.
+    earlier : EarlierField or None
+        The parts of the field from the image's own reference with which later images begin. None if this
+        reference is the first one; then the parts are those of `from_first`.
+    quality : (float, float) or None
+        The quality of the field from the image's own reference, or None in the same way; see `quality_of`.
     """
 
     from_first: Field
-    from_current: Field
+    earlier: EarlierField | None = None
+    quality: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -126,12 +129,12 @@ class CurrentReference:
         limit = (first_zncc + field.settings.min_zncc) / 2
         return share < _KEPT_SHARE * first_share or zncc < limit
 
-    def after(self, number: int, last: LastImage, field: Field) -> "CurrentReference":
-        """Return the reference after the image with this number, which is the last one, and its field."""
-        guesses = [*self.guesses, (number, EarlierField.of(field))]
+    def after(self, number: int, last: LastImage, fields: SeriesFields) -> "CurrentReference":
+        """Return the reference after the image with this number, which is the last one, and its fields."""
+        guesses = [*self.guesses, (number, fields.earlier or EarlierField.of(fields.from_first))]
         while len(guesses) > 1 and guesses[1][0] <= number + 1 - GUESS_DISTANCE:
             guesses.pop(0)
-        quality = self.quality or quality_of(field)
+        quality = self.quality or fields.quality or quality_of(fields.from_first)
         return replace(self, quality=quality, last=last, guesses=tuple(guesses))
 
 

@@ -23,7 +23,7 @@ def lock_file(path: Path) -> int:
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
-            _lock(descriptor)
+            lock_descriptor(descriptor)
             # The program that held the lock before may have removed the file meanwhile.
             if path.exists() and os.path.samestat(os.fstat(descriptor), path.stat()):
                 return descriptor
@@ -33,7 +33,14 @@ def lock_file(path: Path) -> int:
         os.close(descriptor)
 
 
-def _lock(descriptor: int) -> None:
+def lock_descriptor(descriptor: int) -> None:
+    """Lock an open file until its descriptor is closed.
+
+    Raises
+    ------
+    BlockingIOError
+        If another program holds the lock.
+    """
     try:
         if sys.platform == "win32":
             import msvcrt

@@ -26,10 +26,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
         If no file can be written to the folder, or if `path` is a folder, a device or a pipe. Folders,
         devices and pipes are never replaced.
     """
-    # Resolve a link first. Otherwise the link itself would be replaced, and its target would stay unchanged.
-    place = Path(os.path.realpath(path))
-    if place.exists() and (kind := kind_of(place.stat().st_mode)):
-        raise OSError(errno.EINVAL, f"{kind}, which is never replaced", str(path))
+    place = require_place(path)
     # The process number gives two programs that write to the same path different temporary files.
     partial = place.with_name(f".{place.name}.{os.getpid()}.partial")
     try:
@@ -47,6 +44,21 @@ def replacing(path: str | Path) -> Iterator[Path]:
         raise
     finally:
         partial.unlink(missing_ok=True)
+
+
+def require_place(path: str | Path) -> Path:
+    """Return the place of a file that may be replaced: the path, or the target of the link at the path.
+
+    Raises
+    ------
+    OSError
+        If there is a folder, a device or a pipe, which are never replaced.
+    """
+    # Otherwise the link itself would be replaced, and its target would stay unchanged.
+    place = Path(os.path.realpath(path))
+    if place.exists() and (kind := kind_of(place.stat().st_mode)):
+        raise OSError(errno.EINVAL, f"{kind}, which is never replaced", str(path))
+    return place
 
 
 def reason(error: OSError) -> str:

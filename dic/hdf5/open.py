@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.files.reading import kind_of
+from dic.hdf5.commit import complete
 from dic.hdf5.inspector import ask_inspector
 
 _TIMEOUT_S = 18.0
@@ -32,9 +33,10 @@ def open_hdf5(path: Path) -> Any:
         If the file is missing, damaged, refused, or not HDF5.
     """
     try:
-        status = path.stat()
-        if kind := kind_of(status.st_mode):
+        if kind := kind_of(path.stat().st_mode):
             raise NotReadable(kind)
+        complete(path)
+        status = path.stat()
         key = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
         if key not in _inspected:
             _inspect(path)

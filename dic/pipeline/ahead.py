@@ -19,7 +19,7 @@ from dic.errors import MeasurementError, OutputError, WorkerError, warn_of_image
 from dic.image.stored import is_large
 from dic.pipeline.image_task import ImageAnswer, ImageTask
 from dic.pipeline.series_image import SeriesImage
-from dic.results.unfinished import FinishedImage
+from dic.results.finished import FinishedImage
 from dic.workers.workers import ThreadWorker, Workers
 
 
@@ -65,12 +65,7 @@ def outcomes(
                 line.add(number, image)
             if not line.waiting:
                 return
-            first = line.waiting[0]
-            outcome = _outcome(series, first.image, line)
-            line.go_on()
-            yield first.number, first.image, outcome
-            # Free the memory of the fields before further images are correlated.
-            del first, outcome
+            yield line.next()
     finally:
         line.withdraw()
 
@@ -146,7 +141,14 @@ class _Line:
             raise error
         return attempt.correlate(grey)
 
-    def go_on(self) -> None:
+    def next(self) -> tuple[int, SeriesImage, FinishedImage]:
+        """Remove the first image, and return its number, the image and its outcome."""
+        first = self.waiting[0]
+        outcome = _outcome(self._series, first.image, self)
+        self._go_on()
+        return first.number, first.image, outcome
+
+    def _go_on(self) -> None:
         """Remove the first image; begin new attempts for images whose attempt is withdrawn or useless."""
         self.waiting.popleft()
         self._warned.clear()

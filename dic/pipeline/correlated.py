@@ -1,10 +1,10 @@
 """Correlates the images of a series one by one; images that are finished already are skipped."""
 
 import hashlib
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain
+from itertools import count, islice, starmap
 from typing import Any
 
 import numpy as np
@@ -14,8 +14,8 @@ from dic.correlation.series_state import GUESS_DISTANCE, SeriesFields
 from dic.image.given import name_of
 from dic.pipeline.ahead import outcomes
 from dic.pipeline.series_image import SeriesImage
+from dic.results.finished import FinishedImage
 from dic.results.provenance import versions
-from dic.results.unfinished import FinishedImage, FinishedImages
 from dic.typing import ImageLike
 from dic.workers.workers import Workers
 
@@ -29,11 +29,11 @@ Fields by different rules differ in their last bits, so an interrupted measureme
 def correlate_series(
     series: Series,
     images: Iterable[ImageLike | SeriesImage],
-    finished: FinishedImages | None = None,
     before: Sequence[FinishedImage] = (),
+    kept: Callable[[int], SeriesFields] | None = None,
     workers: Workers | None = None,
     together: int = 1,
-) -> Generator[FinishedImage, None, None]:
+) -> Iterator[FinishedImage]:
     """Yield the correlated images of a series; each is correlated when the caller asks for it.
 
     No image and no field stays in memory, except for the data that `Series` needs.
@@ -42,37 +42,34 @@ def correlate_series(
     ----------
     series : Series
     images : iterable of ndarray, path or SeriesImage
-    finished : FinishedImages, optional
-        The images that were finished before. These images are not correlated again. Every other image is
-        added after its correlation. If this argument is given, all images must have digests.
     before : sequence of FinishedImage
-        The outcomes of the first images of the series, from a result file. All these images must have been
-        correlated with the first reference.
+        The outcomes of the first images of the series, which are not correlated again.
+    kept : callable, optional
+        Function that returns the fields of an image that was yielded, by its index among the images with
+        fields. With this function, the fields of the last image need not stay in memory.
     workers : Workers, optional
         Threads or processes that correlate images before the caller asks for them. The results have the same
         bits.
     together : int
         Number of series that are correlated at the same time by the same workers.
     """
-    remaining: Iterator[tuple[int, SeriesImage]] = enumerate(_named(images), 1)
-    for number, image in remaining:
-        known = _known(series, number, image, finished, before)
-        if known is None:
-            remaining = chain([(number, image)], remaining)
-            break
-        series.accept(image.read, known.fields)
-        if finished is not None and known.fields is not None and number > len(before):
-            series.keep_last_elsewhere(partial(_fields, finished, number, series.shared))
-        time = known.time if number <= len(before) else image.time
-        yield replace(known, content=image.content, time=time)
-    for number, image, outcome in outcomes(series, remaining, workers, together):
-        if finished is not None:
-            finished.write(number, _key(image), outcome)
-            if outcome.fields is not None:
-                series.keep_last_elsewhere(partial(_fields, finished, number, series.shared))
-        yield replace(outcome, content=image.content, time=image.time)
-        # Free the memory of the fields before the next image is correlated.
-        del outcome
+    remaining = enumerate(_named(images), 1)
+    rows = count()
+
+    def finished(_: int, image: SeriesImage, found: FinishedImage) -> FinishedImage:
+        if kept is not None and found.fields is not None:
+            series.keep_last_elsewhere(partial(kept, next(rows)))
+        time = found.time if found.time.source else image.time
+        return replace(found, label=image.label, content=image.content, time=time)
+
+    def accepted(number: int, image: SeriesImage) -> FinishedImage:
+        found = before[number - 1]
+        series.accept(image.read, found.fields)
+        return finished(number, image, found)
+
+    # Loops over the images would keep the fields of one until the next is correlated.
+    yield from starmap(accepted, islice(remaining, len(before)))
+    yield from starmap(finished, outcomes(series, remaining, workers, together))
 
 
 def _named(images: Iterable[ImageLike | SeriesImage]) -> Iterator[SeriesImage]:
@@ -83,32 +80,8 @@ def _named(images: Iterable[ImageLike | SeriesImage]) -> Iterator[SeriesImage]:
             yield SeriesImage(image, name_of(image, f"image {number}"))
 
 
-def _known(
-    series: Series,
-    number: int,
-    image: SeriesImage,
-    finished: FinishedImages | None,
-    before: Sequence[FinishedImage],
-) -> FinishedImage | None:
-    """Return an image that was finished before; None if the image must be correlated."""
-    if number <= len(before):
-        return before[number - 1]
-    return None if finished is None else finished.find(number, _key(image), series.shared)
-
-
-def _fields(finished: FinishedImages, number: int, shared: Mapping[str, Any]) -> SeriesFields:
-    """Return the fields of a finished image."""
-    fields = finished.read(number, shared).fields
-    assert fields is not None, "an image without fields is not kept"
-    return fields
-
-
-def _key(image: SeriesImage) -> str:
-    return FinishedImage(image.label, image.digest).key(image.hint)
-
-
 def series_job(series: Series, reference: str, incremental: str) -> dict[str, Any]:
-    """Return everything except the images that determines the fields of a series, for `unfinished`.
+    """Return everything except the images that determines the fields of a series, for a result file.
 
     Parameters
     ----------

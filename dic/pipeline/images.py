@@ -1,8 +1,9 @@
 """The measurement of a series of images, given as files, arrays or steps of a run."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+
+import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.calibration.file import load_calibration
@@ -15,16 +16,16 @@ from dic.image.times import SeriesTimes
 from dic.keywords import takes_settings
 from dic.out_of_plane.correct import Motion
 from dic.out_of_plane.diagnosis import Sensitivity
+from dic.pipeline.camera import CameraImages, Kept
 from dic.pipeline.correlated import correlate_series
-from dic.pipeline.series_corrections import corrected, corrected_rotation, require_calibration
+from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
+from dic.pipeline.measuring import Measuring
 from dic.pipeline.series_image import SeriesImage
-from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
-from dic.pipeline.series_set_up import require_size
 from dic.pipeline.series_sources import SeriesSources, expanded, only_paths
-from dic.results.unfinished import FinishedImage, FinishedImages
-from dic.strain.measurement import Measurement, measure
+from dic.pipeline.set_up import SeriesSetUp, require_calibration, require_size
+from dic.results.finished import FinishedImage
 from dic.strain.strain import StrainSettings
-from dic.typing import ImageLike, Mask, PathLike
+from dic.typing import Grey, ImageLike, Mask, PathLike
 
 
 @takes_settings(settings=CorrelationSettings, strain=StrainSettings)
@@ -83,13 +84,11 @@ def measure_images(
         grey = kept(grey_image(reference, "reference image"), reference)
         series = Series(lambda: grey, region, settings, incremental=incremental)
         timed = _timed(reference, several)
-        found: Sequence[MeasuredImage] = list(measure_series(series, timed, calibration, strain, motion))
+        measuring = _measuring(series, timed, SeriesSetUp(_strain(strain), motion, calibration), grey)
+        found = tuple(step.image for step in measuring.steps())
     if calibration is None:
-        return MeasuredSeries(grey, tuple(found))
-    alignment = motion.alignment
-    if motion.kind == "rigid":
-        found, alignment = corrected_rotation(found, calibration, motion)
-    return MeasuredSeries(grey, tuple(found), alignment, Sensitivity.of(calibration))
+        return MeasuredSeries(grey, found)
+    return MeasuredSeries(grey, found, measuring.alignment(""), Sensitivity.of(calibration))
 
 
 def _sources(
@@ -129,7 +128,6 @@ def measure_series(
     calibration: Calibration | None = None,
     strain: StrainSettings | None = None,
     motion: Motion | None = None,
-    finished: FinishedImages | None = None,
 ) -> Iterator[MeasuredImage]:
     """Return an iterator that measures the images of a series one by one.
 
@@ -148,8 +146,6 @@ def measure_series(
     motion : Motion, optional
         Assumed motion of the specimen, used to correct the calibrated strain of each image. A rotation is not
         corrected here, because its correction needs all images together: use `corrected_rotation`.
-    finished : FinishedImages, optional
-        The images that were finished before, as for `correlate_series`.
 
     Raises
     ------
@@ -157,30 +153,30 @@ def measure_series(
         If an argument has the wrong type, the motion needs a calibration that is missing, or the calibration
         belongs to images of another size.
     """
-    require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=3)")
     require_calibration(motion, calibration)
     require_size(calibration, series.shape)
-    return (
-        measured(found, calibration, strain, motion) for found in correlate_series(series, images, finished)
-    )
+    if motion is not None and motion.kind == "rigid":
+        motion = None
+    measuring = _measuring(series, images, SeriesSetUp(_strain(strain), motion, calibration))
+    return (step.image for step in measuring.steps())
 
 
-def measured(
-    found: FinishedImage,
-    calibration: Calibration | None,
-    strain: StrainSettings | None,
-    motion: Motion | None = None,
-) -> MeasuredImage:
-    """Return the measurement of a correlated image, with a correction if one image is enough for it."""
-    if found.fields is None:
-        return MeasuredImage(found.label, failure=found.failure, time=found.time)
-    measurement = measurement_of(found, calibration, strain)
-    return corrected(MeasuredImage(found.label, measurement, time=found.time), calibration, motion)
+def _strain(strain: StrainSettings | None) -> StrainSettings:
+    require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=3)")
+    return strain or StrainSettings()
 
 
-def measurement_of(
-    found: FinishedImage, calibration: Calibration | None, strain: StrainSettings | None
-) -> Measurement:
-    """Return the displacements and strains of a correlated image, with the errors that the images cause."""
-    measurement = measure(found.field, calibration, strain, label=found.label)
-    return replace(measurement, digest=found.digest)
+def _measuring(
+    series: Series,
+    images: Iterable[ImageLike | SeriesImage],
+    set_up: SeriesSetUp,
+    reference: Grey | None = None,
+) -> Measuring:
+    """Return the measurement of images whose results are kept in no file."""
+    require_size(set_up.calibration, series.shape)
+
+    def correlated(camera: CameraImages, kept: Kept | None) -> Iterator[FinishedImage]:
+        return correlate_series(series, images, camera.before, kept)
+
+    grey = np.empty(series.shape, np.float32) if reference is None else reference
+    return Measuring([CameraImages("", grey, set_up.calibration, correlated)], set_up)

@@ -1,9 +1,12 @@
 """The measurement of one correlated image, with all errors of its strain."""
 
+from dataclasses import replace
+
 from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
 from dic.out_of_plane.correct import Motion, correct
 from dic.out_of_plane.correction import stated
+from dic.results.finished import FinishedImage
 from dic.strain import measurement
 from dic.strain.measurement import Measurement
 from dic.strain.strain import StrainSettings
@@ -41,3 +44,11 @@ def measure(
     if calibration is None:
         return found
     return stated(found, correct([found], calibration, Motion()).images[0])
+
+
+def measurement_of(
+    found: FinishedImage, calibration: Calibration | None, strain: StrainSettings | None
+) -> Measurement:
+    """Return the displacements and strains of a correlated image, with the errors that the images cause."""
+    made = measurement.measure(found.field, calibration, strain, label=found.label)
+    return replace(made, digest=found.digest)

@@ -1,5 +1,6 @@
 """The processing of a run file: calibrate every camera and correlate the images of every step."""
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -10,19 +11,18 @@ from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import require_kind
 from dic.keywords import takes_settings
+from dic.pipeline.correction_settings import CorrectionSettings
 from dic.pipeline.correlated import FIRST_GUESSES
-from dic.pipeline.reuse import FIELDS, SAME, fields_on_file, require_replaceable
-from dic.pipeline.run_corrections import CorrectionSettings
-from dic.pipeline.run_correlation import RunCorrelation, step_content
-from dic.pipeline.run_result import RunResult
-from dic.pipeline.run_result_file import load_run_result, load_written
-from dic.pipeline.run_set_up import RunSetUp
+from dic.pipeline.measuring import measuring_into
+from dic.pipeline.result import RunResult
+from dic.pipeline.result_file import load_written
+from dic.pipeline.reuse import Earlier, look_up
+from dic.pipeline.run_cameras import RunCameras
 from dic.pipeline.run_source import RunSource, region_digests
-from dic.pipeline.strain_anew import job_of_fields, strain_with
-from dic.results.job import Job, Outcome
-from dic.results.place import ResultPlace
+from dic.pipeline.set_up import RunSetUp
+from dic.results.job import Job
+from dic.results.place import ResultPlace, alone, result_place
 from dic.results.provenance import Provenance, versions
-from dic.results.unfinished import result_place, unfinished
 from dic.runfile.digests import joined_digest
 from dic.runfile.joined import open_run
 from dic.runfile.reader import RunFile
@@ -69,9 +69,8 @@ def process_run(
     on_image : callable, optional
         Function that is called after each image with the number of all images.
     output : path or ResultPlace, optional
-        The result file, which is replaced when it is complete. Until then the finished images are in a folder
-        beside the file, with the ending ".unfinished". If the program is stopped or killed, a call with the
-        same arguments continues after these images. If the file already contains the results of the same
+        The result file. Finished images are appended to it, and if the program is stopped or killed, a call
+        with the same arguments continues after them. If the file already contains the results of the same
         call, they are returned. If only settings of strain or corrections have changed, the fields in the
         file are used, and nothing is correlated. Default: a temporary file.
     workers : Workers, optional
@@ -90,57 +89,51 @@ def process_run(
     require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
     require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(window_points=3)")
     require_kind("correcting", correcting, CorrectionSettings | None, "give dic.CorrectionSettings()")
-    settings = settings or CorrelationSettings()
-    strain = strain or StrainSettings()
+    settings, correcting = settings or CorrelationSettings(), correcting or CorrectionSettings()
     chosen = output if isinstance(output, ResultPlace) or output is None else ResultPlace(Path(output))
     with open_run(source.path) as run, result_place(None if chosen is None else chosen.path) as file:
         place = chosen or ResultPlace(file)
         run.step_of_kind("grid")
         run.step_of_kind("reference")
-        correcting = correcting or CorrectionSettings()
         plate_mm = run.mounting.plate_mm if plate_mm is None else plate_mm
-        kinds = {step.kind for step in run.series()[1:]}
-        correcting.require_use(str(source.path), list(run.cameras), kinds)
+        correcting.require_use(str(source.path), list(run.cameras), {step.kind for step in run.series()[1:]})
         correcting = correcting.completed(run.mounting)
-        done = partial(on_image, len(run.cameras) * (len(run.series()) - 1))
+        set_up = RunSetUp(str(run.path), run.info, settings, strain or StrainSettings(), correcting, plate_mm)
         regions = source.masks(run)
-        fields = _fields_job(run, settings, incremental) | region_digests(regions)
-        set_up = RunSetUp(str(run.path), run.info, settings, strain, correcting, plate_mm)
-        job = Job.of(fields, set_up.as_dict())
-        known = fields_on_file(place, load_run_result, fields, partial(_images, run))
-        if known is not None and Path(known.file) == file and job_of_fields(known) == job:
-            return replace(known, note=f"{file}: {SAME}", known=True)
-        require_replaceable(place)
-        with unfinished(file, fields) as kept:
-            if known is not None:
-                found = strain_with(known, set_up, file, done, place.inputs)
-                return replace(found, note=f"{known.file}: {FIELDS}")
-            work = RunCorrelation(run, regions, kept, settings, strain, incremental, plate_mm, done, workers)
-            specimens = _measure_into(file, work, set_up, Provenance.of([run.path, *place.inputs], job))
-        result = load_written(file)
-    return replace(
-        result, cameras=[replace(camera, specimen=specimens[camera.camera]) for camera in result.cameras]
-    )
+        cameras = RunCameras(run, regions, settings, incremental, plate_mm, workers)
+        job = Job.of(_fields_job(run, settings, incremental) | region_digests(regions), set_up.as_dict())
+        with alone(place.path):
+            earlier = look_up(place, job, cameras.outcomes)
+            if isinstance(earlier.same, RunResult):
+                return replace(earlier.same, note=earlier.note, known=True)
+            origin = Provenance.of([run.path, *place.inputs], job)
+            done = partial(on_image, len(run.cameras) * (len(run.series()) - 1))
+            specimens = _measure(cameras, set_up, earlier, place, origin, done)
+        result = load_written(place.path)
+    found = [replace(camera, specimen=specimens[camera.camera]) for camera in result.cameras]
+    return replace(result, cameras=found, note=earlier.note if earlier.known else "")
 
 
-def _measure_into(
-    file: Path, work: RunCorrelation, set_up: RunSetUp, origin: Provenance
+def _measure(
+    of_run: RunCameras,
+    set_up: RunSetUp,
+    earlier: Earlier,
+    place: ResultPlace,
+    origin: Provenance,
+    on_image: Callable[[], None],
 ) -> dict[str, Specimen | None]:
-    """Correlate the images of a run, write its result file, and return the specimen of each camera.
+    """Measure the images of a run, write its result file, and return the specimen of each camera.
 
     The images and the last step are in memory only until this function returns.
     """
-    cameras = work.correlate_all()
-    set_up.write(file, cameras, origin)
+    cameras = of_run.calibrated()
+    for camera in cameras:
+        camera.before, camera.known = earlier.images.get(camera.camera, ()), earlier.known
+    # The corrections of all cameras need the memory that the correlation of large images frees at its end.
+    how = {"at_once": earlier.known, "on_image": on_image}
+    with measuring_into(place, cameras, set_up, origin, earlier.images_before, **how) as measuring:
+        deque(measuring.steps(), maxlen=0)
     return {camera.camera: camera.specimen for camera in cameras}
-
-
-def _images(run: RunFile) -> dict[str, list[Outcome]]:
-    """Return the images to be measured, for each camera."""
-    return {
-        camera: [Outcome(f"step {step.index}", step_content(run, camera, step)) for step in run.series()[1:]]
-        for camera in run.cameras
-    }
 
 
 def _fields_job(run: RunFile, settings: CorrelationSettings, incremental: str) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from dic.calibration.calibration import Calibration
 from dic.calibration.plate import behind
 from dic.errors import RunFileError
-from dic.pipeline.run_correlation import calibrate_camera
+from dic.pipeline.run_cameras import calibrate_camera
 from dic.runfile.joined import open_run
 from dic.runfile.reader import RunFile
 from dic.typing import Grey, PathLike

@@ -1,53 +1,35 @@
 """Compute strain again from the displacement fields of a result file, without any image or correlation."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields, replace
 from pathlib import Path
 
 from dic.calibration.calibration import Calibration
 from dic.calibration.plate import behind
-from dic.errors import RunFileError
 from dic.files.lazy import Computed
 from dic.out_of_plane.correct import Motion
-from dic.out_of_plane.diagnosis import Sensitivity
-from dic.pipeline.camera_result import CameraResult
-from dic.pipeline.images import measured, measurement_of
-from dic.pipeline.run_corrections import CorrectionSettings
-from dic.pipeline.run_result import RunResult
-from dic.pipeline.run_result_file import load_written
-from dic.pipeline.run_set_up import RunSetUp, plate_of_job, strain_of_job
-from dic.pipeline.series_corrections import corrected_rotation
-from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
-from dic.pipeline.series_result_file import SeriesResult
-from dic.pipeline.series_set_up import SeriesSetUp
+from dic.pipeline.camera import CameraImages, Kept
+from dic.pipeline.correction_settings import CorrectionSettings
+from dic.pipeline.corrections import corrected_images
+from dic.pipeline.measured import measurement_of
+from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
+from dic.pipeline.measuring import Measuring, measuring_into
+from dic.pipeline.result import CameraResult, RunResult, SeriesResult, sensitivity_of
+from dic.pipeline.result_file import load_written
+from dic.pipeline.reuse import job_of_fields
+from dic.pipeline.set_up import RunSetUp, SeriesSetUp, plate_of_job, strain_of_job
+from dic.results.finished import FinishedImage
 from dic.results.job import Job, as_text
+from dic.results.place import ResultPlace, alone, result_place
 from dic.results.provenance import Provenance
-from dic.results.unfinished import alone, result_place
-from dic.strain.measurement import Measurement
+from dic.runfile.reader import RunStep
 from dic.strain.strain import StrainSettings
 from dic.typing import PathLike
 
-
-def job_of_fields(result: SeriesResult | RunResult) -> Job:
-    """Return the job of a result whose fields have all data that the computation of strain needs.
-
-    Raises
-    ------
-    RunFileError
-        If the file is of an earlier version. Earlier versions did not store which pixels the subsets used.
-    """
-    cameras = result.cameras if isinstance(result, RunResult) else []
-    known = [camera.fields for camera in cameras] if cameras else [getattr(result, "fields", None)]
-    job = None if result.provenance is None else result.provenance.job
-    if job is not None and all(fields is None or fields.grid is not None for fields in known):
-        return job
-    raise RunFileError(
-        result.source,
-        "take its displacement fields",
-        "fields with the pixels of their subsets",
-        "a result file of an earlier version, without them",
-        "correlate the images again",
-    )
+_READINGS = len(fields(RunStep)) - 2
 
 
 def origin_anew(result: SeriesResult | RunResult, inputs: Iterable[Path | None], job: Job) -> Provenance:
@@ -91,15 +73,15 @@ def strain_of_series(
     known = SeriesSetUp.of_job(job_of_fields(result), result.calibration)
     used = SeriesSetUp(strain or known.strain, motion or known.motion, calibration or known.calibration)
     used.require_use(result.series.reference.shape)
-    fields = result.correlated
-    images: Sequence[MeasuredImage] = Computed(
-        len(fields), lambda k: measured(fields[k], used.calibration, used.strain, used.motion)
-    )
-    alignment = used.motion.alignment
-    if used.calibration is not None and used.motion.kind == "rigid":
-        images, alignment = corrected_rotation(images, used.calibration, used.motion)
-    sensitivity = None if used.calibration is None else Sensitivity.of(used.calibration)
-    return MeasuredSeries(result.series.reference, images, alignment, sensitivity)
+    finished = result.camera.finished_images
+
+    def image(k: int) -> MeasuredImage:
+        found = finished[k]
+        measurement = None if found.fields is None else measurement_of(found, used.calibration, used.strain)
+        return MeasuredImage(found.label, measurement, failure=found.failure, time=found.time)
+
+    images, alignment = corrected_images(Computed(len(finished), image), used.calibration, used.motion)
+    return MeasuredSeries(result.series.reference, images, alignment, sensitivity_of(used.calibration))
 
 
 def strain_of_run(
@@ -146,44 +128,65 @@ def strain_of_run(
         kinds = {step.kind for camera in result.cameras for step in camera.steps}
         correcting.require_use(result.source, [camera.camera for camera in result.cameras], kinds)
     set_up = RunSetUp(result.source, result.info, result.settings, strain, correcting, plate_mm)
-    with result_place(output) as place, alone(None if output is None else place):
-        return strain_with(result, set_up, place, on_image, [Path(path) for path in inputs])
+    with result_place(output) as file, alone(None if output is None else file):
+        job = Job(job.fields, as_text(set_up.as_dict()))
+        origin = origin_anew(result, [Path(result.file), *map(Path, inputs)], job)
+        cameras = _cameras(result, plate_mm)
+        with measuring_into(ResultPlace(file), cameras, set_up, origin, math.inf, on_image=on_image) as work:
+            deque(work.steps(), maxlen=0)
+        return load_written(file)
 
 
-def strain_with(
-    result: RunResult,
-    set_up: RunSetUp,
-    output: Path,
-    on_image: Callable[[], None] = lambda: None,
-    inputs: Sequence[Path] = (),
-) -> RunResult:
-    """Compute the strains of a run with another set-up, and write them to `output`; see `strain_of_run`."""
-    job = Job(job_of_fields(result).fields, as_text(set_up.as_dict()))
-    origin = origin_anew(result, [Path(result.file), *inputs], job)
-    set_up.write(
-        output,
-        [_camera_anew(each, set_up.strain, set_up.plate_mm, on_image) for each in result.cameras],
-        origin,
-    )
-    return load_written(output)
+@contextmanager
+def series_anew(
+    result: SeriesResult, set_up: SeriesSetUp, output: Path | None = None, inputs: Iterable[Path | None] = ()
+) -> Iterator[Measuring]:
+    """Provide the measurement that computes the strains of a series again, from the fields of its result.
+
+    Parameters
+    ----------
+    result : SeriesResult
+    set_up : SeriesSetUp
+    output : Path, optional
+        The new result file.
+    inputs : iterable of (Path or None)
+        Files from which the caller took settings, for the provenance of the new results.
+    """
+    origin = origin_anew(result, inputs, Job(job_of_fields(result).fields, as_text(set_up.as_dict())))
+    cameras = [_known(result.camera, set_up.calibration, ())]
+    place = None if output is None else ResultPlace(output)
+    with (
+        alone(output),
+        measuring_into(place, cameras, set_up, origin, math.inf, provisional=True) as measuring,
+    ):
+        yield measuring
 
 
-def _camera_anew(
-    camera: CameraResult, strain: StrainSettings, plate_mm: float, on_image: Callable[[], None]
-) -> CameraResult:
-    """Return the results of a camera; its measurements are computed from its fields when they are used."""
-    calibration, moved_mm = camera.calibration, plate_mm - camera.calibration.plate_mm
-    if moved_mm:
-        calibration = behind(calibration, moved_mm)
-    fields, seen = camera.fields, set[int]()
-    if fields is None:
-        return replace(camera, calibration=calibration)
-    found = fields.images([each for each in camera.outcomes if each.failure is None])
+def _cameras(result: RunResult, plate_mm: float) -> list[CameraImages]:
+    """Return the cameras of a result with another distance of the surface behind the grid's lines."""
+    steps: dict[int, RunStep] = {}
+    for camera in result.cameras:
+        measured = iter(camera.steps)
+        for k, outcome in enumerate(camera.outcomes):
+            if outcome.failure is None:
+                steps[k] = next(measured)
+    # A step that no camera could measure is not in the file, and has no result.
+    count = max((len(camera.outcomes) for camera in result.cameras), default=0)
+    every = [steps.get(k, RunStep(0, "", *[math.nan] * _READINGS)) for k in range(count)]
+    found = []
+    for camera in result.cameras:
+        calibration = camera.calibration
+        moved_mm = 0.0 if calibration is None else plate_mm - calibration.plate_mm
+        if calibration is not None and moved_mm:
+            calibration = behind(calibration, moved_mm)
+        found.append(_known(camera, calibration, every))
+    return found
 
-    def measurement(k: int) -> Measurement:
-        if k not in seen:
-            seen.add(k)
-            on_image()
-        return measurement_of(found[k], calibration, strain)
 
-    return replace(camera, calibration=calibration, measurements=Computed(len(found), measurement))
+def _known(camera: CameraResult, calibration: Calibration | None, steps: Sequence[RunStep]) -> CameraImages:
+    images = camera.finished_images
+
+    def none_left(camera: CameraImages, kept: Kept | None) -> Iterator[FinishedImage]:
+        return iter(())
+
+    return CameraImages(camera.camera, camera.reference, calibration, none_left, steps, images, known=True)

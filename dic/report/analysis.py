@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from dic.pipeline.series_result import MeasuredImage
+from dic.pipeline.measured_images import MeasuredImage
 from dic.report.camera_images import CameraImages, Results
 from dic.report.fact_table import Fact, FactTable, table_of
 from dic.report.hardware import results_file

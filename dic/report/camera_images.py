@@ -7,10 +7,9 @@ from functools import partial
 import numpy as np
 
 from dic.calibration.calibration import Calibration
-from dic.pipeline.deformed_images import deformed_of_run, deformed_of_series
-from dic.pipeline.run_result import RunResult
-from dic.pipeline.series_result import MeasuredSeries
-from dic.pipeline.series_result_file import SeriesResult
+from dic.derived.deformed_images import deformed_of_run, deformed_of_series
+from dic.pipeline.measured_images import MeasuredSeries
+from dic.pipeline.result import RunResult, SeriesResult
 from dic.typing import Float, Grey
 
 Results = RunResult | SeriesResult

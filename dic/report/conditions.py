@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from dic.gauges.declared import Extensometer, TransverseExtensometer
-from dic.pipeline.run_result import RunResult
-from dic.pipeline.series_result_file import SeriesResult
+from dic.pipeline.result import RunResult, SeriesResult
 from dic.report.analysis import analysis_table
 from dic.report.camera_images import CameraImages, Results, images_of
 from dic.report.fact_table import Fact, FactTable

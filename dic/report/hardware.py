@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from dic.derived.deformed_images import beside
 from dic.errors import MeasurementError
-from dic.pipeline.deformed_images import beside
-from dic.pipeline.run_result import RunResult
+from dic.pipeline.result import RunResult
 from dic.quality.noise import noise_of_one
 from dic.quality.speckle import autocovariance, even_light, speckle_size
 from dic.report.camera_images import CameraImages, Results

@@ -8,7 +8,7 @@ import numpy as np
 
 from dic.errors import CurveError
 from dic.gauges.reading import Reading
-from dic.pipeline.series_result import MeasuredImage
+from dic.pipeline.measured_images import MeasuredImage
 from dic.report.analysis import first_measured
 from dic.report.camera_images import CameraImages
 from dic.report.numbers import fixed

@@ -1,7 +1,7 @@
 """Writes the properties of a test in the report in terms of the Tensile Test Ontology."""
 
+from dic.derived.ontology_facts import about_series
 from dic.exports.tensile_ontology import write_tensile_ontology
-from dic.pipeline.test_ontology import about_series
 from dic.report.tensile_test import TensileTest
 from dic.typing import PathLike
 

@@ -8,7 +8,7 @@ from typing import Any
 from dic.errors import RunFileError, require_kind
 from dic.files.writing import write_text
 from dic.keywords import takes_settings
-from dic.pipeline.run_result import RunResult
+from dic.pipeline.result import RunResult
 from dic.report import rotation, tension
 from dic.report.calibration import residual_figure
 from dic.report.fields import FieldPicture, field_pictures

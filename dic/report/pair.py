@@ -7,7 +7,7 @@ import numpy as np
 
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.two_cameras import TwoCameraStep
-from dic.pipeline.run_result import RunResult
+from dic.pipeline.result import RunResult
 from dic.report.strains import plane_slopes, strain_stds, strains
 from dic.runfile.reader import RunStep
 from dic.typing import Float

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dic.errors import RunFileError
-from dic.pipeline.run_result import RunResult
+from dic.pipeline.result import RunResult
 from dic.report.camera_images import Results
 from dic.report.tensile_test import TensileTest
 from dic.results.provenance import Provenance

@@ -10,8 +10,7 @@ import numpy as np
 from dic.calibration.calibration import Calibration
 from dic.calibration.pinhole.camera import Pinhole
 from dic.out_of_plane.correction import Correction
-from dic.pipeline.camera_result import CameraResult
-from dic.pipeline.run_result import RunResult
+from dic.pipeline.result import CameraResult, RunResult
 from dic.report.pair import PairSeries, pair_series
 from dic.report.strains import XX, YY, strain_stds, strains
 from dic.runfile.reader import RunStep
@@ -68,7 +67,7 @@ class CameraSeries:
     @property
     def calibration(self) -> Calibration:
         """The camera's calibration."""
-        return self.result.calibration
+        return self.result.require_calibration()
 
     @property
     def steps(self) -> list[RunStep]:

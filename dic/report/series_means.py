@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dic.pipeline.series_result import MeasuredImage
+from dic.pipeline.measured_images import MeasuredImage
 from dic.report.numbers import fixed, micro, micro_with_std, with_std
 from dic.report.states import names_of
 from dic.typing import Float

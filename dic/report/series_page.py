@@ -9,7 +9,7 @@ from dic.errors import RunFileError, require_kind
 from dic.files.writing import write_text
 from dic.gauges.series import GaugeSeries
 from dic.keywords import takes_settings
-from dic.pipeline.series_result_file import SeriesResult
+from dic.pipeline.result import SeriesResult
 from dic.report.pdf import require_pdf, write_pdf
 from dic.report.series_means import NONE, ImageRow, SeriesMeans, means_of
 from dic.report.series_pictures import (
@@ -25,7 +25,6 @@ from dic.report.style import plot_style
 from dic.report.templating import page_templates
 from dic.report.tensile_page import tensile_view
 from dic.report.tensile_test import TensileTest
-from dic.results.unfinished import ENDING
 from dic.strain.measurement import Measurement
 from dic.strain.strain import gauge_text
 from dic.typing import PathLike
@@ -121,17 +120,12 @@ def series_dict(result: SeriesResult) -> dict[str, object]:
     return {
         "results": result.source,
         "reference": result.reference_name,
-        "unfinished": is_unfinished(result),
+        "unfinished": not result.finished,
         "images": [image.row() for image in result.series.images],
         "command": result.provenance.command,
         "versions": result.provenance.versions,
         "inputs": dict(result.provenance.inputs),
     }
-
-
-def is_unfinished(result: SeriesResult) -> bool:
-    """Return whether the series was stopped: its folder of finished images lies beside the result file."""
-    return Path(f"{result.source}{ENDING}").exists()
 
 
 def _title(results: Sequence[SeriesResult], views: Sequence[SeriesView]) -> str:
@@ -151,7 +145,7 @@ def _view(result: SeriesResult, wanted: str, gauges: GaugeSeries | None, *, test
     settings = [("Command", result.provenance.command), ("Versions", result.provenance.versions)]
     strains = displacements = curve = sheet = shown = component = ""
     summary = [_count(result, means)]
-    if is_unfinished(result):
+    if not result.finished:
         summary.append(_UNFINISHED)
     if means.measured:
         at = _chosen(result.source, means, wanted)

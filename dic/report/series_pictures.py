@@ -12,7 +12,7 @@ from dic.pictures.panels import Maps, maps_of, scale_of
 from dic.pictures.plots import PlotSettings, draw_banded
 from dic.pictures.plots import plot_style as gauge_style
 from dic.pictures.settings import MapSettings
-from dic.pipeline.series_result import MeasuredSeries
+from dic.pipeline.measured_images import MeasuredSeries
 from dic.report.series_means import SeriesMeans
 from dic.report.strains import COMPONENTS
 from dic.report.style import (

@@ -3,7 +3,7 @@
 from operator import attrgetter
 from pathlib import Path
 
-from dic.pipeline.camera_result import CameraResult
+from dic.pipeline.result import CameraResult
 from dic.report.numbers import date, fixed
 from dic.report.series import Run
 from dic.strain.measurement import Measurement
@@ -138,7 +138,7 @@ def _strain_rows(run: Run) -> list[tuple[str, str]]:
         name = MEASURES[measure]
         rows.append(("Strain", f"{name}, axes X right and Y up; mean: plane fitted to all valid points"))
     for series in run.cameras:
-        scale = series.result.calibration.axes_mm_per_px
+        scale = series.calibration.axes_mm_per_px
         for gauge in sorted({_gauge(m, scale) for m in series.measurements[:1]}):
             rows.append((f"Local strain, {series.camera}", gauge))
     return rows
@@ -172,7 +172,7 @@ def problems(run: Run) -> list[str]:
 
 
 def _camera_problems(camera: CameraResult) -> list[str]:
-    grid = camera.calibration.grid
+    grid = camera.require_calibration().grid
     sentences = [f"{camera.camera}, calibration grid: {warning}" for warning in grid.warnings]
     if grid.found < grid.expected:
         sentences.append(f"{camera.camera}: {grid.found} of {grid.expected} grid points were found.")

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from dic.derived.gauge_record import GaugeCurve, gauge_curve
 from dic.errors import CurveError, is_number
 from dic.gauges.series import GaugeSeries, declaration
-from dic.pipeline.gauge_record import GaugeCurve, gauge_curve
 from dic.properties.properties import Properties, material_properties, offset_key
 from dic.properties.settings import PropertySettings
 from dic.properties.shared_error import with_shared_error

@@ -14,9 +14,9 @@ from dic.image.given import fixed
 from dic.image.point_grid import PointGrid
 from dic.image.threads import bands_of
 from dic.results.columns import Columns
+from dic.results.finished import EarlierFields, FinishedImage
 from dic.results.job import Outcome
 from dic.results.schema import units_of
-from dic.results.unfinished import FinishedImage
 from dic.typing import Float, Grey, Mask
 
 NOT_SMOOTHED: dict[str, Any] = {"smoothing_px": 0.0}
@@ -56,7 +56,9 @@ class StoredFields:
     Parameters
     ----------
     series : h5py.Group
-        Group of the file that `ResultWriter.add` wrote.
+        Group of the file that `ResultWriter.add_field` wrote.
+    shared : mapping of str to object, optional
+        Region and grid, if they are known; they are read from the file by default.
 
     Attributes
     ----------
@@ -67,21 +69,25 @@ class StoredFields:
         The points, and the pixels that their subsets used; None in files of earlier versions.
     """
 
-    def __init__(self, series: Any) -> None:
-        self._columns, self._count = Columns(series), len(series["label"])
+    def __init__(self, series: Any, shared: Mapping[str, Any] | None = None) -> None:
+        self._columns, self._count, self._earlier = (
+            Columns(series),
+            len(series["label"]),
+            EarlierFields(series),
+        )
         self.settings = CorrelationSettings(**read_settings(series, CorrelationSettings))
         self._x_px, self._y_px = series["x_px"][:], series["y_px"][:]
         self._active: Mask = series["active"][:].astype(np.bool_)
-        self.region: Mask | None = _read_mask(series, "region") if "region" in series else None
-        self.grid = _read_grid(series, self._x_px, self._y_px, self._active) if "usable" in series else None
+        known = shared or {}
+        self.region: Mask | None = known.get("region")
+        if self.region is None and "region" in series:
+            self.region = _read_mask(series, "region")
+        self.grid: PointGrid | None = known.get("grid")
+        if self.grid is None and "usable" in series:
+            self.grid = _read_grid(series, self._x_px, self._y_px, self._active)
 
     def __len__(self) -> int:
         return self._count
-
-    @property
-    def updates(self) -> list[int]:
-        """Number of new references since the first reference, of each image; empty in older files."""
-        return [int(number) for number in self._columns["updates"]] if "updates" in self._columns else []
 
     def __getitem__(self, k: int) -> Field:
         return self.field(k)
@@ -121,6 +127,11 @@ class StoredFields:
             grid=self.grid,
         )
 
+    def of_row(self, row: int) -> SeriesFields:
+        """Return the field of an image, and what later images begin with, as far as the file contains it."""
+        field = self.field(row)
+        return self._earlier.fields(row, field) or SeriesFields(field)
+
     def images(self, outcomes: Sequence[Outcome]) -> Sequence[FinishedImage]:
         """Return the correlated images of the series in their order, with the fields of this file.
 
@@ -135,8 +146,7 @@ class StoredFields:
             each = outcomes[k]
             if each.failure is not None:
                 return FinishedImage(each.label, failure=each.failure, content=each.content, time=each.time)
-            field, digest = self[int(rows[k])], str(self._columns["sha256"][rows[k]])
-            fields = SeriesFields(field, field)
+            digest, fields = str(self._columns["sha256"][rows[k]]), self.of_row(int(rows[k]))
             return FinishedImage(each.label, digest, fields, content=each.content, time=each.time)
 
         return Computed(len(outcomes), image)

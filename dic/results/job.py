@@ -1,12 +1,11 @@
 """The texts that determine a result: equal texts and equal images give bit-identical results."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from hashlib import sha256
 from typing import Any
 
-import h5py
 import numpy as np
 
 from dic.image.times import ImageTime
@@ -67,19 +66,12 @@ def content_of(digest: str, guess: Iterable[float] = ()) -> str:
     return sha256(" ".join([digest, *(float(value).hex() for value in guess)]).encode()).hexdigest()
 
 
-def write_outcomes(group: Any, outcomes: Sequence[Outcome]) -> None:
-    """Write the outcomes of all images of a series, in order, into a new group `images`."""
-    images, text = group.create_group("images"), h5py.string_dtype()
-    for name in ("label", "content"):
-        images.create_dataset(name, data=[getattr(each, name) for each in outcomes], dtype=text)
-    images.create_dataset("failure", data=[each.failure or "" for each in outcomes], dtype=text)
-    failed = np.array([each.failure is not None for each in outcomes], np.uint8)
-    images.create_dataset("failed", data=failed).attrs["units"] = "1"
-    times = [each.time for each in outcomes]
-    if any(time.source for time in times):
-        times_s = [np.nan if time.time_s is None else time.time_s for time in times]
-        images.create_dataset("time_s", data=times_s).attrs["units"] = "s"
-        images.create_dataset("time_source", data=[time.source for time in times], dtype=text)
+def outcome_rows(outcome: Outcome) -> dict[str, Any]:
+    """Return the row of an image in the group `images` of its camera."""
+    rows: dict[str, Any] = {"label": outcome.label, "content": outcome.content}
+    rows |= {"failure": outcome.failure or "", "failed": np.uint8(outcome.failure is not None)}
+    time_s = outcome.time.time_s
+    return rows | {"time_s": np.nan if time_s is None else time_s, "time_source": outcome.time.source}
 
 
 def read_outcomes(group: Any) -> list[Outcome]:

@@ -42,6 +42,12 @@ class Rows:
         known = self._groups.get(group.name)
         return known is not None and (name in known.pending or name in known.datasets)
 
+    def flush(self, group: str | None = None) -> None:
+        """Write the single values that are still in memory, of one group or of all; rows may follow."""
+        for place, known in self._groups.items():
+            if group is None or place == f"/{group}":
+                known.write_pending()
+
     def finish(self) -> None:
         """Write the single values that are still in memory; no row can be appended afterwards."""
         for known in self._groups.values():

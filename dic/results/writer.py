@@ -3,52 +3,104 @@
 `docs/results.md` describes the layout of the file.
 """
 
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import RLock
 from types import TracebackType
 from typing import Any, Self
 
+import h5py
 import numpy as np
 
+from dic.correlation.field import Field
 from dic.errors import OutputError, RunFileError
-from dic.files.writing import reason, replacing
+from dic.files.lock import lock_descriptor
+from dic.files.writing import reason, require_place
 from dic.hdf5.writing import NewFile
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.strain_parts import UNCERTAINTY_KEYS
 from dic.out_of_plane.two_cameras import TwoCameraStep
 from dic.results.fields import write_points
+from dic.results.finished import FinishedImage, append_earlier
+from dic.results.job import outcome_rows
+from dic.results.place import outputs_text
 from dic.results.provenance import Provenance
 from dic.results.rows import Rows
-from dic.results.schema import FORMAT, MEAN_KEYS, MOUNTING_KEY, PLANE_KEYS, SHARED_KEY, VERSION, units_of
+from dic.results.schema import (
+    FINISHED,
+    FORMAT,
+    MEAN_KEYS,
+    MOUNTING_KEY,
+    OUTPUTS,
+    PLANE_KEYS,
+    SHARED_KEY,
+    VERSION,
+    Layout,
+    units_of,
+)
 from dic.strain.displacement import Displacement
 from dic.strain.measurement import Measurement
 from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField
 
+COMMIT_POINTS, COMMIT_IMAGES = 20_000, 64
+"""Numbers of points and of images after which a commit is due.
+
+If the program is killed, the images since the last commit must be correlated again, which takes about a
+second. A commit takes as long as the correlation of some hundred points.
+"""
+
 
 class ResultWriter:
-    """A writer that appends measurements to a file one by one. The writer keeps no fields in memory.
+    """A writer that appends images to a result file one by one; use it in a `with` statement.
+
+    The fields of an image are appended with `add_field` when it is correlated, its strains with `add` when
+    they are computed. The file can be read after every commit, even if the program is killed. It appears at
+    its place with the first commit, or when it holds as many images as the file that it replaces.
+
+    No fields stay in memory. Several threads may append fields.
 
     Parameters
     ----------
     path : Path
-        The file to create. An existing file is replaced only when the new file is complete and has results.
+        The file to create. A file at this place is replaced; without any image, it stays.
     origin : Provenance
         Where the results come from.
+    outputs : iterable of Path
+        Other files that the measurement writes; see `outputs_of`.
+    images_before : float
+        Number of images of a file at the same place, which is replaced when this file has as many. Infinity
+        if that file is replaced only at the end.
+
+    Attributes
+    ----------
+    has_results : bool
+        True if the file is worth keeping. The writer sets this with the first field.
     """
 
-    def __init__(self, path: Path, origin: Provenance) -> None:
-        self._path, self._origin, self._rows = path, origin, Rows()
+    def __init__(
+        self, path: Path, origin: Provenance, outputs: Iterable[Path] = (), images_before: float = 0
+    ) -> None:
+        self._path, self._rows, self._before = path, Rows(), images_before
         self._counts: dict[str, int] = {}
-        self._place = ExitStack()
+        self._images, self._whole, self._published = 0, False, False
+        self.has_results = False
+        self._turn, self._new_points, self._new_images = RLock(), 0, 0
         try:
-            self._partial = self._place.enter_context(replacing(path))
-            self._new = NewFile(self._partial)
+            self._place = require_place(path)
+            self._partial = self._place.with_name(f".{self._place.name}.{os.getpid()}.partial")
+            self._new = NewFile(self._partial, path)
+            lock_descriptor(self._new.descriptor())
         except OSError as error:
             expected, remedy = "a folder that can be written to", "name another file"
             raise RunFileError(str(path), "create results", expected, reason(error), remedy) from error
         self._file = self._new.hdf5
-        self._file.attrs.update({"file_format": FORMAT, "file_format_version": VERSION})
+        about = {"file_format": FORMAT, "file_format_version": VERSION, FINISHED: np.uint8(0)}
+        self._file.attrs.update(about)
+        provenance = self._file.create_group("provenance")
+        _write_provenance(provenance, origin)
+        provenance.attrs[OUTPUTS] = outputs_text(outputs)
 
     def __enter__(self) -> Self:
         return self
@@ -56,19 +108,56 @@ class ResultWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        empty = len(self._file) == 0
         try:
-            if not empty:
-                self._rows.finish()
-                _write_provenance(self._file.create_group("provenance"), self._origin)
             with self._room():
+                self._rows.finish()
+                if self._whole and error is None:
+                    self._file.attrs[FINISHED] = np.uint8(1)
+                    del self._file["provenance"].attrs[OUTPUTS]
                 self._new.close()
-        except BaseException as closing:
-            self._place.__exit__(type(closing), closing, closing.__traceback__)
+        except BaseException:
+            with suppress(OSError, RuntimeError, ValueError):
+                self._new.close()
+            if not self._published:
+                self._partial.unlink(missing_ok=True)
             raise
-        if empty:
-            self._partial.unlink()
-        self._place.__exit__(kind, error, trace)
+        self._publish(last=True)
+
+    def finish(self) -> None:
+        """Mark the results as whole: no image is missing, and everything else is written."""
+        self._whole = True
+
+    def commit(self, *, if_due: bool = False) -> None:
+        """Make sure that the file can be read as it is now; if `if_due`, only if much is new.
+
+        Raises
+        ------
+        OutputError
+            If the disk is full.
+        """
+        with self._turn, self._room():
+            if if_due and not self._is_due():
+                return
+            self._rows.flush()
+            self._new.commit()
+            self._publish()
+            self._new_points = self._new_images = 0
+
+    def _is_due(self) -> bool:
+        return self._new_points >= COMMIT_POINTS or self._new_images >= COMMIT_IMAGES
+
+    def _publish(self, *, last: bool = False) -> None:
+        """Give the file its name, if it has an image, and no fewer than the file with this name."""
+        enough = self._images >= self._before or (last and self._whole)
+        if self._published or not (self.has_results and enough):
+            if last and not self._published:
+                self._partial.unlink()
+            return
+        with self._partial.open("rb+") as file:
+            # Without `fsync`, a power failure after the renaming could leave an empty file.
+            os.fsync(file.fileno())
+        self._partial.replace(self._place)
+        self._published = True
 
     @contextmanager
     def _room(self) -> Iterator[None]:
@@ -84,20 +173,48 @@ class ResultWriter:
         """Return the group `name` of the open file; create the group if it does not exist."""
         return self._file.require_group(name)
 
+    def add_field(self, layout: Layout, image: FinishedImage) -> None:
+        """Append the outcome of an image's correlation, and its field if it has one."""
+        with self._turn, self._room():
+            self._images += 1
+            self._new_images += 1
+            self._rows.append(
+                self.group(layout.images), self._next(layout.images), outcome_rows(image.outcome)
+            )
+            if image.fields is None:
+                return
+            self.has_results = True
+            self._new_points += int(image.field.active.sum())
+            field, group = image.field, self._file.get(layout.rows)
+            n = self._next(layout.rows)
+            if group is None or "x_px" not in group:
+                group = self.group(layout.rows)
+                group.attrs.update(vars(field.settings))
+                write_points(group, field)
+            for rows in _field_rows(image, field):
+                self._rows.append(group, n, rows)
+            append_earlier(group, n, image.fields)
+
+    def stored(self, layout: Layout) -> Any:
+        """Return the group with the fields of a camera, to read what was appended."""
+        with self._turn:
+            self._rows.flush(layout.rows)
+            return self._file.get(layout.rows)
+
     def add(
         self,
-        place: str,
+        layout: Layout,
         measurement: Measurement,
         correction: Correction | None = None,
         *,
         elsewhere: bool = False,
     ) -> None:
-        """Append a measurement to a series; create the series if it does not exist.
+        """Append the strains of an image, whose field has been appended.
 
         Parameters
         ----------
-        place : str
-            Name of the group of the file that contains the series.
+        layout : Layout
+            Where the file contains the images of the camera.
         measurement : Measurement
         correction : Correction, optional
             The correction of the measurement. Give a correction for every image of a series, or for none.
@@ -105,11 +222,10 @@ class ResultWriter:
             True if the corrected displacements and strains are stored in another group of the file. Corrected
             fields are not stored twice, because they take most of the space in the file.
         """
-        with self._room():
-            group = self._file.get(place)
-            if group is None:
-                group = _create_series(self._file.create_group(place), measurement)
-            n = self._next(place)
+        with self._turn, self._room():
+            group, n = self._file[layout.rows], self._next(f"{layout.rows}/strain")
+            if n == 0:
+                _describe_strain(group, measurement)
             for rows in _measured_rows(measurement):
                 self._rows.append(group, n, rows)
             if correction is not None:
@@ -165,8 +281,6 @@ class ResultWriter:
 
 
 def _write_provenance(group: Any, origin: Provenance) -> None:
-    import h5py
-
     group.attrs.update({"command": origin.command, "versions": origin.versions})
     if origin.job is not None:
         group.attrs.update({"job_fields": origin.job.fields, "job_strains": origin.job.strains})
@@ -174,39 +288,30 @@ def _write_provenance(group: Any, origin: Provenance) -> None:
         group.create_dataset(name, data=list(values), dtype=h5py.string_dtype())
 
 
-def _create_series(group: Any, measurement: Measurement) -> Any:
-    """Create the group of a series, and write the values that are the same for all its images."""
-    group.attrs.update(vars(measurement.settings))
+def _describe_strain(group: Any, measurement: Measurement) -> None:
+    """Write the values of strain that are the same for all images of a series."""
     strain = measurement.strain_settings
     group.attrs.update({f"strain_{name}": value for name, value in vars(strain).items()})
     group.attrs["strain_gauge_px"] = measurement.gauge_px
     if measurement.gauge_mm is not None:
         group.attrs["strain_gauge_mm"] = measurement.gauge_mm
-    write_points(group, measurement.field)
     if measurement.calibrated is not None:
         _write_position(group, measurement.calibrated)
-    return group
 
 
-def _measured_rows(measurement: Measurement) -> Iterator[dict[str, Any]]:
-    """Yield the rows of an image: first the single values, then a few arrays at a time.
+def _field_rows(image: FinishedImage, field: Field) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a correlated image: first the single values, then a few arrays at a time.
 
     Arrays that have to be computed are computed one after the other, because together they would take more
     memory than the displacements.
     """
-    field, calibrated = measurement.field, measurement.calibrated
-    single: dict[str, Any] = {
-        "label": measurement.label,
+    yield {
+        "label": image.label,
         "start": field.start,
-        "sha256": measurement.digest,
+        "sha256": image.digest,
         "smoothing_px": field.smoothing_px,
         "updates": np.uint16(field.updates),
     }
-    single |= _mean_rows(measurement.raw_mean, "raw_mean/")
-    if measurement.calibrated_mean is not None:
-        single |= _mean_rows(measurement.calibrated_mean, "calibrated_mean/")
-        single |= _known_rows(measurement.images_std, "calibrated_mean/")
-    yield single
     yield {"u_px": field.u_px, "v_px": field.v_px, "zncc": field.zncc}
     yield {"gradient": field.gradient}
     yield {"std_gradient": field.std_gradient}
@@ -216,8 +321,18 @@ def _measured_rows(measurement: Measurement) -> Iterator[dict[str, Any]]:
     yield {"bias_u_px": field.bias_px[..., 0], "bias_v_px": field.bias_px[..., 1]}
     yield {"status": field.status.astype(np.uint8), "iterations": field.iterations.astype(np.uint16)}
     yield {"greatest_bias_px": np.array(field.greatest_bias_px)}
+
+
+def _measured_rows(measurement: Measurement) -> Iterator[dict[str, Any]]:
+    """Yield the rows of the strains of an image: first the single values, then the arrays."""
+    single = _mean_rows(measurement.raw_mean, "raw_mean/")
+    calibrated, mean = measurement.calibrated, measurement.calibrated_mean
+    if mean is not None:
+        single |= _mean_rows(mean, "calibrated_mean/")
+        single |= _known_rows(measurement.images_std, "calibrated_mean/")
+    yield single
     yield _strain_rows(measurement.strain)
-    if calibrated is not None and measurement.calibrated_mean is not None:
+    if calibrated is not None and mean is not None:
         yield _displacement_rows(calibrated)
         if measurement.shared is not None:
             yield {f"calibrated_mean/{SHARED_KEY}": measurement.shared}

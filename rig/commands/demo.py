@@ -12,7 +12,7 @@ from rig import Aborted, RigError, read_rig, run_protocol
 
 if TYPE_CHECKING:
     from dic import TensileTest
-    from dic.pipeline.run_result import RunResult
+    from dic.pipeline.result import RunResult
 
 EXPERIMENTS = {
     "tension": ("tension.toml", "rig-virtual-tension.toml"),

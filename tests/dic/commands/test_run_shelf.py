@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from dic.commands import run_work
-from dic.pipeline.run_files import list_run_files
+from dic.pipeline.run_source import list_run_files
 from tests.command_line import refusal, run_dic
 from tests.dic.pipeline.rendered_run import SMALL, slid, write_rendered_run
 from tests.dic.result_values import results

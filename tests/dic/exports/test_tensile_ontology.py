@@ -14,10 +14,10 @@ import pytest
 import rdflib
 
 import dic
+from dic.derived.ontology_facts import about_curve, about_series
 from dic.exports import tensile_ontology
 from dic.exports.turtle import quoted
 from dic.gauges.series import GaugeImage, GaugeSeries
-from dic.pipeline.test_ontology import about_curve, about_series
 from dic.properties.curve import Curve
 from dic.runfile.reader import RunInfo
 from tests.command_line import refusal, run_dic

@@ -7,7 +7,7 @@ import numpy as np
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
-from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
+from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
 from dic.strain.measurement import measure
 from dic.strain.strain import StrainSettings
 

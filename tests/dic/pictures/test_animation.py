@@ -10,10 +10,10 @@ import pytest
 from PIL import Image
 
 import dic
+from dic.derived import animation
 from dic.files.lazy import Computed
 from dic.pictures.animation import animation_writer, colours_of
-from dic.pipeline import animation
-from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
+from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
 from tests.dic.pictures.fields import SHAPE, stretched
 from tests.dic.pipeline.rendered_run import slid, write_rendered_run
 from tests.full_disk import full_disk

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import dic
-from dic.pipeline.series_maps import MapFiles, SeriesMaps
+from dic.derived.series_maps import MapFiles, SeriesMaps
 from tests.dic.pictures.fields import SHAPE, stretched
 
 GREY = np.full(SHAPE, 128.0, np.float32)

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from dic.pipeline.camera_result import CameraResult
-from dic.pipeline.run_corrections import CorrectionSettings, RunCorrector
-from dic.pipeline.run_result import RunResult
+from dic.out_of_plane.correction import stated
+from dic.pipeline.correction_settings import CorrectionSettings
+from dic.pipeline.result import CameraResult, RunResult
+from dic.pipeline.result_file import correct_run
 from dic.runfile.reader import RunStep
 from simulators.scene.optics import PinholeCamera
 from tests.dic.out_of_plane.exact_views import State, View
@@ -27,11 +28,15 @@ def run_of(steps: list[RunStep], aside: list[State], straight: list[State]) -> R
             CameraResult(name, calibration, reference, steps, measured, [f"{name}: step 9 failed"])
         )
     settings = CorrectionSettings(0.3)
-    corrector = RunCorrector(cameras, settings)
-    found = list(corrector.steps())
-    corrections = corrector.corrections(found)
+    corrections = correct_run(cameras, settings)
     cameras = [
-        replace(camera, measurements=[step.measurements[camera.camera] for step in found])
+        replace(
+            camera,
+            measurements=[
+                stated(measurement, corrections.best(camera.camera, step.index, place))
+                for place, (step, measurement) in enumerate(zip(steps, camera.measurements, strict=True))
+            ],
+        )
         for camera in cameras
     ]
     return RunResult("run.h5", INFO, ASIDE.settings, settings, cameras, corrections)

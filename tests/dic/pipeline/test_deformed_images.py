@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dic.pipeline.deformed_images import deformed_of_run
+from dic.derived.deformed_images import deformed_of_run
 from dic.runfile.joined import exposures_us, open_run
 from tests.dic.report.runs import INFO, camera, stretch, uncorrected
 from tests.run_files import write_continued_run

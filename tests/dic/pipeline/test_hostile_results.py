@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from dic.errors import RunFileError
-from dic.pipeline.run_result_file import load_run_result, save_run_result
+from dic.pipeline.result_file import load_run_result
+from dic.pipeline.result_writer import save_run_result
 from tests.command_line import refusal, run_dic
 from tests.dic.report.page import leave_undrawn
 from tests.dic.report.runs import tension_run

@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dic.pipeline.run_result_file import RunResultWriter
-from dic.results.unfinished import ENDING, FinishedImages, unfinished
+import dic
+from dic.pipeline.result_writer import MeasurementWriter
+from dic.results.place import alone
+from dic.results.writer import ResultWriter
 from tests.command_line import refusal, run_dic
 from tests.dic.pipeline.rendered_run import SMALL, slid, write_rendered_run
 from tests.dic.result_values import bits
@@ -24,14 +26,17 @@ pytestmark = pytest.mark.usefixtures("grids_found_once")
 KILLED = """
 import os, signal, sys
 from dic.cli import main
-from dic.results.unfinished import FinishedImages
+from dic.results.writer import ResultWriter
 
-def write(self, number, key, image, written=FinishedImages.write):
-    written(self, number, key, image)
-    if number == {last}:
+commits = []
+
+def commit(self, committed=ResultWriter.commit, **how):
+    committed(self)
+    commits.append(self)
+    if len(commits) == {last}:
         os.kill(os.getpid(), signal.SIGKILL)
 
-FinishedImages.write = write
+ResultWriter.commit = commit
 sys.argv = {argv!r}
 main()
 """
@@ -49,22 +54,24 @@ def interrupt(patch: pytest.MonkeyPatch, last: int, *words: object) -> None:
 
     What was finished before is the same as after a kill, which takes the time of a program's start.
     """
-    written = FinishedImages.write
+    add, added = ResultWriter.add_field, []
 
-    def write(self: FinishedImages, number: int, key: str, image: object) -> None:
-        written(self, number, key, image)
-        if number == last:
+    def interrupted(self: ResultWriter, *given: object) -> None:
+        add(self, *given)
+        added.append(given)
+        if len(added) == last:
             raise KeyboardInterrupt
 
     with patch.context() as patched:
-        patched.setattr(FinishedImages, "write", write)
+        patched.setattr(ResultWriter, "add_field", interrupted)
         done = run_dic(*words)
     assert done.status == 2, done
     assert "error: interrupted before the end" in done.err, done
 
 
-def folder_of(result: Path) -> Path:
-    return result.with_name(result.name + ENDING)
+def left_beside(result: Path) -> list[Path]:
+    """Return what a measurement has left beside its result file."""
+    return list(result.parent.glob(f".{result.name}*"))
 
 
 @pytest.fixture(scope="module")
@@ -94,14 +101,16 @@ def test_killed_series_goes_on_with_the_same_bits(images, incremental, tmp_path,
         if path.is_file():
             path.unlink()
     start_killed(3, *words)
-    assert not (tmp_path / "r.h5").exists()
+    assert [image.label for image in dic.load_series_result("r.h5").images] == [
+        f"{images}/img{k}.png" for k in (1, 2, 3)
+    ]
     assert (tmp_path / "csv" / "img2.csv").exists()
     correlated.clear()
     # Nothing has to be forced, although tables of the killed program are there.
     assert run_dic(*words).status == 2
     assert len(correlated) == 2
     assert [path.read_bytes() for path in results] == whole
-    assert not folder_of(tmp_path / "r.h5").exists()
+    assert left_beside(tmp_path / "r.h5") == []
     assert "one that exists" in refusal(*words)
 
 
@@ -122,28 +131,22 @@ def test_other_settings_leave_what_was_finished(images, tmp_path, correlated, mo
     words = ("correlate", *sorted(images.glob("img[0-2].png")), "--subset", 21, "--step", 20, "-o", result)
     interrupt(monkeypatch, 1, *words)
     correlated.clear()
-    assert run_dic(*words, "--min-zncc", 0.7).status == 0
-    assert len(correlated) == 2
-    correlated.clear()
-    other = tmp_path / "other.h5"
-    shutil.copytree(folder_of(result), folder_of(other))
-    result.unlink()
-    assert run_dic(*words).status == 0
-    assert len(correlated) == 1
-    assert not folder_of(result).exists()
-    correlated.clear()
+    assert "one that exists" in refusal(*words, "--min-zncc", 0.7)
     # The same command goes on with --force, too.
-    assert run_dic(*words[:-1], other, "--force").status == 0
-    assert len(correlated) == 1
-    assert not folder_of(other).exists()
+    for name, forced in (("one.h5", ()), ("other.h5", ("--force",))):
+        shutil.copy2(result, tmp_path / name)
+        correlated.clear()
+        assert run_dic(*words[:-1], tmp_path / name, *forced).status == 0
+        assert len(correlated) == 1
+        assert left_beside(tmp_path / name) == []
 
 
 def test_two_programs_on_one_result_are_refused_in_one_sentence(images, tmp_path):
     result = tmp_path / "r.h5"
-    with unfinished(result, {"settings": "others"}):
+    with alone(result):
         said = refusal("correlate", images, "--subset", 21, "-o", result)
     assert "got one that another program is measuring into; wait" in said
-    assert not folder_of(result).exists()
+    assert left_beside(result) == []
 
 
 @pytest.fixture(scope="module")
@@ -162,27 +165,27 @@ def test_interrupted_run_goes_on_with_the_same_bits(run_file, tmp_path, correlat
     result.unlink()
     interrupt(monkeypatch, 2, *words)
     correlated.clear()
-    add = RunResultWriter.add
+    add = MeasurementWriter.add_step
 
-    def full(self: RunResultWriter, step: object) -> None:
+    def full(self: MeasurementWriter, *given: object) -> None:
         raise OSError(28, "No space left on device")
 
-    # The disk is full while the result file is written.
-    monkeypatch.setattr(RunResultWriter, "add", full)
+    # The disk is full while the strains are written.
+    monkeypatch.setattr(MeasurementWriter, "add_step", full)
     assert "No space left on device" in refusal(*words)
     assert len(correlated) == 1
-    monkeypatch.setattr(RunResultWriter, "add", add)
+    assert "interrupted before its strains were computed" in refusal("report", result, "-o", "r.html")
+    monkeypatch.setattr(MeasurementWriter, "add_step", add)
     assert run_dic(*words).status == 0
     assert len(correlated) == 1
     assert bits(result) == whole
-    assert not folder_of(result).exists()
+    assert left_beside(result) == []
 
 
 WATCHED = """
 import json, sys
 from pathlib import Path
 from dic.cli import main
-from dic.results.unfinished import FinishedImages
 from dic.results.writer import ResultWriter
 
 resident = {{"correlated": [], "written": []}}
@@ -195,7 +198,7 @@ def watched(kind, work):
         return done
     return watch
 
-FinishedImages.write = watched("correlated", FinishedImages.write)
+ResultWriter.add_field = watched("correlated", ResultWriter.add_field)
 ResultWriter.add = watched("written", ResultWriter.add)
 sys.argv = {argv!r}
 try:
@@ -241,7 +244,7 @@ def test_resident_memory_is_the_same_after_100_and_after_1000_images(kind, speck
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["correlate", "process"])
-def test_ten_kills_at_random_moments_change_no_bit(kind, images, run_file, tmp_path, monkeypatch):
+def test_twenty_kills_at_random_moments_change_no_bit(kind, images, run_file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     given = (images, "--subset", 21, "--step", 3) if kind == "correlate" else (run_file, "--step", 8)
     words = (kind, *given, "-o", "r.h5")
@@ -253,7 +256,7 @@ def test_ten_kills_at_random_moments_change_no_bit(kind, images, run_file, tmp_p
     whole, rng = bits(result), random.Random(5)
     result.unlink()
     kills = 0
-    while kills < 10:
+    while kills < 20:
         program = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
             program.wait(rng.uniform(0.3, 1.0) * took_s)
@@ -266,4 +269,4 @@ def test_ten_kills_at_random_moments_change_no_bit(kind, images, run_file, tmp_p
         result.unlink()
     subprocess.run(command, capture_output=True, check=False)
     assert bits(result) == whole
-    assert not folder_of(result).exists()
+    assert left_beside(result) == []

@@ -6,8 +6,8 @@ import pytest
 
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CalibrationError, RunFileError
+from dic.pipeline.correction_settings import CorrectionSettings
 from dic.pipeline.run import process_run
-from dic.pipeline.run_corrections import CorrectionSettings
 from dic.specimen.find import SpecimenNotFound
 from simulators.scene.pose import Pose
 from tests.command_line import run_dic

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import dic.pipeline.series_correlation as lookup
+import dic.pipeline.reuse as lookup
 import dic.pipeline.series_image as module
 from tests.command_line import refusal, run_dic
 from tests.dic.pipeline.rendered_run import SMALL, slid, write_rendered_run
@@ -83,8 +83,8 @@ def test_fields_of_another_measurement_are_refused_or_left(images, tmp_path, cor
 def test_a_result_of_another_measurement_is_not_read_whole_to_be_replaced(images, tmp_path, monkeypatch):
     result = tmp_path / "r.h5"
     assert run_dic(*command(images, "-o", result)).status == 2
-    read, load = [], lookup.load_series_result
-    monkeypatch.setattr(lookup, "load_series_result", lambda path: read.append(path) or load(path))
+    read, load = [], lookup.load_fields
+    monkeypatch.setattr(lookup, "load_fields", lambda path: read.append(path) or load(path))
     assert run_dic(*command(images, "--min-zncc", 0.7, "-o", result, "--force")).status == 2
     assert read == []
     assert run_dic(*command(images, "--min-zncc", 0.7, "-o", result)).status == 2

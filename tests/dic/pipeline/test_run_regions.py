@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import dic
-from dic.pipeline.run_correlation import percent
+from dic.pipeline.run_cameras import percent
 from dic.runfile.joined import open_run
 from simulators.scene.pose import Pose
 from tests.command_line import refusal, run_dic

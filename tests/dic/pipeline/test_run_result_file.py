@@ -17,10 +17,10 @@ from dic.correlation.settings import CorrelationSettings
 from dic.errors import RunFileError
 from dic.pictures.panels import maps_of
 from dic.pictures.settings import MapSettings
-from dic.pipeline.camera_result import CameraResult
-from dic.pipeline.run_corrections import CorrectionSettings, correct_run
-from dic.pipeline.run_result import RunResult
-from dic.pipeline.run_result_file import load_run_result, save_run_result
+from dic.pipeline.correction_settings import CorrectionSettings
+from dic.pipeline.result import CameraResult, RunResult
+from dic.pipeline.result_file import correct_run, load_run_result
+from dic.pipeline.result_writer import save_run_result
 from dic.runfile.reader import RunStep
 from dic.strain.strain import STRAIN_KEYS
 from simulators.scene.pose import Pose
@@ -168,9 +168,9 @@ def test_reading_and_reporting_measure_and_correct_nothing(
         "dic.strain.measurement.calibrated_displacement",
         "dic.out_of_plane.correction.strain_field",
         "dic.results.reader.measure",
-        "dic.pipeline.run_result_file.correct_run",
-        "dic.pipeline.run_corrections.correct",
-        "dic.pipeline.run_corrections.correct_with_two_cameras",
+        "dic.pipeline.result_file.correct_run",
+        "dic.pipeline.corrections.correct",
+        "dic.pipeline.corrections.correct_with_two_cameras",
     ):
         monkeypatch.setattr(name, forbidden)
     assert written(tmp_path, load_run_result(files[kind])) == expected

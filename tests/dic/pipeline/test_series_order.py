@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from dic.pipeline.series_order import doubts_about_order
+from dic.pipeline.series_sources import doubts_about_order
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dic.correlation.status import Status
-from dic.pipeline.run_result import RunResult
+from dic.pipeline.result import RunResult
 from dic.strain.measurement import measure
 from tests.dic.report.page import written
 from tests.dic.report.runs import (

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from dic.pipeline.run_result import RunResult
+from dic.pipeline.result import RunResult
 from dic.report import write_report
 
 UNDRAWN = "data:image/png;base64,"

@@ -14,9 +14,9 @@ from dic.out_of_plane.correct import Corrections
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.two_cameras import TwoCameraStep
-from dic.pipeline.camera_result import CameraResult
-from dic.pipeline.run_corrections import CorrectionSettings, JointCorrections, RunCorrections
-from dic.pipeline.run_result import RunResult
+from dic.pipeline.correction_settings import CorrectionSettings
+from dic.pipeline.corrections import JointCorrections, RunCorrections
+from dic.pipeline.result import CameraResult, RunResult
 from dic.runfile.reader import RunInfo, RunStep
 from dic.strain.measurement import Measurement, measure
 from dic.targets.points import GridPoints

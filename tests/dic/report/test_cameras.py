@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dic.calibration.pinhole.camera import Pinhole
-from dic.pipeline.run_result import RunResult
+from dic.pipeline.result import RunResult
 from dic.report.paper import compare
 from dic.report.series import number_runs
 from dic.report.setup import camera_rows

@@ -8,7 +8,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from dic.pipeline.series_result_file import load_series_result
+from dic.pipeline.result_file import load_series_result
 from tests.command_line import refusal, run_dic
 from tests.image_files import write_image
 
@@ -129,7 +129,8 @@ def test_file_without_a_part_is_one_sentence(measured, missing, word, tmp_path):
 def test_series_that_was_stopped_is_not_called_whole(measured, tmp_path):
     copy = tmp_path / "r.h5"
     copy.write_bytes(measured.read_bytes())
-    (tmp_path / "r.h5.unfinished").mkdir()
+    with h5py.File(copy, "r+") as file:
+        file.attrs["finished"] = 0
     page, values = tmp_path / "report.html", tmp_path / "values.json"
     assert run_dic("report", copy, "-o", page, "--json", values).status == 0
     assert "The series was stopped before its last image" in page.read_text(encoding="utf-8")

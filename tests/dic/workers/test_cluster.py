@@ -12,8 +12,9 @@ from subprocess import DEVNULL, PIPE, Popen
 import pytest
 
 from dic.errors import WorkerError
+from dic.pipeline.result_file import load_series_result
+from dic.pipeline.result_writer import MeasurementWriter
 from dic.pipeline.series_image import FileDigests
-from dic.results.unfinished import FinishedImages
 from dic.workers.cluster import _Answer, open_to_others
 from tests.command_line import refusal, run_dic
 from tests.dic.result_values import results
@@ -96,14 +97,15 @@ def test_worker_that_is_killed_half_way_changes_no_bit(cluster, images, tmp_path
     alone, shared = tmp_path / "alone.h5", tmp_path / "shared.h5"
     words = ("correlate", images.name, "--subset", 21, "--step", 3)
     by_one = run_dic(*words, "--workers", 1, "-o", alone)
-    write = FinishedImages.write
+    add, added = MeasurementWriter.add_field, []
 
-    def killing(self: FinishedImages, number: int, *given: object) -> None:
-        write(self, number, *given)
-        if number == 7:
+    def killing(self: MeasurementWriter, *given: object) -> None:
+        add(self, *given)
+        added.append(given)
+        if len(added) == 7:
             cluster.workers[0].send_signal(signal.SIGKILL)
 
-    monkeypatch.setattr(FinishedImages, "write", killing)
+    monkeypatch.setattr(MeasurementWriter, "add_field", killing)
     by_cluster = run_dic(*words, "--scheduler", cluster.address, "-o", shared)
     assert cluster.workers[0].wait() == -signal.SIGKILL
     assert (by_cluster.status, by_cluster.out) == (by_one.status, by_one.out)
@@ -160,20 +162,21 @@ def test_answer_that_comes_while_it_is_withdrawn_raises_nothing(answer, caplog):
 def test_end_of_the_scheduler_ends_the_command_and_keeps_the_finished_images(
     cluster, images, tmp_path, monkeypatch
 ):
-    write = FinishedImages.write
+    add, added = MeasurementWriter.add_field, []
 
-    def killing(self: FinishedImages, number: int, *given: object) -> None:
-        write(self, number, *given)
-        if number == 4:
+    def killing(self: MeasurementWriter, *given: object) -> None:
+        add(self, *given)
+        added.append(given)
+        if len(added) == 4:
             cluster.scheduler.send_signal(signal.SIGKILL)
 
-    monkeypatch.setattr(FinishedImages, "write", killing)
+    monkeypatch.setattr(MeasurementWriter, "add_field", killing)
     result = tmp_path / "r.h5"
     words = ("correlate", images, "--subset", 21, "--step", 3, "-o", result)
     ended = run_dic(*words, "--scheduler", cluster.address)
     assert ended.status == 2
     assert ended.err.splitlines()[-1].endswith("and give the same command to go on")
-    monkeypatch.setattr(FinishedImages, "write", write)
-    assert len(list(tmp_path.glob("r.h5.unfinished/*/series_0/*.npz"))) >= 4
+    monkeypatch.setattr(MeasurementWriter, "add_field", add)
+    assert len(load_series_result(result).images) >= 4
     assert run_dic(*words, "--workers", 1).status == 2
-    assert result.exists()
+    assert load_series_result(result).finished

@@ -1,6 +1,6 @@
 """Reads gauges in the images of a result file, or of a series that has just been measured."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,13 +13,11 @@ from dic.gauges.declared import Gauge
 from dic.gauges.picture import draw_gauges
 from dic.gauges.placed import PlacedGauges
 from dic.gauges.series import GaugeImage, GaugeSeries
-from dic.pipeline.run_result import RunResult
-from dic.pipeline.run_result_file import use_run_result
+from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
+from dic.pipeline.result import RunResult, SeriesResult
+from dic.pipeline.result_file import use_results
 from dic.pipeline.series_image import of_page
-from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
-from dic.pipeline.series_result_file import SeriesResult, is_series_result, use_series_result
 from dic.results.job import Outcome, content_of
-from dic.results.loading import Result
 from dic.typing import PathLike
 
 _DPI = 130
@@ -138,22 +136,6 @@ def write_gauge_picture(
         remedy = "measure at least one image"
         raise GaugeError("gauges", "draw", "an image that could be measured", "none", remedy)
     write_figure(draw_gauges(reader.placed, image.measurement, series.reference), path, _DPI)
-
-
-def use_results(
-    path: PathLike, use: Callable[[SeriesResult | RunResult], Result], *, local_strain: bool = False
-) -> Result:
-    """Call `use` with the results of a result file of `dic correlate` or `dic process`; return its result.
-
-    Without `local_strain`, the local strains are not read, and must not be used.
-
-    Raises
-    ------
-    RunFileError
-        If the file is not a result file of these commands, or is damaged.
-    """
-    use_result = use_series_result if is_series_result(path) else use_run_result
-    return use_result(path, use, local_strain=local_strain)
 
 
 def is_results(path: PathLike) -> bool:

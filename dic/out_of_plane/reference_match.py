@@ -7,31 +7,33 @@ from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
 from dic.out_of_plane.reference_surface import ReferenceSurface, reference_surface
-from dic.pipeline.camera_result import CameraResult
 from dic.typing import Float, Grey
 
 _SETTINGS = CorrelationSettings(subset_px=41, step_px=20, shape="quadratic")
 """Settings of the correlation; a few large subsets are enough, because only a plane is fitted to them."""
 
 
-def match_references(first: CameraResult, second: CameraResult) -> ReferenceSurface:
+def match_references(
+    references: tuple[Grey, Grey], calibrations: tuple[Calibration, Calibration]
+) -> ReferenceSurface:
     """Return the plane, in the grid's axes, of the specimen's surface in the reference images of two cameras.
 
     If the two images cannot be correlated, the result gives the reason instead of the plane.
     """
-    if first.calibration.pinhole is None or second.calibration.pinhole is None:
+    (first, second), (one, other) = references, calibrations
+    if one.pinhole is None or other.pinhole is None:
         return ReferenceSurface(problem="a calibration knows no camera centre")
-    height, width = first.reference.shape
+    height, width = first.shape
     y, x = np.mgrid[:height, :width]
     pixels = np.column_stack([x.ravel(), y.ravel()]).astype(np.float64)
-    region = first.calibration.inside(pixels).reshape(height, width)
+    region = one.inside(pixels).reshape(height, width)
     try:
-        correlator = Correlator(first.reference, region, _SETTINGS, clip=False, copy=False)
-        hint = _homography(first.calibration, second.calibration)
-        field = correlator.correlate(_of_shape(second.reference, (height, width)), hint=hint)
+        correlator = Correlator(first, region, _SETTINGS, clip=False, copy=False)
+        hint = _homography(one, other)
+        field = correlator.correlate(_of_shape(second, (height, width)), hint=hint)
     except CorrelationError as error:
         return ReferenceSurface(problem=f"the reference images of both cameras do not match ({error.got})")
-    return reference_surface(field, (first.calibration, second.calibration))
+    return reference_surface(field, (one, other))
 
 
 def _homography(first: Calibration, second: Calibration) -> Float:

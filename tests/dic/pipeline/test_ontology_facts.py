@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import dic
-from dic.pipeline.test_ontology import about_series
+from dic.derived.ontology_facts import about_series
 from tests.command_line import run_dic
 
 

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from dic.derived.deformed_images import deformed_of_run, deformed_of_series
+from dic.derived.export import ExportSource, sources_of
 from dic.errors import CorrelationError, RunFileError
 from dic.image.read import read_image
 from dic.pictures.animation import Frame, animation_writer, colours_of
@@ -16,12 +18,9 @@ from dic.pictures.contact_sheet import shortened
 from dic.pictures.maps import draw_maps
 from dic.pictures.panels import Maps, Scale, finished, maps_of, widened
 from dic.pictures.settings import MapSettings
-from dic.pipeline.deformed_images import deformed_of_run, deformed_of_series
-from dic.pipeline.export import ExportSource, sources_of
-from dic.pipeline.gauge_series import use_results
-from dic.pipeline.run_result import RunResult
-from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
-from dic.pipeline.series_result_file import SeriesResult
+from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
+from dic.pipeline.result import RunResult, SeriesResult
+from dic.pipeline.result_file import use_results
 from dic.typing import Grey, PathLike
 
 Results = PathLike | MeasuredSeries | SeriesResult | RunResult

@@ -7,8 +7,7 @@ from dic.errors import MeasurementError, RunFileError
 from dic.files.digest import file_sha256
 from dic.image.pages import page_name, split_page
 from dic.image.read import read_image
-from dic.pipeline.run_result import RunResult
-from dic.pipeline.series_result_file import SeriesResult
+from dic.pipeline.result import RunResult, SeriesResult
 from dic.runfile.joined import open_run
 from dic.runfile.reader import RunStep
 from dic.typing import Grey

@@ -19,10 +19,9 @@ from dic.exports.image import (
 )
 from dic.exports.tables import CsvExporter
 from dic.files.writing import reason
-from dic.pipeline.gauge_series import use_results
-from dic.pipeline.run_result import RunResult
-from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
-from dic.pipeline.series_result_file import SeriesResult
+from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
+from dic.pipeline.result import RunResult, SeriesResult
+from dic.pipeline.result_file import use_results
 from dic.results.points import PointValues
 from dic.results.provenance import versions
 from dic.results.strain_table import STRAIN_FILE, write_strain_table

@@ -1,10 +1,10 @@
-"""The correlation of a run's images: the calibration of every camera, and the fields of every step."""
+"""The cameras of a run: the calibration of each from its grid image, and its images one by one."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
-from threading import Event
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,19 +14,15 @@ from dic.calibration.plate import behind
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CalibrationError, CorrelationError, warn_of_image
-from dic.files.lazy import Computed
 from dic.image.threads import bands_of, processors
-from dic.pipeline.camera_result import CameraResult
+from dic.pipeline.camera import CameraImages, Kept
 from dic.pipeline.correlated import correlate_series
-from dic.pipeline.images import measurement_of
 from dic.pipeline.run_image import RunImage
 from dic.pipeline.series_image import UNREADABLE, SeriesImage
+from dic.results.finished import FinishedImage
 from dic.results.job import Outcome, content_of
-from dic.results.unfinished import Unfinished
 from dic.runfile.reader import RunFile, RunStep
 from dic.specimen.find import SpecimenNotFound
-from dic.strain.measurement import Measurement
-from dic.strain.strain import StrainSettings
 from dic.targets.find import (
     AsymmetricDotTarget,
     CharucoTarget,
@@ -44,96 +40,71 @@ _BAND_PX = 128
 
 
 @dataclass(frozen=True)
-class RunCorrelation:
-    """The correlation of all cameras of a run. The results are kept in the folder of finished images.
+class RunCameras:
+    """The cameras of a run, and how their images are correlated.
 
     Attributes
     ----------
     run : RunFile
     regions : mapping of str to ndarray of bool
         The region to measure of each camera that has one, by the camera's name.
-    kept : Unfinished
-        The folder of finished images.
     settings : CorrelationSettings
-    strain : StrainSettings
     incremental : str
     plate_mm : float
         Distance of the specimen's surface behind the grid's lines.
-    on_image : callable
-        Function that is called after each image.
     workers : Workers or None
         Workers that correlate the images of all cameras. By default each camera has a thread of its own.
     """
 
     run: RunFile
     regions: Mapping[str, Mask]
-    kept: Unfinished
     settings: CorrelationSettings
-    strain: StrainSettings
     incremental: str
     plate_mm: float
-    on_image: Callable[[], None]
     workers: Workers | None = None
-    stopped: Event = field(default_factory=Event)
 
-    def correlate_all(self) -> list[CameraResult]:
-        """Correlate the images of all cameras in parallel."""
-        # Threads can use all cores, because the compiled correlation releases Python's global lock.
+    def calibrated(self) -> list[CameraImages]:
+        """Calibrate all cameras at the same time, and return them with their images."""
         with ThreadPoolExecutor() as pool:
-            tasks = [pool.submit(self.correlate, camera) for camera in self.run.cameras]
-            try:
-                return [task.result() for task in tasks]
-            except BaseException:
-                # The pool waits for its threads to finish. Tell them to stop; otherwise the program would
-                # process the whole run before it ends after Ctrl-C.
-                self.stopped.set()
-                raise
+            return list(pool.map(self._calibrated, self.run.cameras))
 
-    def correlate(self, camera: str) -> CameraResult:
-        """Correlate the images of a camera. Its measurements are computed when they are used."""
-        # The fields do not depend on the thickness of the plate, so a new thickness needs no new correlation.
-        run, lines = self.run, calibrate_camera(self.run, camera)
-        calibration = behind(lines, self.plate_mm) if self.plate_mm else lines
+    def outcomes(self) -> dict[str, list[Outcome]]:
+        """Return the names and the contents of the images of each camera."""
+        return {
+            camera: [
+                Outcome(f"step {step.index}", step_content(self.run, camera, step))
+                for step in self.run.series()[1:]
+            ]
+            for camera in self.run.cameras
+        }
+
+    def _calibrated(self, camera: str) -> CameraImages:
+        run = self.run
         first, *others = run.series()
-        taken = RunImage(run, camera, first)
-        reference = run.image(camera, first)
+        # The fields do not depend on the thickness of the plate, so a new thickness needs no new correlation.
+        lines = calibrate_camera(run, camera)
+        calibration = behind(lines, self.plate_mm) if self.plate_mm else lines
+        correlate = partial(self._correlated, lines)
+        return CameraImages(camera, run.image(camera, first), calibration, correlate, others)
+
+    def _correlated(
+        self, lines: Calibration, camera: CameraImages, kept: Kept | None
+    ) -> Iterator[FinishedImage]:
+        """Yield the correlated images of a camera; the memory of the correlation is free after the last."""
+        run, name = self.run, camera.camera
+        first, *others = run.series()
+        taken = RunImage(run, name, first)
         source = SeriesImage(taken, f"step {first.index}", digest=taken.digest()).read
-        series = self._series(camera, source, _calibrated_region(lines, reference.shape))
-        finished = self.kept.series(run.cameras.index(camera))
+        series = self._series(name, source, _calibrated_region(lines, camera.reference.shape))
+        camera.specimen = series.specimen
         turn = _Turn(lines, first.angle_deg)
         images = (
             SeriesImage(taken, f"step {taken.step.index}", turn.hint(taken.step), taken.digest())
-            for taken in (RunImage(run, camera, step) for step in others)
+            for taken in (RunImage(run, name, step) for step in others)
         )
-        steps, numbers, failures = [], [], []
-        outcomes: list[Outcome] = []
-        correlated = correlate_series(
-            series, images, finished, workers=self.workers, together=len(run.cameras)
-        )
-        remaining = iter(others)
-        for found in correlated:
-            step = next(remaining)
-            outcomes.append(replace(found.outcome, content=step_content(run, camera, step)))
-            if found.fields is None:
-                failures.append(f"{run.path}: {camera}, {found.label}: {found.failure}")
-            else:
-                numbers.append(len(outcomes))
-                steps.append(step)
-            # Free the memory of the fields before the next image is correlated.
-            del found
-            self.on_image()
-            if self.stopped.is_set():
-                break
-        correlated.close()
-        shared = series.shared
-
-        def measurement(k: int) -> Measurement:
-            return measurement_of(finished.read(numbers[k], shared), calibration, self.strain)
-
-        measurements = Computed(len(numbers), measurement)
-        return CameraResult(
-            camera, calibration, reference, steps, measurements, failures, series.specimen, outcomes
-        )
+        found = correlate_series(series, images, camera.before, kept, self.workers, len(run.cameras))
+        contents = (step_content(run, name, step) for step in others)
+        yield from map(_with_content, found, contents)
 
     def _series(self, camera: str, reference: Callable[[], ImageLike], area: Mask) -> Series:
         """Return a camera's series in its region, on the specimen, or on the calibrated area.
@@ -155,6 +126,10 @@ class RunCorrelation:
             # A run can only be measured in the calibrated area, so use all of this area. Each subset is
             # checked for texture.
             return Series(reference, area, self.settings, **how)
+
+
+def _with_content(image: FinishedImage, content: str) -> FinishedImage:
+    return replace(image, content=content)
 
 
 def step_content(run: RunFile, camera: str, step: RunStep) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.files.lazy import by_index
-from dic.pipeline.run_result import RunResult
+from dic.pipeline.result import RunResult
 from dic.results.csv import write_csv
 from dic.results.strain_table import STRAIN_FILE, write_strain_table
 

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.derived.export import ExportSource, Results, sources_of
 from dic.errors import OutputError, RunFileError
 from dic.exports.image import FIXED, ExportImage, long_name, unit_of, units
-from dic.pipeline.export import ExportSource, Results, sources_of
-from dic.pipeline.gauge_series import use_results
-from dic.pipeline.run_result import RunResult
-from dic.pipeline.series_result import MeasuredSeries
-from dic.pipeline.series_result_file import SeriesResult
+from dic.pipeline.measured_images import MeasuredSeries
+from dic.pipeline.result import RunResult, SeriesResult
+from dic.pipeline.result_file import use_results
 
 if TYPE_CHECKING:
     import pandas

@@ -1,12 +1,9 @@
 """The plane of a specimen's surface is found from rendered reference images of two cameras."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from dic.pipeline.camera_result import CameraResult
-from dic.pipeline.reference_match import match_references
+from dic.out_of_plane.reference_match import match_references
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
 from simulators.scene.render import render
@@ -25,11 +22,13 @@ def pictured(name, mounted):
     picture = render(camera, Surface(Speckle.sprayed(4), mounted)).astype(np.float32)
     noise = np.random.default_rng(len(name)).normal(0.0, 0.004 * np.ptp(picture), picture.shape)
     view = View(camera, grid_noise_px=0.004)
-    return CameraResult(name, view.calibration(), picture + noise.astype(np.float32), [], [], [])
+    return picture + noise.astype(np.float32), view.calibration()
 
 
 def test_the_plate_that_carried_the_grid_is_found():
-    surface = match_references(*(pictured(name, Pose.sloped(0.1, 0.0, -1.0)) for name in CAMERAS))
+    surface = match_references(
+        *zip(*(pictured(name, Pose.sloped(0.1, 0.0, -1.0)) for name in CAMERAS), strict=True)
+    )
     assert surface.problem == ""
     assert surface.plane.shift_mm == pytest.approx(-1.0, abs=0.005)
     assert np.degrees(np.arctan(surface.plane.slope_x)) == pytest.approx(0.1, abs=0.05)
@@ -39,14 +38,14 @@ def test_the_plate_that_carried_the_grid_is_found():
 
 def test_images_of_other_specimens_are_said_not_to_match():
     aside, straight = (pictured(name, Pose()) for name in CAMERAS)
-    blank = replace(straight, reference=np.zeros_like(straight.reference))
-    surface = match_references(aside, blank)
+    images = aside[0], np.zeros_like(straight[0])
+    surface = match_references(images, (aside[1], straight[1]))
     assert surface.plane is None
     assert "not known" in surface.text
 
 
 def test_images_of_another_size_are_matched_too():
     aside, straight = (pictured(name, Pose.sloped(0.0, 0.0, -0.5)) for name in CAMERAS)
-    larger = np.pad(straight.reference, ((0, 20), (0, 10)), mode="edge")
-    surface = match_references(aside, replace(straight, reference=larger))
+    larger = np.pad(straight[0], ((0, 20), (0, 10)), mode="edge")
+    surface = match_references((aside[0], larger), (aside[1], straight[1]))
     assert surface.plane.shift_mm == pytest.approx(-0.5, abs=0.005)

@@ -2,27 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
-from dic.calibration.calibration import Calibration
 from dic.correlation.settings import CorrelationSettings
+from dic.derived.gauge_series import GaugeReader
+from dic.derived.series_maps import MapFiles, SeriesMaps
 from dic.exports.image import stem_of, unique_names
 from dic.gauges.declared import Gauge
 from dic.gauges.series import GaugeImage, GaugeSeries
 from dic.gauges.table import gauge_table_files, write_gauge_table
-from dic.out_of_plane.alignment import Alignment
-from dic.out_of_plane.correction import Correction
-from dic.pipeline.gauge_series import GaugeReader
-from dic.pipeline.series_maps import MapFiles, SeriesMaps
-from dic.pipeline.series_result import MeasuredImage
-from dic.pipeline.series_result_file import write_set_up
+from dic.pipeline.measured_images import MeasuredImage
 from dic.results.csv import write_csv
-from dic.results.job import Outcome
-from dic.results.provenance import Provenance
 from dic.results.strain_table import STRAIN_FILE, write_strain_table
-from dic.results.writer import ResultWriter
-from dic.strain.measurement import Measurement
-from dic.typing import Grey
 
 GAUGE_FILE = "gauges.csv"
 
@@ -81,26 +72,13 @@ class SeriesOutputs:
         settings: CorrelationSettings,
         files: SeriesFiles,
         maps: SeriesMaps,
-        origin: Provenance | None = None,
+        gauges: GaugeReader | None = None,
         *,
         decimal_comma: bool = False,
     ) -> None:
         self._settings, self._files, self._decimal_comma = settings, files, decimal_comma
-        self._writer = None
-        if files.output is not None:
-            self._writer = ResultWriter(files.output, origin or Provenance.of([]))
-        self._maps, self._measured = maps, False
-        self._reader: GaugeReader | None = None
+        self._maps, self._reader = maps, gauges
         self.gauge_images: dict[int, GaugeImage] = {}
-
-    def __enter__(self) -> Self:
-        if self._writer is not None:
-            self._writer.__enter__()
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        if self._writer is not None:
-            self._writer.__exit__(*error)
 
     def write(self, number: int, image: MeasuredImage) -> None:
         """Write a measured image to its output files; `number` is its index in the series, from 0."""
@@ -109,40 +87,18 @@ class SeriesOutputs:
             self.gauge_images[number] = self._reader.read(image)
         if measurement is None:
             return
-        self._measured = True
-        if self._writer is not None:
-            self._writer.add("series", measurement, correction)
         if self._files.csv:
             path, comma = self._files.csv[number], self._decimal_comma
             write_csv(measurement, path, correction=correction, decimal_comma=comma)
-        self._add_maps(number, measurement, correction)
-
-    def read_gauges(self, calibration: Calibration | None, image_shape: tuple[int, ...]) -> None:
-        """Read the gauges, if there are any, in each image that is written from now on."""
-        if self._files.gauges:
-            self._reader = GaugeReader(self._files.gauges, calibration, image_shape)
+        name = Path(measurement.label).name
+        title = f"{name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
+        self._maps.add(number, title, measurement, correction)
 
     @property
     def gauge_series(self) -> GaugeSeries:
         """The readings of the gauges in the images that were written."""
         images = tuple(self.gauge_images[number] for number in sorted(self.gauge_images))
         return GaugeSeries("", self._files.gauges, images)
-
-    def _add_maps(self, number: int, measurement: Measurement, correction: Correction | None) -> None:
-        name = Path(measurement.label).name
-        title = f"{name}, subset {self._settings.subset_px} px, step {self._settings.step_px} px"
-        self._maps.add(number, title, measurement, correction)
-
-    def write_set_up(
-        self,
-        reference: Grey,
-        calibration: Calibration | None,
-        outcomes: Sequence[Outcome],
-        alignment: Alignment | None,
-    ) -> None:
-        """Write the data that a report needs in addition to the images; see `write_set_up`."""
-        if self._writer is not None and self._measured:
-            write_set_up(self._writer, reference, calibration, outcomes, alignment)
 
     def write_table(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write the tables of mean strains (see `write_strain_table` for the rows) and of gauges."""

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
+from dic.derived.gauge_series import Results
 from dic.errors import GaugeError
 from dic.gauges.declared import StrainGauge
-from dic.pipeline.gauge_series import Results, use_results
-from dic.pipeline.run_result import RunResult
-from dic.pipeline.series_result_file import SeriesResult
+from dic.pipeline.result import RunResult, SeriesResult
+from dic.pipeline.result_file import use_results
 from dic.strain.measurement import Measurement
 from dic.typing import Float
 

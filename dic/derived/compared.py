@@ -7,13 +7,12 @@ from dic.comparison.difference import Comparison, compare
 from dic.comparison.peer import PeerField
 from dic.comparison.picture import draw_comparison
 from dic.comparison.read import read_peer
+from dic.derived.export import Results, sources_of
 from dic.errors import RunFileError
 from dic.files.writing import write_figure
-from dic.pipeline.export import Results, sources_of
-from dic.pipeline.gauge_series import use_results
-from dic.pipeline.run_result import RunResult
-from dic.pipeline.series_result import MeasuredImage, MeasuredSeries
-from dic.pipeline.series_result_file import SeriesResult
+from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
+from dic.pipeline.result import RunResult, SeriesResult
+from dic.pipeline.result_file import use_results
 from dic.typing import PathLike
 
 _DPI = 130

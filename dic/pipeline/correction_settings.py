@@ -1,0 +1,117 @@
+"""Settings of the corrections of a run's strains for out-of-plane motion."""
+
+import json
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
+
+from dic.errors import CorrelationError, require_all
+from dic.keywords import named_settings
+from dic.out_of_plane.alignment import Alignment
+from dic.out_of_plane.correct import POISSON_RATIO, Motion, poisson_check
+from dic.out_of_plane.shift import Shift, shift_checks
+from dic.runfile.mounting import RunMounting
+
+
+@named_settings
+@dataclass(frozen=True)
+class CorrectionSettings:
+    """Settings of the corrections of a run.
+
+    Attributes
+    ----------
+    poisson_ratio : float
+        Poisson's ratio of the specimen; the correction in tension uses it for the bent shape of the specimen.
+    alignments : mapping of str to Alignment
+        For rotations: the known alignment of each camera, keyed by the camera's name. An alignment comes from
+        an earlier rotation on the same fixture.
+    shift_std_um : float, optional
+        Standard deviation of the specimen's shift towards the camera since the reference image, for
+        corrections by one camera. Default: the value in the run file, otherwise the default of `Motion`.
+    tilt_axis_mm : tuple of float, optional
+        X and Y of the grips' hinge in the grid's axes, for corrections by one camera in tension. Default: the
+        hinge in the run file, if it has one.
+
+    Raises
+    ------
+    CorrelationError
+        If Poisson's ratio, the standard deviation of the shift or the hinge is out of range.
+    """
+
+    poisson_ratio: float = POISSON_RATIO
+    alignments: Mapping[str, Alignment] = field(default_factory=dict)
+    shift_std_um: float | None = None
+    tilt_axis_mm: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        checks = [poisson_check(self.poisson_ratio), *shift_checks(self.shift_std_um, self.tilt_axis_mm)]
+        require_all(CorrelationError, "settings", checks)
+
+    @property
+    def shift(self) -> Shift:
+        """The assumed uncertainty of the specimen's shift towards the camera."""
+        return Shift.of(self.shift_std_um, self.tilt_axis_mm)
+
+    def completed(self, mounting: RunMounting) -> "CorrectionSettings":
+        """Return the settings; a setting that is not given has the value that the run file declares."""
+        shift_std_um = mounting.shift_std_um if self.shift_std_um is None else self.shift_std_um
+        hinge_mm = mounting.tilt_axis_mm if self.tilt_axis_mm is None else self.tilt_axis_mm
+        return replace(self, shift_std_um=shift_std_um, tilt_axis_mm=hinge_mm)
+
+    def require_use(self, source: str, cameras: Sequence[str], kinds: Set[str]) -> None:
+        """Raise an error if a run with these cameras and kinds of steps cannot use a given setting.
+
+        Call this before `completed`, because a run file of rotations may declare a hinge, which has no
+        effect.
+
+        Raises
+        ------
+        CorrelationError
+            If an alignment is given for a camera that the run does not have, or if the run has steps other
+            than rotations; or if a hinge is given for a run of rotations.
+        """
+        if self.tilt_axis_mm is not None and motion_of(kinds) == "rigid":
+            expected, remedy = "a run with loaded steps", "leave out --tilt-axis-mm: a rotation has no grips"
+            raise CorrelationError(source, "apply the grips' hinge", expected, "rotations alone", remedy)
+        unknown = sorted(set(self.alignments) - set(cameras))
+        if unknown:
+            expected, got, remedy = f"one of {', '.join(cameras)}", unknown[0], "name a camera of the run"
+        elif self.alignments and motion_of(kinds) != "rigid":
+            expected, got = "a run of rotations alone", f"steps of {', '.join(sorted(kinds))}"
+            remedy = "an alignment serves rotations only"
+        else:
+            return
+        raise CorrelationError(source, "apply alignment", expected, got, remedy)
+
+    def motion(self, kind: str, camera: str) -> Motion:
+        """Return the motion of the specimen in a camera's images; `kind` is the result of `motion_of`."""
+        if kind == "rigid":
+            alignment = self.alignments.get(camera)
+            return Motion(kind, self.poisson_ratio, alignment, self.shift_std_um)
+        return Motion(kind, self.poisson_ratio, None, self.shift_std_um, self.tilt_axis_mm)
+
+    def as_text(self) -> str:
+        """Return the settings as JSON text for the result file."""
+        alignments = {name: alignment.as_lists() for name, alignment in self.alignments.items()}
+        content = {"poisson_ratio": self.poisson_ratio, "alignments": alignments}
+        content |= {"shift_std_um": self.shift_std_um, "tilt_axis_mm": self.tilt_axis_mm}
+        return json.dumps(content)
+
+    @classmethod
+    def from_text(cls, text: str) -> "CorrectionSettings":
+        """Return the settings from the JSON text that `as_text` returned; older texts have no hinge."""
+        content = json.loads(text)
+        alignments = {name: Alignment.from_lists(lists) for name, lists in content["alignments"].items()}
+        hinge_mm = content.get("tilt_axis_mm")
+        return cls(
+            float(content["poisson_ratio"]),
+            alignments,
+            content.get("shift_std_um"),
+            None if hinge_mm is None else (hinge_mm[0], hinge_mm[1]),
+        )
+
+
+def motion_of(kinds: Set[str]) -> str:
+    """Return the specimen's motion ("free", "rigid" or "tension") from the kinds of a run's steps."""
+    if "rotation" in kinds:
+        return "free" if kinds & {"load", "displacement"} else "rigid"
+    return "tension" if kinds & {"load", "displacement"} else "free"
