@@ -160,15 +160,16 @@ class StoredFields:
 
 def write_points(group: Any, field: Field) -> None:
     """Write the points of a series, their region, and the pixels that their subsets use."""
-    group["x_px"], group["y_px"] = field.x_px, field.y_px
-    group["active"] = field.active.astype(np.uint8)
+    plain = {"x_px": field.x_px, "y_px": field.y_px, "active": field.active.astype(np.uint8)}
     masks: Mapping[str, Any] = {} if field.region is None else {"region": field.region}
     if field.grid is not None:
-        group["subset_pixels"] = field.grid.pixels
+        plain["subset_pixels"] = field.grid.pixels
         masks = {**masks, "usable": field.grid.usable, "subset_cut": field.grid.cut}
+    for name, values in plain.items():
+        group[name] = values
     for name, mask in masks.items():
         _write_mask(group, name, mask)
-    for name in group:
+    for name in (*plain, *masks):
         group[name].attrs["units"] = units_of(name)
 
 
