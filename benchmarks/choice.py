@@ -26,7 +26,7 @@ from benchmarks.theory import cramer_rao_px, slopes
 from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
 from dic.strain.measurement import Measurement, measure
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
 from dic.typing import Float, Grey
 
 STAR_NOISE_PX = 0.0051

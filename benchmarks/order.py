@@ -26,7 +26,8 @@ from dic.correlation.correlator import Correlator
 from dic.correlation.field import Field
 from dic.correlation.settings import SHAPES, CorrelationSettings
 from dic.strain.displacement import Displacement, calibrated_displacement, raw_displacement
-from dic.strain.strain import StrainSettings, mean_strain, strain_field
+from dic.strain.settings import StrainSettings
+from dic.strain.strain import mean_strain, strain_field
 from dic.targets.line_grid.find import find_grid
 from dic.typing import Float, Grey
 from simulators.scene.optics import PinholeCamera

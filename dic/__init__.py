@@ -75,9 +75,10 @@ if TYPE_CHECKING:
     from dic.image.pages import list_images
     from dic.image.read import read_image
     from dic.out_of_plane.alignment import Alignment, load_alignment, save_alignment
-    from dic.out_of_plane.correct import Corrections, Motion
+    from dic.out_of_plane.correct import Corrections
     from dic.out_of_plane.correction import Correction
     from dic.out_of_plane.diagnosis import Sensitivity
+    from dic.out_of_plane.motion import Motion
     from dic.out_of_plane.plane import Plane
     from dic.out_of_plane.two_cameras import TwoCameraStep
     from dic.pictures.contact_sheet import write_contact_sheet
@@ -128,7 +129,8 @@ if TYPE_CHECKING:
     from dic.strain.displacement import Displacement, Noise
     from dic.strain.measurement import Measurement
     from dic.strain.resolution import strain_resolution_px
-    from dic.strain.strain import MeanStrain, StrainField, StrainSettings, gauge_text
+    from dic.strain.settings import StrainSettings
+    from dic.strain.strain import MeanStrain, StrainField, gauge_text
     from dic.study.plot import plot_study
     from dic.study.result import StudiedSettings, Study
     from dic.study.study import study_settings
@@ -227,7 +229,8 @@ _NAMES_OF = {
     "dic.image.pages": ("list_images",),
     "dic.image.read": ("read_image",),
     "dic.out_of_plane.alignment": ("Alignment", "load_alignment", "save_alignment"),
-    "dic.out_of_plane.correct": ("Corrections", "Motion"),
+    "dic.out_of_plane.correct": ("Corrections",),
+    "dic.out_of_plane.motion": ("Motion",),
     "dic.out_of_plane.correction": ("Correction",),
     "dic.out_of_plane.diagnosis": ("Sensitivity",),
     "dic.out_of_plane.plane": ("Plane",),
@@ -287,7 +290,8 @@ _NAMES_OF = {
     "dic.strain.displacement": ("Displacement", "Noise"),
     "dic.strain.measurement": ("Measurement",),
     "dic.strain.resolution": ("strain_resolution_px",),
-    "dic.strain.strain": ("MeanStrain", "StrainField", "StrainSettings", "gauge_text"),
+    "dic.strain.settings": ("StrainSettings",),
+    "dic.strain.strain": ("MeanStrain", "StrainField", "gauge_text"),
     "dic.study.plot": ("plot_study",),
     "dic.study.result": ("StudiedSettings", "Study"),
     "dic.study.study": ("study_settings",),

@@ -8,7 +8,7 @@ import numpy as np
 from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
 from dic.strain.measurement import measure
-from dic.strain.measures import shared_std
+from dic.strain.tensor import shared_std
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.render import render
 from simulators.scene.scene import Surface

@@ -18,7 +18,7 @@ MODULES = [path for package in PACKAGES for path in sorted((ROOT / package).rglo
 TESTS = sorted((ROOT / "tests").rglob("*.py"))
 # In the root of these packages stands what everything else in them may import, and the command.
 ROOTS = {
-    "dic": {"__init__", "cli", "errors", "keywords", "typing"},
+    "dic": {"__init__", "cli", "errors", "keywords", "settings", "typing"},
     "drivers": {"__init__", "interfaces", "registry", "settings", "errors", "clock"},
 }
 ARGUMENTS_MAX = 9

@@ -230,7 +230,7 @@ def _title(k: int, source: ExportSource, image: MeasuredImage) -> str:
     return " · ".join(parts)
 
 
-def _frame(figure: Any, dpi: int) -> Frame:
+def _frame(figure: Any, dpi: float) -> Frame:
     """Return the colours of a drawn figure."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 

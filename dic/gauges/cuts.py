@@ -12,7 +12,7 @@ from dic.gauges.points import GridPlaces
 from dic.gauges.reading import Profile
 from dic.gauges.sums import correlations
 from dic.strain.displacement import Noise
-from dic.strain.measures import strain_of
+from dic.strain.tensor import strain_of
 from dic.typing import Float, Indices, Mask
 
 _NAMES = ("u", "v", "exx", "eyy", "exy")

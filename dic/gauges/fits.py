@@ -10,8 +10,9 @@ from dic.gauges.field import GaugeField
 from dic.gauges.planes import lie_on_one_line, sums_at
 from dic.gauges.points import GridPlaces
 from dic.gauges.reading import Reading, SharedPart
-from dic.gauges.strains import along, along_weights, elongation, engineering
+from dic.gauges.strains import along, along_weights, elongation
 from dic.gauges.sums import covariance_at_points
+from dic.strain.measures import MEASURES
 from dic.strain.strain import STRAIN_KEYS, strain_of_gradient, with_shared
 from dic.typing import Float, Indices
 
@@ -99,7 +100,7 @@ class PlacedFit:
             field.common_noise + field.shared,
         )
         strain, by_gradient = elongation(gradient, self.direction)
-        size = engineering(1.0 + strain, field.measure) ** 2
+        size = MEASURES[field.measure].by_engineering(1.0 + strain) ** 2
         images = size * along(field.common_noise, self.direction)
         images += np.nan if of_gradient is None else float(by_gradient @ of_gradient @ by_gradient)
         stds = np.full(2, np.nan) if covariance is None else np.sqrt(np.diag(covariance)[MOVED])

@@ -10,8 +10,9 @@ from dic.gauges.field import GaugeField
 from dic.gauges.planes import flat_sets, lie_on_one_line, sums_at, sums_at_places
 from dic.gauges.points import GridPlaces
 from dic.gauges.reading import Reading, SharedPart
-from dic.gauges.strains import along, along_weights, engineering
+from dic.gauges.strains import along, along_weights
 from dic.gauges.sums import covariance_at_points
+from dic.strain.measures import MEASURES
 from dic.typing import Float, Indices, Mask
 
 _LEAST_SHARE = 0.5
@@ -110,7 +111,7 @@ class PlacedLines:
         strain, length = float(np.mean(longer / lengths - 1.0)), float(lengths.mean())
         direction = before.mean(axis=0) / np.linalg.norm(before.mean(axis=0))
         common, shared = (
-            along(part, direction) * engineering(1.0 + strain, field.measure) ** 2
+            along(part, direction) * MEASURES[field.measure].by_engineering(1.0 + strain) ** 2
             for part in (field.common_noise, field.shared)
         )
         return Reading(
@@ -123,7 +124,7 @@ class PlacedLines:
             length=length,
             shared=SharedPart(
                 field.shared,
-                engineering(1.0 + strain, field.measure) * along_weights(direction),
+                MEASURES[field.measure].by_engineering(1.0 + strain) * along_weights(direction),
                 field.mounting,
             ),
         )

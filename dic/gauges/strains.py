@@ -27,14 +27,6 @@ def covariance_along(covariance: Float, one: Float, other: Float) -> float:
     return float(one[rows] @ covariance[np.ix_(rows, columns)] @ other[columns])
 
 
-def engineering(stretch: float, measure: str) -> float:
-    """Return the derivative of engineering strain with respect to another measure of strain, at a stretch λ.
-
-    The Green-Lagrange strain is (λ² - 1)/2, the Hencky strain is ln λ.
-    """
-    return {"green-lagrange": 1.0 / stretch, "hencky": stretch, "small": 1.0}[measure]
-
-
 def elongation(gradient: Float, direction: Float) -> tuple[float, Float]:
     """Return the engineering strain along a unit vector (2,), and its derivatives (4,).
 

@@ -12,14 +12,8 @@ from dic.out_of_plane.plane import Plane, moved_out_of_plane
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.displacement import NOWHERE, Displacement, calibrated_displacement
 from dic.strain.measurement import Measurement
-from dic.strain.strain import (
-    MeanStrain,
-    StrainField,
-    StrainSettings,
-    mean_strain,
-    strain_field,
-    with_shared,
-)
+from dic.strain.settings import StrainSettings
+from dic.strain.strain import MeanStrain, StrainField, mean_strain, strain_field, with_shared
 from dic.typing import Float
 
 _CLEARLY_BETTER = 0.95

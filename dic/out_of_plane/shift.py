@@ -6,12 +6,10 @@ measured tilt gives this part of the shift.
 """
 
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any
 
 import numpy as np
 
-from dic.errors import Check, is_number
 from dic.out_of_plane.plane import Plane
 from dic.typing import Float
 
@@ -28,7 +26,8 @@ The play of a loaded pin is a few micrometres. If the position of the hinge is w
 shift for a tilt of 0.1° is wrong by 3.5 µm.
 """
 
-_FARTHEST_MM = 1e4
+FARTHEST_MM = 1e4
+"""Largest distance of the hinge from the grid's centre."""
 
 
 @dataclass(frozen=True)
@@ -90,31 +89,3 @@ class Shift:
         if self.hinge_mm is None:
             return float("nan")
         return float(np.hypot(np.abs(self.per_slope_mm) @ slope_std, self.std_mm))
-
-
-def shift_checks(std_um: float | None, hinge_mm: Any) -> list[Check]:
-    """Return the checks of the shift's standard deviation and of the hinge, for `require_all`."""
-    return [
-        (
-            std_um is None or (is_number(std_um) and 0.0 <= std_um <= 1e4),
-            "standard deviation of the shift",
-            "0 to 10000 µm",
-            f"{std_um} µm",
-            f"give --shift-std-um {SHIFT_STD_UM:g}, the default, or 0 if the specimen kept its distance",
-        ),
-        (
-            hinge_mm is None or _is_place(hinge_mm),
-            "axis of the tilt",
-            f"X and Y of the grips' hinge in mm, at most {_FARTHEST_MM:g} mm away",
-            f"{hinge_mm}",
-            "give --tilt-axis-mm 0,-30 for a hinge 30 mm below the grid's centre, or leave it out",
-        ),
-    ]
-
-
-def _is_place(hinge_mm: Any) -> bool:
-    return (
-        isinstance(hinge_mm, tuple)
-        and len(hinge_mm) == 2
-        and all(is_number(v) and isfinite(v) and abs(v) <= _FARTHEST_MM for v in hinge_mm)
-    )

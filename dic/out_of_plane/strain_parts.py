@@ -12,7 +12,7 @@ from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.uncertainty import Points, weighted_sums
 from dic.strain.fit import gradient_weights, slopes_of
-from dic.strain.measures import strain_covariance
+from dic.strain.tensor import strain_covariance
 from dic.typing import Float
 
 PART_NAMES = ("images", *PARTS)

@@ -22,8 +22,8 @@ from dic.out_of_plane.uncertainty import Points
 from dic.strain.displacement import Displacement
 from dic.strain.fit import slopes_of
 from dic.strain.measurement import Measurement
-from dic.strain.measures import strain_by_gradient
 from dic.strain.strain import MeanStrain, strain_of_gradient
+from dic.strain.tensor import strain_by_gradient
 from dic.typing import Float
 
 _FEWEST_POINTS = 30

@@ -1,15 +1,14 @@
 """Size, style and colours of pictures of lines, for a screen and for print."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from dic.errors import Check, CorrelationError, is_number, require_all
+from dic.errors import CorrelationError, require_all
 from dic.files.writing import write_figure
-from dic.keywords import named_settings
 from dic.pictures.layout import MM_PER_IN
-from dic.pictures.settings import require_format, size_checks
+from dic.pictures.settings import dpi, pixels_check, require_format, width_mm
+from dic.settings import Number, setting, settings_class
 from dic.typing import Float, PathLike
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
@@ -48,38 +47,24 @@ _RC: Any = {
 }
 
 
-@named_settings
-@dataclass(frozen=True)
+@settings_class(CorrelationError)
 class PlotSettings:
-    """Size and resolution of a picture of lines.
+    """Size and resolution of a picture of lines; the height is that of one panel."""
 
-    Attributes
-    ----------
-    width_mm, height_mm : float
-        Size of the picture on paper. `height_mm` is the height of a picture with one panel.
-    dpi : int
-        Resolution of a PNG file, points per inch.
-
-    Raises
-    ------
-    CorrelationError
-        If a value is not possible. The message names all wrong values.
-    """
-
-    width_mm: float = 160.0
-    height_mm: float = 100.0
-    dpi: int = 200
+    width_mm: Number = width_mm(160.0, "plots")
+    height_mm: Number = setting(
+        "height of plots",
+        "Height of each panel on paper.",
+        default=100.0,
+        expected=f"{_HEIGHTS_MM[0]:g} to {_HEIGHTS_MM[1]:g} mm",
+        remedy="give 100",
+        ge=_HEIGHTS_MM[0],
+        le=_HEIGHTS_MM[1],
+    )
+    dpi: Number = dpi(200, "plots")
 
     def __post_init__(self) -> None:
-        low, high = _HEIGHTS_MM
-        height: Check = (
-            is_number(self.height_mm) and low <= self.height_mm <= high,
-            "height of plots",
-            f"{low:g} to {high:g} mm",
-            self.height_mm,
-            "give 100",
-        )
-        require_all(CorrelationError, "settings", [*size_checks("plots", self.width_mm, self.dpi), height])
+        require_all(CorrelationError, "settings", [pixels_check("plots", self.width_mm, self.dpi)])
 
 
 def plot_style() -> Any:

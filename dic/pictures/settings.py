@@ -1,13 +1,12 @@
 """Settings of maps: the quantities, the image, the axes, the colours, the size and the resolution."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from dic.errors import Check, CorrelationError, OutputError, is_number, require_all
-from dic.keywords import named_settings
+from dic.errors import Check, CorrelationError, OutputError, require_all
+from dic.settings import Names, Number, one_of, setting, settings_class
 
 QUANTITIES = ("u", "v", "exx", "eyy", "exy")
 """The quantities that a map can show: displacement to the right and upwards, and three strains."""
@@ -37,75 +36,112 @@ _MOST_WIDTH_PX = 12_000
 """A wider picture takes gigabytes of memory while it is drawn."""
 
 
-@named_settings
-@dataclass(frozen=True)
+def _size(default: float, what: str, pictures: str, sentence: str) -> Any:
+    """Declare the width or the height of pictures, mm."""
+    low, high = _WIDTHS_MM
+    return setting(
+        f"{what} of {pictures}",
+        sentence,
+        default=default,
+        expected=f"{low:g} to {high:g} mm",
+        remedy="give 85 for a column of a paper, 250 for a screen",
+        ge=low,
+        le=high,
+    )
+
+
+def width_mm(default: float, pictures: str) -> Any:
+    """Declare the width of pictures, which messages call `pictures`, mm."""
+    return _size(default, "width", pictures, "Width of a picture on paper.")
+
+
+def dpi(default: int, pictures: str) -> Any:
+    """Declare the resolution of pictures, which messages call `pictures`, points per inch."""
+    return setting(
+        f"resolution of {pictures}",
+        "Resolution of a picture, points per inch.",
+        default=default,
+        expected=f"{_DPI[0]} to {_DPI[1]} points per inch",
+        remedy="give 150 for a screen, 300 for print",
+        ge=_DPI[0],
+        le=_DPI[1],
+    )
+
+
+def _choice(default: str, what: str, sentence: str, names: Iterable[str], remedy: str) -> Any:
+    return setting(what, sentence, default=default, expected=one_of(names), remedy=remedy, among=names)
+
+
+@settings_class(CorrelationError)
 class MapSettings:
-    """Settings of maps of displacement and strain.
+    """Settings of maps of displacement and strain."""
 
-    Attributes
-    ----------
-    quantities : tuple of str
-        The maps to draw, from "u", "v" (displacement to the right and upwards), "exx", "eyy", "exy".
-    kind : str
-        "raw", "calibrated" or "corrected" values. "best" shows corrected values of an image that was
-        corrected, otherwise calibrated ones, or raw ones if there is no calibration.
-    on : str
-        The image under the maps: "reference", or "deformed", where each point is drawn at its new place.
-    axes : str
-        "mm" for millimetres on the specimen, "px" for pixels, "off" for a picture without axes. "auto" gives
-        millimetres if there is a calibration. In millimetres the picture shows the specimen as if seen
-        straight on.
-    scale : str
-        "series" for the same scale in all images of a series, "image" for a separate scale for each image.
-    limits : mapping of str to (float, float)
-        Lower and upper end of the scale of a quantity: px or mm for displacement, µε for strain, also where
-        the map is labelled in %. Quantities without limits get them from `scale`.
-    colours : str
-        Colour map, a name in `COLOURS`.
-    opacity : float
-        Opacity of the colours over the image, above 0 and at most 1.
-    width_mm : float
-        Width of the picture in millimetres, for print.
-    dpi : int
-        Resolution of the picture, or of the image in a PDF or SVG file, in points per inch.
-    """
-
-    quantities: tuple[str, ...] = QUANTITIES
-    kind: str = "best"
-    on: str = "reference"
-    axes: str = "auto"
-    scale: str = "series"
-    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    colours: str = "viridis"
-    opacity: float = 0.85
-    width_mm: float = 250.0
-    dpi: int = 150
+    quantities: Names = setting(
+        "quantities of maps",
+        f"Quantities to draw, some of {', '.join(QUANTITIES)}.",
+        default=QUANTITIES,
+        expected=f"some of {', '.join(QUANTITIES)}",
+        remedy="give for example exx,eyy",
+        check=lambda names: bool(names) and set(names) <= set(QUANTITIES),
+    )
+    kind: str = _choice(
+        "best",
+        "kind of values of maps",
+        "Kind of values: raw, calibrated, corrected, or best (the best that an image has).",
+        KINDS,
+        "give best",
+    )
+    on: str = _choice(
+        "reference",
+        "image under maps",
+        "Image under the maps: reference or deformed.",
+        ON,
+        "give deformed to draw points at their new places",
+    )
+    axes: str = _choice(
+        "auto",
+        "axes of maps",
+        "Axes of the maps: mm, px, off, or auto (mm with a calibration).",
+        AXES,
+        "give mm with a calibration, px without one",
+    )
+    scale: str = _choice(
+        "series",
+        "scale of maps",
+        "Scale of the colours: series (the same in all images) or image (each image its own).",
+        SCALES,
+        "give series to compare the images of a series",
+    )
+    limits: Mapping[str, tuple[float, float]] = setting(
+        "limits of maps",
+        "Ends of a quantity's scale in px, mm or µε, such as eyy=0,2000. May be repeated.",
+        default={},
+        expected=f"{one_of(QUANTITIES)} with a lower and a greater upper end",
+        remedy="give for example eyy=0,2000 (strain in µε)",
+        metavar="QUANTITY=LOW,HIGH",
+        check=lambda limits: all(map(_is_scale, limits, limits.values())),
+    )
+    colours: str = _choice(
+        "viridis",
+        "colours of maps",
+        "Colour scale: viridis, cividis, inferno, grey, or diverging (white at zero).",
+        COLOURS,
+        "give viridis",
+    )
+    opacity: Number = setting(
+        "opacity of maps",
+        "Opacity of the colours over the image.",
+        default=0.85,
+        expected="a number above 0, at most 1",
+        remedy="give 0.85",
+        gt=0.0,
+        le=1.0,
+    )
+    width_mm: Number = width_mm(250.0, "maps")
+    dpi: Number = dpi(150, "maps")
 
     def __post_init__(self) -> None:
-        checks: list[Check] = [
-            (
-                bool(self.quantities) and set(self.quantities) <= set(QUANTITIES),
-                "quantities of maps",
-                f"some of {', '.join(QUANTITIES)}",
-                ", ".join(map(str, self.quantities)) or "none",
-                "give for example exx,eyy",
-            ),
-            _one_of("kind of values of maps", self.kind, KINDS, "give best"),
-            _one_of("image under maps", self.on, ON, "give deformed to draw points at their new places"),
-            _one_of("axes of maps", self.axes, AXES, "give mm with a calibration, px without one"),
-            _one_of("scale of maps", self.scale, SCALES, "give series to compare the images of a series"),
-            _one_of("colours of maps", self.colours, tuple(COLOURS), "give viridis"),
-            (
-                is_number(self.opacity) and 0.0 < self.opacity <= 1.0,
-                "opacity of maps",
-                "a number above 0, at most 1",
-                self.opacity,
-                "give 0.85",
-            ),
-            *size_checks("maps", self.width_mm, self.dpi),
-            *(_limits(quantity, ends) for quantity, ends in self.limits.items()),
-        ]
-        require_all(CorrelationError, "settings", checks)
+        require_all(CorrelationError, "settings", [pixels_check("maps", self.width_mm, self.dpi)])
 
     @staticmethod
     def require_calibrated_values(kind: str, *, calibrated: bool) -> None:
@@ -127,34 +163,15 @@ class MapSettings:
             )
 
 
-def size_checks(pictures: str, width_mm: object, dpi: object) -> list[Check]:
-    """Return the checks of the width and the resolution of pictures, which the messages call `pictures`."""
-    numbers = is_number(width_mm), is_number(dpi)
-    width: Any = width_mm
-    points: Any = dpi
-    return [
-        (
-            numbers[0] and _WIDTHS_MM[0] <= width <= _WIDTHS_MM[1],
-            f"width of {pictures}",
-            f"{_WIDTHS_MM[0]:g} to {_WIDTHS_MM[1]:g} mm",
-            width_mm,
-            "give 85 for a column of a paper, 250 for a screen",
-        ),
-        (
-            numbers[1] and _DPI[0] <= points <= _DPI[1],
-            f"resolution of {pictures}",
-            f"{_DPI[0]} to {_DPI[1]} points per inch",
-            dpi,
-            "give 150 for a screen, 300 for print",
-        ),
-        (
-            not all(numbers) or width / 25.4 * points <= _MOST_WIDTH_PX,
-            f"width and resolution of {pictures}",
-            f"at most {_MOST_WIDTH_PX} px together",
-            f"{width_mm} mm at {dpi} points per inch",
-            "give a smaller width or resolution, such as 250 mm at 300",
-        ),
-    ]
+def pixels_check(pictures: str, width_mm: float, dpi: float) -> Check:
+    """Return the check of the number of pixels of pictures, which the messages call `pictures`."""
+    return (
+        width_mm / 25.4 * dpi <= _MOST_WIDTH_PX,
+        f"width and resolution of {pictures}",
+        f"at most {_MOST_WIDTH_PX} px together",
+        f"{width_mm} mm at {dpi} points per inch",
+        "give a smaller width or resolution, such as 250 mm at 300",
+    )
 
 
 def require_format(path: str | Path, formats: Sequence[str] = FORMATS) -> str:
@@ -174,17 +191,5 @@ def require_format(path: str | Path, formats: Sequence[str] = FORMATS) -> str:
     return found
 
 
-def _one_of(name: str, value: object, known: tuple[str, ...], remedy: str) -> Check:
-    return value in known, name, f"one of {', '.join(known)}", value, remedy
-
-
-def _limits(quantity: str, ends: tuple[float, float]) -> Check:
-    good = (
-        quantity in QUANTITIES
-        and len(ends) == 2
-        and all(is_number(end) and isfinite(end) for end in ends)
-        and ends[0] < ends[1]
-    )
-    expected = f"one of {', '.join(QUANTITIES)} with a lower and a greater upper end"
-    got = f"{quantity}={','.join(map(str, ends))}"
-    return good, "limits of maps", expected, got, "give for example eyy=0,2000 (strain in µε)"
+def _is_scale(quantity: str, ends: tuple[float, float]) -> bool:
+    return quantity in QUANTITIES and len(ends) == 2 and all(map(isfinite, ends)) and ends[0] < ends[1]

@@ -2,49 +2,28 @@
 
 import json
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
-from dic.errors import CorrelationError, require_all
-from dic.keywords import named_settings
+from dic.errors import CorrelationError
 from dic.out_of_plane.alignment import Alignment
-from dic.out_of_plane.correct import POISSON_RATIO, Motion, poisson_check
-from dic.out_of_plane.shift import Shift, shift_checks
+from dic.out_of_plane.motion import POISSON_RATIO, SHIFT_STD, TILT_AXIS, Motion
+from dic.out_of_plane.shift import Shift
 from dic.runfile.mounting import RunMounting
+from dic.settings import Number, Pair, settings_class
 
 
-@named_settings
-@dataclass(frozen=True)
+@settings_class(CorrelationError)
 class CorrectionSettings:
-    """Settings of the corrections of a run.
+    """Settings of the corrections of a run; `alignments` has the known alignment of each camera by its name.
 
-    Attributes
-    ----------
-    poisson_ratio : float
-        Poisson's ratio of the specimen; the correction in tension uses it for the bent shape of the specimen.
-    alignments : mapping of str to Alignment
-        For rotations: the known alignment of each camera, keyed by the camera's name. An alignment comes from
-        an earlier rotation on the same fixture.
-    shift_std_um : float, optional
-        Standard deviation of the specimen's shift towards the camera since the reference image, for
-        corrections by one camera. Default: the value in the run file, otherwise the default of `Motion`.
-    tilt_axis_mm : tuple of float, optional
-        X and Y of the grips' hinge in the grid's axes, for corrections by one camera in tension. Default: the
-        hinge in the run file, if it has one.
-
-    Raises
-    ------
-    CorrelationError
-        If Poisson's ratio, the standard deviation of the shift or the hinge is out of range.
+    An alignment comes from an earlier rotation on the same fixture. A shift or a hinge that is not given has
+    the value in the run file.
     """
 
-    poisson_ratio: float = POISSON_RATIO
+    poisson_ratio: Number = POISSON_RATIO
     alignments: Mapping[str, Alignment] = field(default_factory=dict)
-    shift_std_um: float | None = None
-    tilt_axis_mm: tuple[float, float] | None = None
-
-    def __post_init__(self) -> None:
-        checks = [poisson_check(self.poisson_ratio), *shift_checks(self.shift_std_um, self.tilt_axis_mm)]
-        require_all(CorrelationError, "settings", checks)
+    shift_std_um: Number | None = SHIFT_STD
+    tilt_axis_mm: Pair | None = TILT_AXIS
 
     @property
     def shift(self) -> Shift:

@@ -9,9 +9,10 @@ import numpy as np
 from dic.calibration.calibration import Calibration
 from dic.files.lazy import Computed
 from dic.out_of_plane.alignment import Alignment
-from dic.out_of_plane.correct import Corrections, Motion, correct
+from dic.out_of_plane.correct import Corrections, correct
 from dic.out_of_plane.correction import Correction, stated
 from dic.out_of_plane.diagnosis import Harmonics, Sensitivity, rotation_findings, tension_findings
+from dic.out_of_plane.motion import Motion
 from dic.out_of_plane.reference_match import match_references
 from dic.out_of_plane.reference_surface import ReferenceSurface
 from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras

@@ -1,6 +1,7 @@
 """The measurement of a series of images, given as files, arrays or steps of a run."""
 
 from collections.abc import Iterable, Iterator
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,8 @@ from dic.image.given import grey_image, kept, one_by_one
 from dic.image.pages import list_images
 from dic.image.times import SeriesTimes
 from dic.keywords import takes_settings
-from dic.out_of_plane.correct import Motion
 from dic.out_of_plane.diagnosis import Sensitivity
+from dic.out_of_plane.motion import Motion
 from dic.pipeline.camera import CameraImages, Kept
 from dic.pipeline.correlated import correlate_series
 from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
@@ -24,7 +25,7 @@ from dic.pipeline.series_image import SeriesImage
 from dic.pipeline.series_sources import SeriesSources, expanded, only_paths
 from dic.pipeline.set_up import SeriesSetUp, require_calibration, require_size
 from dic.results.finished import FinishedImage
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
 from dic.typing import Grey, ImageLike, Mask, PathLike
 
 
@@ -158,7 +159,8 @@ def measure_series(
     if motion is not None and motion.kind == "rigid":
         motion = None
     measuring = _measuring(series, images, SeriesSetUp(_strain(strain), motion, calibration))
-    return (step.image for step in measuring.steps())
+    # A generator would keep the last step until it has the next one.
+    return map(attrgetter("image"), measuring.steps())
 
 
 def _strain(strain: StrainSettings | None) -> StrainSettings:

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
-from dic.out_of_plane.correct import Motion, correct
+from dic.out_of_plane.correct import correct
 from dic.out_of_plane.correction import stated
+from dic.out_of_plane.motion import Motion
 from dic.results.finished import FinishedImage
 from dic.strain import measurement
 from dic.strain.measurement import Measurement
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
 
 
 def measure(

@@ -35,7 +35,7 @@ from dic.results.provenance import Provenance
 from dic.results.schema import JOINT, STEP_UNITS, Layout
 from dic.results.writer import ResultWriter
 from dic.runfile.reader import RunStep
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
 from dic.typing import PathLike
 
 _ROWS = 512

@@ -27,7 +27,7 @@ from dic.runfile.digests import joined_digest
 from dic.runfile.joined import open_run
 from dic.runfile.reader import RunFile
 from dic.specimen.find import Specimen
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
 from dic.typing import PathLike
 from dic.workers.workers import Workers
 

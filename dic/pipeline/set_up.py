@@ -8,11 +8,11 @@ from typing import Any
 from dic.calibration.calibration import Calibration
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CalibrationError, CorrelationError, require_kind
-from dic.out_of_plane.correct import Motion
+from dic.out_of_plane.motion import Motion
 from dic.pipeline.correction_settings import CorrectionSettings, motion_of
 from dic.results.job import Job
 from dic.runfile.reader import RunInfo, RunStep
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class SeriesSetUp:
         SHA-256 of the calibration's file; "" without a calibration.
     """
 
-    strain: StrainSettings = field(default_factory=StrainSettings)
-    motion: Motion | None = field(default_factory=Motion)
+    strain: StrainSettings = field(default_factory=lambda: StrainSettings())
+    motion: Motion | None = field(default_factory=lambda: Motion())
     calibration: Calibration | None = None
     calibration_digest: str = ""
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from dic.calibration.calibration import Calibration
 from dic.calibration.plate import behind
 from dic.files.lazy import Computed
-from dic.out_of_plane.correct import Motion
+from dic.out_of_plane.motion import Motion
 from dic.pipeline.camera import CameraImages, Kept
 from dic.pipeline.correction_settings import CorrectionSettings
 from dic.pipeline.corrections import corrected_images
@@ -26,7 +26,7 @@ from dic.results.job import Job, as_text
 from dic.results.place import ResultPlace, alone, result_place
 from dic.results.provenance import Provenance
 from dic.runfile.reader import RunStep
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
 from dic.typing import PathLike
 
 _READINGS = len(fields(RunStep)) - 2

@@ -6,7 +6,8 @@ from dic.pipeline.measured_images import MeasuredImage
 from dic.report.camera_images import CameraImages, Results
 from dic.report.fact_table import Fact, FactTable, table_of
 from dic.report.hardware import results_file
-from dic.report.tables import MEASURES, SOURCES, resolution_text
+from dic.report.tables import SOURCES, resolution_text
+from dic.strain.measures import MEASURES
 from dic.strain.strain import length_text
 
 
@@ -49,7 +50,7 @@ def _settings(images: CameraImages, file: str) -> dict[str, Fact]:
         "Virtual strain gauge size": (gauge, "(window − 1) × step + subset, times the scale of the image"),
         "Spatial resolution": (resolution_text(measurement), "amplitude of a wave after subset and window"),
         "Strain formulation": (
-            f"{MEASURES[strain.measure]} in maps; engineering strain of gauges",
+            f"{MEASURES[strain.measure].title} in maps; engineering strain of gauges",
             "strain_measure",
         ),
         "Filtering of strain": ("none beyond the strain window", "strain_source"),

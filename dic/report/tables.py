@@ -7,14 +7,9 @@ from dic.pipeline.result import CameraResult
 from dic.report.numbers import date, fixed
 from dic.report.series import Run
 from dic.strain.measurement import Measurement
+from dic.strain.measures import MEASURES
 from dic.strain.strain import gauge_text
 
-MEASURES = {
-    "green-lagrange": "Green–Lagrange",
-    "small": "Small (engineering)",
-    "hencky": "Hencky (logarithmic)",
-}
-"""Names of the strain measures."""
 SOURCES = {
     "fit": "plane fitted to {0} × {0} points",
     "quadratic-fit": "quadratic surface fitted to {0} × {0} points",
@@ -135,7 +130,7 @@ def _strain_rows(run: Run) -> list[tuple[str, str]]:
     # All images of a series have the same settings, so it is enough to read one image.
     firsts = [m for camera in run.cameras for m in camera.measurements[:1]]
     for measure in sorted({m.strain_settings.measure for m in firsts}):
-        name = MEASURES[measure]
+        name = MEASURES[measure].title
         rows.append(("Strain", f"{name}, axes X right and Y up; mean: plane fitted to all valid points"))
     for series in run.cameras:
         scale = series.calibration.axes_mm_per_px

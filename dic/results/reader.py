@@ -24,7 +24,8 @@ from dic.results.provenance import Provenance
 from dic.results.schema import MEAN_KEYS, MOUNTING_KEY, SHARED_KEY
 from dic.strain.displacement import NOWHERE, Displacement, raw_displacement
 from dic.strain.measurement import Measurement, measure
-from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField, StrainSettings
+from dic.strain.settings import StrainSettings
+from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField
 from dic.typing import Float
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dic.results.csv import new_table
-from dic.strain.measures import COMPONENTS
+from dic.strain.tensor import COMPONENTS
 from dic.typing import PathLike
 
 STRAIN_FILE = "strain.csv"

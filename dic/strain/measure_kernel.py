@@ -14,7 +14,7 @@ GREEN, SMALL = 0, 1
 def set_variances(
     kind: int, gradient: Float, by_strain: Float, axes: Float, covariance: Float, work: Float, variance: Float
 ) -> None:
-    """Set the variances of the six values of `dic.strain.measures.COMPONENTS` at each point.
+    """Set the variances of the six values of `dic.strain.tensor.COMPONENTS` at each point.
 
     Parameters
     ----------

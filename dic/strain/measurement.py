@@ -16,11 +16,11 @@ from dic.errors import require_kind
 from dic.strain.displacement import Displacement, calibrated_displacement, raw_displacement
 from dic.strain.remarks import remarks_on
 from dic.strain.resolution import Filters, amplitude_kept, amplitude_lost, strain_resolution_px
+from dic.strain.settings import StrainSettings
 from dic.strain.strain import (
     IMAGES_KEYS,
     MeanStrain,
     StrainField,
-    StrainSettings,
     bias_of_mean,
     mean_strain,
     mean_strain_and_bias,

@@ -14,7 +14,7 @@ import numpy as np
 
 from dic.correlation.settings import CorrelationSettings
 from dic.image.threads import bands_of
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
 from dic.typing import Float, Mask
 
 _LARGEST_LOSS = 0.6

@@ -5,19 +5,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from dic.correlation.settings import CorrelationSettings
-from dic.errors import CorrelationError, is_whole, require_all
 from dic.image.memory import give_back_memory
 from dic.image.threads import bands_of
-from dic.keywords import named_settings
 from dic.strain.displacement import Displacement
 from dic.strain.fit import fitted_gradients, mean_gradient
 from dic.strain.mean_in_blocks import MANY_POINTS, mean_gradient_in_blocks
-from dic.strain.measures import COMPONENTS, MEASURES, limited, shared_std, strain_of
+from dic.strain.settings import StrainSettings
+from dic.strain.tensor import COMPONENTS, limited, shared_std, strain_of
 from dic.typing import Float, Mask
-
-SOURCES = ("fit", "quadratic-fit", "shape")
-"""Sources of local strain: a fitted plane, a fitted quadratic surface, or the subset's shape function."""
 
 _POINTS = 20_000
 """Approximate number of points whose strains are computed at a time."""
@@ -25,67 +20,6 @@ _POINTS = 20_000
 STRAIN_KEYS = (*COMPONENTS, *(f"{name}_std" for name in COMPONENTS))
 IMAGES_KEYS = tuple(f"{name}_std_images" for name in COMPONENTS[:3])
 """Names of the parts of the standard deviations that the images cause."""
-
-
-@named_settings
-@dataclass(frozen=True)
-class StrainSettings:
-    """Settings of the strain: the strain measure and the source of the local strain.
-
-    Attributes
-    ----------
-    measure : str
-        Strain measure: "green-lagrange", "small" or "hencky".
-    window_points : int
-        Width of the window to which a plane or a surface is fitted for a local strain: an odd number of
-        points, at least 3.
-    source : str
-        Source of local strain. "fit" means a plane that is fitted to the window, "quadratic-fit" a quadratic
-        surface that is fitted to the window, and "shape" the gradient of each subset's shape function.
-
-    Raises
-    ------
-    CorrelationError
-        If the measure or the source is unknown, or if the window is not an odd number of at least 3. The
-        message names all wrong settings together.
-    """
-
-    measure: str = "green-lagrange"
-    window_points: int = 3
-    source: str = "fit"
-
-    def __post_init__(self) -> None:
-        window = self.window_points
-        checks = [
-            (
-                self.measure in MEASURES,
-                "strain measure",
-                f"one of {', '.join(MEASURES)}",
-                self.measure,
-                "give green-lagrange, which a rigid rotation does not change",
-            ),
-            (
-                is_whole(window) and window >= 3 and window % 2 == 1,
-                "strain window",
-                "an odd number of points, at least 3",
-                window,
-                "give a strain window between 3 and 21 points, odd",
-            ),
-            (
-                self.source in SOURCES,
-                "source of local strain",
-                f"one of {', '.join(SOURCES)}",
-                self.source,
-                "give fit, a plane through the points of the window",
-            ),
-        ]
-        require_all(CorrelationError, "settings", checks)
-
-    def gauge_px(self, correlation: CorrelationSettings) -> int:
-        """Return the width, px, of the virtual strain gauge: the area that determines one local strain."""
-        if self.source == "shape":
-            return correlation.subset_px
-        return (self.window_points - 1) * correlation.step_px + correlation.subset_px
 
 
 def gauge_text(gauge_px: int, axes_mm_per_px: tuple[float, float] | None) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 from dic.correlation.settings import CorrelationSettings
 from dic.specimen.find import Specimen
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
 from dic.study.parts import Part
 from dic.study.wave import Wave
 from dic.typing import Mask

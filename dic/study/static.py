@@ -11,7 +11,7 @@ from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError, MeasurementError
 from dic.strain.measurement import measure
 from dic.strain.resolution import Filters
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
 from dic.study.wave import Wave
 from dic.typing import Float, Grey, Mask
 

@@ -15,7 +15,7 @@ from dic.quality.quality import SPECKLES_PER_SUBSET
 from dic.quality.speckle import autocovariance, even_light, speckle_size
 from dic.specimen.find import find_specimen
 from dic.strain.resolution import strain_resolution_px
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
 from dic.study.parts import Part, chosen_parts
 from dic.study.pattern import corner_noise
 from dic.study.result import StudiedSettings, Study

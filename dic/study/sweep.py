@@ -6,7 +6,7 @@ from functools import partial
 
 from dic.correlation.settings import SHAPES, CorrelationSettings
 from dic.errors import Check, CorrelationError, MeasurementError, is_whole, joined, require_all
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
 
 _MOST = 2000
 """Largest number of combinations, so that a typing error does not start a study of days."""

@@ -13,8 +13,8 @@ import numpy as np
 from dic.correlation.correlator import Correlator
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
-from dic.strain.measures import strain_of
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
+from dic.strain.tensor import strain_of
 from dic.study.parts import Part
 from dic.study.pattern import Pattern
 from dic.study.wave import Phases, Wave

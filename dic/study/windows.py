@@ -14,8 +14,8 @@ from dic.correlation.settings import CorrelationSettings
 from dic.strain.displacement import Displacement, Noise
 from dic.strain.error_overlap import error_overlap
 from dic.strain.fit import fitted_gradients
-from dic.strain.measures import strain_of
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
+from dic.strain.tensor import strain_of
 from dic.typing import Float
 
 

@@ -196,7 +196,7 @@ def test_an_interruption_says_how_to_go_on_and_which_runs_remain(shelf, monkeypa
     def interrupted(self, **named):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("dic.pipeline.run.RunCorrelation.correlate_all", interrupted)
+    monkeypatch.setattr("dic.pipeline.run_cameras.RunCameras.calibrated", interrupted)
     done = run_dic("process", "runs/run2.h5", "runs/run10.h5", *WORDS)
     assert done.status == 2
     assert done.err.strip() == f"error: {run_work.GOES_ON}"

@@ -9,7 +9,7 @@ from dic.correlation.settings import CorrelationSettings
 from dic.correlation.status import Status
 from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
 from dic.strain.measurement import measure
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
 
 SHAPE = (400, 300)
 

@@ -7,7 +7,8 @@ import pytest
 
 from dic.errors import CalibrationError
 from dic.out_of_plane.alignment import Alignment, load_alignment, save_alignment
-from dic.out_of_plane.correct import Motion, correct
+from dic.out_of_plane.correct import correct
+from dic.out_of_plane.motion import Motion
 from dic.out_of_plane.rigidity import correct_rotation
 from dic.out_of_plane.rotation import StepErrors
 from simulators.scene.optics import PinholeCamera

@@ -92,7 +92,7 @@ def test_the_default_deviation_is_smaller_with_a_hinge_and_a_declared_one_counts
     assert Motion("tension", shift_std_um=12.0, tilt_axis_mm=HINGE_MM).shift == Shift(12.0, HINGE_MM)
 
 
-@pytest.mark.parametrize("hinge_mm", [(0.0, np.nan), (0.0, 1e5), (1.0,), [0.0, 1.0], "0,1"])
+@pytest.mark.parametrize("hinge_mm", [(0.0, np.nan), (0.0, 1e5), (1.0,), [0.0, 1.0, 2.0], "0,1"])
 def test_a_hinge_that_is_no_place_is_refused(hinge_mm):
     for settings, given in ((Motion, ("tension",)), (CorrectionSettings, ())):
         with pytest.raises(CorrelationError, match="give --tilt-axis-mm 0,-30"):

@@ -14,7 +14,8 @@ from dic.correlation.status import Status
 from dic.out_of_plane.correction import Correction
 from dic.results.csv import write_csv
 from dic.strain.measurement import measure
-from dic.strain.strain import STRAIN_KEYS, StrainSettings
+from dic.strain.settings import StrainSettings
+from dic.strain.strain import STRAIN_KEYS
 from dic.targets.points import GridPoints
 
 BEFORE = ["x_px", "y_px", "u_px", "v_px", "zncc", "status"]

@@ -14,7 +14,7 @@ from dic.correlation.settings import CorrelationSettings
 from dic.quality.quality import assess_quality
 from dic.specimen.find import find_specimen
 from dic.strain.resolution import strain_resolution_px
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
 
 
 @pytest.mark.extended

@@ -11,7 +11,7 @@ from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
 from dic.strain.measurement import measure
 from dic.strain.resolution import Filters, amplitude_kept, amplitude_lost, strain_resolution_px
-from dic.strain.strain import StrainSettings
+from dic.strain.settings import StrainSettings
 
 
 @pytest.mark.parametrize("source", ["fit", "quadratic-fit", "shape"])

@@ -9,8 +9,9 @@ from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError
 from dic.strain.displacement import Displacement, Noise, raw_displacement
 from dic.strain.error_overlap import error_overlap
-from dic.strain.measures import strain_of
-from dic.strain.strain import StrainSettings, gauge_text, mean_strain, strain_field
+from dic.strain.settings import StrainSettings
+from dic.strain.strain import gauge_text, mean_strain, strain_field
+from dic.strain.tensor import strain_of
 
 X, Y = np.meshgrid(np.linspace(-4, 5, 12), np.linspace(-3, 6, 10))
 

@@ -10,8 +10,9 @@ from dic.correlation.correlator import Correlator
 from dic.correlation.settings import CorrelationSettings
 from dic.strain.displacement import Displacement, sight_of
 from dic.strain.measurement import measure
+from dic.strain.settings import StrainSettings
 from dic.strain.sight import Sight, shared_sight
-from dic.strain.strain import StrainSettings, strain_field
+from dic.strain.strain import strain_field
 
 STRAIN = 800e-6
 SHAPE = (200, 260)

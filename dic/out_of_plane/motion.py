@@ -1,0 +1,106 @@
+"""The assumed motion of a specimen, used to correct calibrated strain for out-of-plane motion."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from dic.errors import CorrelationError, require_all
+from dic.out_of_plane.alignment import Alignment
+from dic.out_of_plane.shift import FARTHEST_MM, HINGE_STD_UM, SHIFT_STD_UM, Shift
+from dic.settings import Number, Pair, one_of, setting, settings_class
+
+MOTIONS = ("free", "rigid", "tension")
+"""Kinds of motion: unknown motion, rotation without strain, and uniform tension with some bending."""
+
+POISSON_RATIO: Any = setting(
+    "Poisson's ratio",
+    "Poisson's ratio of the specimen, for bending.",
+    default=0.33,
+    expected="0 to 0.5",
+    remedy="give a Poisson's ratio of 0.33 for most metals",
+    ge=0.0,
+    le=0.5,
+)
+SHIFT_STD: Any = setting(
+    "standard deviation of the shift",
+    "Standard deviation of the specimen's shift towards the camera since the reference, µm:"
+    f" one camera cannot measure the shift. Default: {SHIFT_STD_UM:g}; {HINGE_STD_UM:g} with --tilt-axis-mm,"
+    " for the shift that the tilt does not cause.",
+    default=None,
+    expected="0 to 10000 µm",
+    remedy=f"give --shift-std-um {SHIFT_STD_UM:g}, the default, or 0 if the specimen kept its distance",
+    example="30.0",
+    unit="µm",
+    check=lambda std: std is None or 0.0 <= std <= 1e4,
+)
+TILT_AXIS: Any = setting(
+    "axis of the tilt",
+    "Place of the grips' hinge in the grid's axes, mm, where the specimen keeps its distance to the camera:"
+    " 0,-30 for a hinge 30 mm below the grid's centre. One number is Y. One camera then computes the shift"
+    " from the tilt.",
+    default=None,
+    expected=f"X and Y of the grips' hinge in mm, at most {FARTHEST_MM:g} mm away",
+    remedy="give --tilt-axis-mm 0,-30 for a hinge 30 mm below the grid's centre, or leave it out",
+    example="[0.0, -30.0]",
+    metavar="X,Y",
+    check=lambda hinge: hinge is None or all(abs(each) <= FARTHEST_MM for each in hinge),
+)
+
+
+@settings_class(CorrelationError)
+class Motion:
+    """Assumed motion of a specimen, used to correct calibrated strain for out-of-plane motion."""
+
+    kind: str = setting(
+        "motion",
+        "Motion of the specimen, to correct calibrated strain for motion out of the grid's plane:"
+        " rigid (a rotation), tension, or free (unknown, no correction).",
+        default="free",
+        expected=one_of(MOTIONS),
+        remedy="give the motion tension or rigid, or free if it is not known",
+        option="--motion",
+        among=MOTIONS,
+    )
+    poisson_ratio: Number = POISSON_RATIO
+    alignment: Alignment | None = None
+    shift_std_um: Number | None = SHIFT_STD
+    tilt_axis_mm: Pair | None = TILT_AXIS
+
+    def __post_init__(self) -> None:
+        checks = [
+            (
+                self.alignment is None or self.kind == "rigid",
+                "apply alignment",
+                "--motion rigid",
+                self.kind,
+                "give an alignment with --motion rigid only, or leave it out",
+            ),
+            (
+                self.tilt_axis_mm is None or self.kind != "rigid",
+                "axis of the tilt",
+                "--motion tension",
+                self.kind,
+                "leave --tilt-axis-mm out, because a rotation stage has no grips",
+            ),
+        ]
+        require_all(CorrelationError, "settings", checks)
+
+    @property
+    def shift(self) -> Shift:
+        """Knowledge about the specimen's shift towards the camera."""
+        return Shift.of(self.shift_std_um, self.tilt_axis_mm)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the attributes as values for JSON."""
+        return vars(self) | {"alignment": None if self.alignment is None else self.alignment.as_lists()}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> "Motion":
+        """Return the motion from the values that `as_dict` returned."""
+        alignment, hinge_mm = values["alignment"], values["tilt_axis_mm"]
+        return cls(
+            values["kind"],
+            values["poisson_ratio"],
+            None if alignment is None else Alignment.from_lists(alignment),
+            values["shift_std_um"],
+            None if hinge_mm is None else (hinge_mm[0], hinge_mm[1]),
+        )
