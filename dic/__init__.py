@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from dic.correlation.field import Field
     from dic.correlation.initial_guess import rigid_motion
     from dic.correlation.series import Series
-    from dic.correlation.settings import CorrelationSettings
+    from dic.correlation.settings import CorrelationSettings, ReferenceSettings
     from dic.correlation.status import Status
     from dic.derived.animation import Animation, write_animation
     from dic.derived.compared import compare_results
@@ -86,7 +86,7 @@ if TYPE_CHECKING:
     from dic.pictures.panels import map_scale
     from dic.pictures.plots import PlotSettings
     from dic.pictures.settings import MapSettings
-    from dic.pipeline.correction_settings import CorrectionSettings
+    from dic.pipeline.correction_settings import CorrectionSettings, SurfaceSettings
     from dic.pipeline.corrections import JointCorrections, RunCorrections, corrected_rotation
     from dic.pipeline.images import measure_images, measure_series
     from dic.pipeline.measured import measure
@@ -163,11 +163,13 @@ __all__ = [
     "MachineRecord", "MapSettings", "MeanStrain", "MeasuredImage", "MeasuredSeries", "Measurement",
     "MeasurementError", "Motion", "Noise", "OutputError", "PeerField", "Pinhole", "Plane", "PlotSettings",
     "PointGauge", "Profile", "Properties", "PropertySettings", "PropertyValue", "Quality", "Reading",
+    "ReferenceSettings",
     "RegionFiles", "ReportDetails", "Residuals", "ResultPlace", "RunCorrections", "RunFileError", "RunInfo",
     "RunReference", "RunResult", "RunSource", "RunStep", "Sensitivity", "Series", "SeriesImage",
     "SeriesResult", "Specimen", "SpecimenTest", "StatedFacts", "Status", "StrainField", "StrainGauge",
     "StrainSettings",
-    "StudiedSettings", "Study", "Sweep", "Target", "TensileTest", "TransverseExtensometer", "TwoCameraStep",
+    "StudiedSettings", "Study", "SurfaceSettings",
+    "Sweep", "Target", "TensileTest", "TransverseExtensometer", "TwoCameraStep",
     "Wave", "WorkerError", "__version__", "assess_method", "assess_quality", "calibrate_images",
     "compare_results", "compare_specimens", "corrected_rotation", "draw_target", "export_results",
     "find_specimen", "find_target", "gauge_curve", "gauge_table_files", "gauge_text", "join_record",
@@ -207,7 +209,7 @@ _NAMES_OF = {
     "dic.correlation.field": ("Field",),
     "dic.correlation.initial_guess": ("rigid_motion",),
     "dic.correlation.series": ("Series",),
-    "dic.correlation.settings": ("CorrelationSettings",),
+    "dic.correlation.settings": ("CorrelationSettings", "ReferenceSettings"),
     "dic.correlation.status": ("Status",),
     "dic.drawing.page": ("write_drawing_page",),
     "dic.errors": (
@@ -250,7 +252,7 @@ _NAMES_OF = {
     "dic.pipeline.images": ("measure_images", "measure_series"),
     "dic.pipeline.measured": ("measure",),
     "dic.pipeline.run": ("process_run",),
-    "dic.pipeline.correction_settings": ("CorrectionSettings",),
+    "dic.pipeline.correction_settings": ("CorrectionSettings", "SurfaceSettings"),
     "dic.pipeline.corrections": ("JointCorrections", "RunCorrections", "corrected_rotation"),
     "dic.pipeline.run_reference": ("RunReference", "run_reference"),
     "dic.pipeline.result": ("CameraResult", "RunResult", "SeriesResult"),

@@ -74,6 +74,10 @@ class Declared(NamedTuple):
         The values of the option in the help text; "" for those that its type gives.
     unit : str
         Unit of the value that messages show.
+    read : callable or None
+        Function that returns the value of the option's text; it raises a ValueError for another text.
+    several : bool
+        True if the option may be repeated.
     """
 
     what: str
@@ -85,6 +89,33 @@ class Declared(NamedTuple):
     example: str = ""
     metavar: str = ""
     unit: str = ""
+    read: Callable[[str], Any] | None = None
+    several: bool = False
+
+    @staticmethod
+    def text(value: Any) -> Any:
+        """Return the value of an option as its help text shows it: names with commas between them."""
+        is_names = isinstance(value, tuple) and all(isinstance(each, str) for each in value)
+        return ",".join(value) if is_names else value
+
+
+def number_or_text(text: str) -> float | str:
+    """Return a number, or the text itself if it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def names_of(text: str) -> tuple[str, ...]:
+    """Return the names in a text with commas between them."""
+    return tuple(name.strip() for name in text.split(","))
+
+
+def place_of(text: str) -> tuple[float, float]:
+    """Return X and Y of the text "X,Y"; one number is Y."""
+    x, y = numbers if len(numbers := [float(part) for part in text.split(",")]) == 2 else (0.0, *numbers)
+    return x, y
 
 
 def setting(
@@ -175,17 +206,20 @@ def _in_sentences(init: Any, cls: type, error: type[MeasurementError]) -> Any:
     def checked(self: Any, *args: Any, **given: Any) -> None:
         values = dict(zip(names, args, strict=False)) | given
         wrong: dict[str, Any] = {}
+        made = False
         try:
             init(self, *args, **given)
+            made = True
         except ValidationError as found:
             missing = [each for each in found.errors() if each["type"] == "missing" and len(each["loc"]) == 1]
             if missing or len(args) > len(names):
                 raise TypeError(f"{cls.__name__}: {_first_of(missing)} is missing") from None
             wrong = {_name(each["loc"][0], names): each["input"] for each in found.errors()}
         for name, extra in _extras(cls).items():
-            value = values.get(name, default_of(cls, name))
-            if name not in wrong and name in values and not _is_possible(value, extra):
-                wrong[name] = value
+            # Beside a wrong value there is no object, and the other values are checked as they were given.
+            value = getattr(self, name) if made else values.get(name)
+            if name in values and name not in wrong and not _is_possible(value, extra):
+                wrong[name] = values[name]
         if wrong:
             # The whole value is shown, also if one element of it is wrong.
             refusals = [_refusal(error, cls, name, values[name]) for name in names if name in wrong]
@@ -208,7 +242,11 @@ def _name(place: int | str, names: list[str]) -> str:
 
 def _is_possible(value: Any, extra: Mapping[str, Any]) -> bool:
     among, check = extra["among"], extra["check"]
-    return (among is None or value in among) and (check is None or check(value))
+    try:
+        return (among is None or value in among) and (check is None or check(value))
+    except (TypeError, AttributeError):
+        # The value is of another type, which pydantic converts if all values are possible.
+        return True
 
 
 def _refusal(error: type[MeasurementError], cls: type, name: str, value: Any) -> MeasurementError:

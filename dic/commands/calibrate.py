@@ -1,13 +1,12 @@
 """The command `dic calibrate`, which computes a calibration from images of a calibration target."""
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import click
 
-from dic.commands.option_groups import all_of, option_group
+from dic.commands.options import all_of, option, options, use
 from dic.commands.target_options import TargetOptions, target_options
 from dic.files.writing import write_text
 from dic.shell.console import say
@@ -19,16 +18,30 @@ if TYPE_CHECKING:
 _FILE = click.Path(path_type=Path)
 
 
-@dataclass(frozen=True)
+@options
 class CameraOptions:
     """Options that give known values of the camera."""
 
-    focal_px: float | None
-    focal_std_px: float
-    distance_mm: float | None
-    distance_std_mm: float
-    principal_px: tuple[float, float] | None
-    principal_std_px: float | None
+    focal_px: float | None = option("--focal-px", help="Focal length in px, if known.")
+    focal_std_px: float = option(
+        "--focal-std-px", default=0.0, help="Standard deviation of the focal length.  [default: 0, exact]"
+    )
+    distance_mm: float | None = option(
+        "--distance-mm", help="Distance from the pinhole to the grid's centre, if known."
+    )
+    distance_std_mm: float = option(
+        "--distance-std-mm", default=0.0, help="Standard deviation of the distance.  [default: 0, exact]"
+    )
+    principal_px: tuple[float, float] | None = option(
+        "--principal-px",
+        type=float,
+        nargs=2,
+        help="Principal point x y, where the optical axis meets the sensor.  [default: the image's middle]",
+    )
+    principal_std_px: float | None = option(
+        "--principal-std-px",
+        help="Standard deviation of the principal point.  [default: 0 if given, else 1 % of the width]",
+    )
 
     def read(self) -> "KnownCamera":
         """Return the options as a `KnownCamera`."""
@@ -37,14 +50,14 @@ class CameraOptions:
         return KnownCamera(**vars(self))
 
 
-@dataclass(frozen=True)
+@options
 class OutputOptions:
     """Options that name the output files of `dic calibrate`."""
 
-    output: Path | None
-    points_file: Path | None
-    plot_file: Path | None
-    json_file: Path | None
+    output: Path | None = option("-o", "--output", help="Calibration file, HDF5.")
+    points_file: Path | None = option("--points", help="CSV file of the grid points, mm and px.")
+    plot_file: Path | None = option("--plot", help="PNG file with the grid points and the models' residuals.")
+    json_file: Path | None = option("--json", help="JSON file of the printed results.")
 
 
 @click.command()
@@ -64,47 +77,8 @@ class OutputOptions:
     help="Distance of the specimen's surface behind the target's lines, such as the thickness of the plate"
     " that carries them.  [default: 0]",
 )
-@option_group(
-    "camera",
-    CameraOptions,
-    click.option("--focal-px", type=float, help="Focal length in px, if known."),
-    click.option(
-        "--focal-std-px",
-        type=float,
-        default=0.0,
-        help="Standard deviation of the focal length.  [default: 0, exact]",
-    ),
-    click.option(
-        "--distance-mm", type=float, help="Distance from the pinhole to the grid's centre, if known."
-    ),
-    click.option(
-        "--distance-std-mm",
-        type=float,
-        default=0.0,
-        help="Standard deviation of the distance.  [default: 0, exact]",
-    ),
-    click.option(
-        "--principal-px",
-        type=float,
-        nargs=2,
-        help="Principal point x y, where the optical axis meets the sensor.  [default: the image's middle]",
-    ),
-    click.option(
-        "--principal-std-px",
-        type=float,
-        help="Standard deviation of the principal point.  [default: 0 if given, else 1 % of the width]",
-    ),
-)
-@option_group(
-    "outputs",
-    OutputOptions,
-    click.option("-o", "--output", type=_FILE, help="Calibration file, HDF5."),
-    click.option("--points", "points_file", type=_FILE, help="CSV file of the grid points, mm and px."),
-    click.option(
-        "--plot", "plot_file", type=_FILE, help="PNG file with the grid points and the models' residuals."
-    ),
-    click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results."),
-)
+@use("camera", CameraOptions)
+@use("outputs", OutputOptions)
 @FORCE
 def calibrate(
     images: tuple[Path, ...],

@@ -1,19 +1,19 @@
 """The command `dic campaign`, which compares tensile tests of several specimens."""
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from dic.commands.column_options import COLUMN_OPTIONS
-from dic.commands.correlation_options import comma_option
-from dic.commands.option_groups import option_group
-from dic.commands.test_options import TestOptions, test_options
+from dic import PropertySettings
+from dic.commands.column_options import TableColumns
+from dic.commands.options import Chosen, option, options, use
+from dic.commands.shared_options import comma, force
+from dic.commands.tensile_options import tensile_options, tensile_settings
 from dic.files.writing import write_text
 from dic.shell.console import fail, say
-from dic.shell.output_paths import FORCE, require_places
+from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
     from dic import Campaign, CampaignSpecimen
@@ -22,29 +22,26 @@ _PATH = click.Path(path_type=Path)
 _FILE_NAME = "campaign.toml"
 
 
-@dataclass(frozen=True)
-class EqualTables:
+@options
+class EqualTables(TableColumns):
     """Options that describe the columns of all tables in a folder, if there is no campaign.toml."""
 
-    files: str | None
-    load: str | None
-    strain: str | None
-    transverse: str | None
-    time: str | None
-    gauge_length_mm: float | None
+    files: str | None = option(
+        "--files", metavar="PATTERN", help="Tables in FOLDER without a TOML file. Default: all CSV files."
+    )
 
 
-@dataclass(frozen=True)
+@options
 class CampaignOutputs:
     """Options that name the output files of `dic campaign`."""
 
-    report: Path | None
-    pdf: Path | None
-    csv_file: Path | None
-    decimal_comma: bool
-    plot_file: Path | None
-    json_file: Path | None
-    force: bool
+    report: Path | None = option("--report", help="HTML file with all tables and the curves.")
+    pdf: Path | None = option("--pdf", help="The same report as a PDF file; needs the extra offaxis[pdf].")
+    csv_file: Path | None = option("--csv", help="CSV table with a line per specimen, and the mean.")
+    decimal_comma: bool = comma()
+    plot_file: Path | None = option("--plot", help="Picture of all curves, such as curves.png.")
+    json_file: Path | None = option("--json", help="JSON file of all values.")
+    force: bool = force()
 
     def require_pdf(self) -> None:
         """Raise an error if a PDF file is wanted and cannot be written."""
@@ -62,28 +59,12 @@ class CampaignOutputs:
 
 @click.command()
 @click.argument("folder", type=_PATH)
-@option_group(
-    "tables",
-    EqualTables,
-    click.option(
-        "--files", metavar="PATTERN", help="Tables in FOLDER without a TOML file. Default: all CSV files."
-    ),
-    *COLUMN_OPTIONS,
-)
-@test_options
-@option_group(
-    "outputs",
-    CampaignOutputs,
-    click.option("--report", type=_PATH, help="HTML file with all tables and the curves."),
-    click.option("--pdf", type=_PATH, help="The same report as a PDF file; needs the extra offaxis[pdf]."),
-    click.option("--csv", "csv_file", type=_PATH, help="CSV table with a line per specimen, and the mean."),
-    comma_option,
-    click.option("--plot", "plot_file", type=_PATH, help="Picture of all curves, such as curves.png."),
-    click.option("--json", "json_file", type=_PATH, help="JSON file of all values."),
-    FORCE,
-    needs={"--decimal-comma": ("--csv",), "--pdf": ("--report",)},
-)
-def campaign(folder: Path, tables: EqualTables, test: TestOptions, outputs: CampaignOutputs) -> None:
+@use("tables", EqualTables)
+@tensile_options
+@use("outputs", CampaignOutputs, needs={"--decimal-comma": ("--csv",), "--pdf": ("--report",)})
+def campaign(
+    folder: Path, tables: EqualTables, test: Chosen[PropertySettings], outputs: CampaignOutputs
+) -> None:
     """Compare tensile tests of several specimens: values, mean, scatter, outliers, r̄ and Δr.
 
     FOLDER is a folder, or a TOML file. The file campaign.toml in the folder describes the specimens: tables
@@ -126,19 +107,19 @@ def _lines(found: "Campaign") -> list[str]:
 
 
 def _specimens(
-    folder: Path, tables: EqualTables, test: TestOptions, outputs: CampaignOutputs
+    folder: Path, tables: EqualTables, test: Chosen[PropertySettings], outputs: CampaignOutputs
 ) -> "tuple[CampaignSpecimen, ...]":
     """Return the specimens that the TOML file or the options describe."""
     from dic import CurveColumns, CurveError, list_specimens, read_campaign
 
     if folder.suffix.lower() == ".toml" or (folder / _FILE_NAME).exists():
-        given = {**vars(tables), **vars(test)}
-        usual = {"offset_percent": (), "hardening_percent": (10.0, 20.0)}
+        given = {**vars(tables), **test.values}
+        usual = {"offsets_percent": (), "hardening_percent": (10.0, 20.0)}
         idle = [name for name, value in given.items() if value is not None and value != usual.get(name)]
         if idle:
-            option = f"--{idle[0].replace('_', '-')}"
-            expected, remedy = f"{_FILE_NAME} alone", f"leave out {option}, and write it into {_FILE_NAME}"
-            raise CurveError(str(folder), option, expected, "both", remedy)
+            name = f"--{idle[0].replace('_', '-')}"
+            expected, remedy = f"{_FILE_NAME} alone", f"leave out {name}, and write it into {_FILE_NAME}"
+            raise CurveError(str(folder), name, expected, "both", remedy)
         return read_campaign(folder)
     if tables.load is None or tables.strain is None:
         missing = "--load" if tables.load is None else "--strain"
@@ -147,4 +128,4 @@ def _specimens(
         raise CurveError(str(folder), missing, expected, "none", remedy)
     columns = CurveColumns(tables.load, tables.strain, tables.transverse, tables.time, tables.gauge_length_mm)
     pattern = "*.csv" if tables.files is None else tables.files
-    return list_specimens(folder, columns, test.settings(), pattern=pattern, leave_out=outputs.files)
+    return list_specimens(folder, columns, tensile_settings(test), pattern=pattern, leave_out=outputs.files)

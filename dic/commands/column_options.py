@@ -1,11 +1,20 @@
 """Options that name the columns of a testing machine's table, for `dic properties` and `dic campaign`."""
 
-import click
+from dic.commands.options import option, options
 
-COLUMN_OPTIONS = (
-    click.option("--load", metavar="COLUMN:UNIT", help='Column of the load, such as "Load:kN".'),
-    click.option("--strain", metavar="COLUMN:UNIT", help='Column of the strain, such as "3:%".'),
-    click.option("--transverse", metavar="COLUMN:UNIT", help="Column of the strain across the specimen."),
-    click.option("--time", metavar="COLUMN:UNIT", help="Column of the time, such as Time:s."),
-    click.option("--gauge-length-mm", type=float, help="Gauge length, if the strain is an extension in mm."),
-)
+
+@options
+class TableColumns:
+    """The columns of a testing machine's table."""
+
+    load: str | None = option("--load", metavar="COLUMN:UNIT", help='Column of the load, such as "Load:kN".')
+    strain: str | None = option(
+        "--strain", metavar="COLUMN:UNIT", help='Column of the strain, such as "3:%".'
+    )
+    transverse: str | None = option(
+        "--transverse", metavar="COLUMN:UNIT", help="Column of the strain across the specimen."
+    )
+    time: str | None = option("--time", metavar="COLUMN:UNIT", help="Column of the time, such as Time:s.")
+    gauge_length_mm: float | None = option(
+        "--gauge-length-mm", help="Gauge length, if the strain is an extension in mm."
+    )

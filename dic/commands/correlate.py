@@ -1,22 +1,20 @@
 """The command `dic correlate`, which measures displacements and strains in image files."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from dic.commands.correlation_options import (
-    CorrelationOptions,
-    StrainOptions,
-    correlation_options,
-    strain_options,
-)
-from dic.commands.option_groups import all_of
+from dic import CorrelationSettings, MapSettings, Motion, ReferenceSettings, StrainSettings
+from dic.commands.map_options import MapOutputs, map_options, map_outputs
+from dic.commands.options import Chosen, Grouped, all_of, gather
 from dic.commands.series_options import (
-    MotionOptions,
+    AlignmentOptions,
     OutputOptions,
     RegionOptions,
     StartOptions,
+    alignment_options,
     motion_options,
     output_options,
     read_set_up,
@@ -24,6 +22,7 @@ from dic.commands.series_options import (
     start_options,
 )
 from dic.commands.settings_file import settings_option, used_settings_file
+from dic.commands.shared_options import correlation_options, reference_options, strain_options
 from dic.commands.worker_options import chosen_workers, worker_options
 from dic.errors import each_warning_once
 from dic.shell.output_paths import require_hdf5, require_places
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from dic import CorrelationSettings
     from dic.pipeline.series_camera import SeriesCamera
     from dic.pipeline.series_sources import SeriesSources
     from dic.workers.workers import Workers
@@ -41,30 +39,55 @@ if TYPE_CHECKING:
 _FILE = click.Path(path_type=Path)
 
 
-@click.command()
+@dataclass(frozen=True)
+class Given:
+    """The groups of options of `dic correlate`."""
+
+    correlation: Chosen[CorrelationSettings]
+    references: Chosen[ReferenceSettings]
+    strain: Chosen[StrainSettings]
+    region: RegionOptions
+    start: StartOptions
+    assumed: Chosen[Motion]
+    alignment: AlignmentOptions
+    outputs: OutputOptions
+    maps: MapOutputs
+    drawn: Chosen[MapSettings]
+
+    def settings(self) -> tuple[Any, ...]:
+        """Return settings, strain, motion, maps and gauges; raise an error that names all mistakes."""
+        calibrated = self.start.calibration_file is not None
+        correlation, strain, motion, maps, gauges, *_ = all_of(
+            self.correlation.settings,
+            self.strain.settings,
+            lambda: self.alignment.read(self.assumed),
+            lambda: self.maps.settings(self.drawn, calibrated=calibrated),
+            self.outputs.gauges,
+            self.references.settings,
+            self.start.motion,
+            lambda: self.alignment.require_rotation(self.assumed.values["kind"]),
+        )
+        return correlation, strain, motion, maps, gauges
+
+
+@click.command(cls=Grouped)
 @click.argument("reference", type=_FILE)
 @click.argument("deformed", type=_FILE, nargs=-1)
-@click.option("--calibration", "calibration_file", type=_FILE, help="Calibration file, for results in mm.")
+@start_options
+@region_options
+@correlation_options
+@reference_options
+@strain_options
+@motion_options
+@alignment_options
+@output_options
+@map_outputs
+@map_options
 @settings_option
 @worker_options
-@correlation_options
-@strain_options
-@region_options
-@start_options
-@motion_options
-@output_options
+@gather("given", Given)
 @each_warning_once()
-def correlate(
-    reference: Path,
-    deformed: tuple[Path, ...],
-    calibration_file: Path | None,
-    correlation: CorrelationOptions,
-    strain: StrainOptions,
-    region: RegionOptions,
-    start: StartOptions,
-    motion: MotionOptions,
-    outputs: OutputOptions,
-) -> None:
+def correlate(reference: Path, deformed: tuple[Path, ...], given: Given) -> None:
     """Correlate DEFORMED images with the REFERENCE image.
 
     DEFORMED are image files, folders, quoted patterns such as "img*.tif", and TIFF files and videos, whose
@@ -80,27 +103,20 @@ def correlate(
     from dic.pipeline.series_sources import SeriesSources
     from dic.shell.console import say
 
-    settings, how, _, known, _, drawn, gauges = all_of(
-        correlation.settings,
-        strain.settings,
-        start.check,
-        motion.read,
-        motion.require_rotation,
-        lambda: outputs.maps.settings(calibrated=calibration_file is not None),
-        outputs.gauges,
-    )
+    settings, how, known, drawn, gauges = given.settings()
+    region, outputs, calibration_file = given.region, given.outputs, given.start.calibration_file
     sources = SeriesSources.of(reference, deformed or None)
-    files = outputs.files(sources.images, gauges)
-    known_files = [calibration_file, *region.files(), motion.alignment_file, outputs.gauges_file]
+    files = outputs.files(sources.images, gauges, given.maps)
+    known_files = [calibration_file, *region.files(), given.alignment.alignment_file, outputs.gauges_file]
     known_files.append(used_settings_file())
-    written = [outputs.json_file, motion.save_alignment, *region.outputs(), *files.all()]
+    written = [outputs.json_file, given.alignment.save_alignment, *region.outputs(), *files.all()]
     _require_places([*sources.files, *known_files], written, files.folders, outputs)
     set_up = read_set_up(calibration_file, how, known)
     for note in sources.notes:
         say(note)
     with chosen_workers() as workers:
         image = read_image(sources.reference, stored=True)
-        of_files = _camera(image, sources, region, start, settings, workers)
+        of_files = _camera(image, sources, given, settings, workers)
         series = of_files.series
         set_up.require_use(series.shape)
         if series.specimen is not None and not series.specimen.is_whole:
@@ -121,7 +137,7 @@ def correlate(
                 whole = work.measure(begun.measuring)
         if outputs.json_file is not None:
             work.write_json(outputs.json_file, str(sources.reference), series.specimen)
-        motion.save(work.alignment)
+        given.alignment.save(work.alignment)
         # Write the pictures last: if this fails, they can be drawn again from the files written before.
         work.draw()
         if not whole and outputs.output is not None:
@@ -132,9 +148,8 @@ def correlate(
 def _camera(
     image: "NDArray[Any]",
     sources: "SeriesSources",
-    region: RegionOptions,
-    start: StartOptions,
-    settings: "CorrelationSettings",
+    given: Given,
+    settings: CorrelationSettings,
     workers: "Workers | None",
 ) -> "SeriesCamera":
     """Return the camera of the series with its reference `image`."""
@@ -146,9 +161,9 @@ def _camera(
     digest = digests.of(sources.reference)
     source = SeriesImage(sources.reference, str(sources.reference), digest=digest)
     known_image = KnownImage(source, image)
-    series = Series(known_image, region.read(image.shape), settings, incremental=start.incremental)
-    hint = start.hint(image.shape)
-    return SeriesCamera(series, sources, start.incremental, hint, workers, digests)
+    rule = given.references.settings().incremental
+    series = Series(known_image, given.region.read(image.shape), settings, incremental=rule)
+    return SeriesCamera(series, sources, rule, given.start.hint(image.shape), workers, digests)
 
 
 def _require_places(

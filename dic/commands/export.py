@@ -5,7 +5,6 @@ from pathlib import Path
 
 import click
 
-from dic.commands.correlation_options import comma_option
 from dic.files.writing import write_text
 from dic.shell.console import fail, say
 from dic.shell.output_paths import FORCE, require_places
@@ -23,7 +22,11 @@ _PATH = click.Path(path_type=Path)
     is_flag=True,
     help="Also write the local strain from displacements in px, raw_exx …, beside the calibrated one.",
 )
-@comma_option
+@click.option(
+    "--decimal-comma",
+    is_flag=True,
+    help="Write CSV files with decimal commas, and semicolons between the cells.",
+)
 @click.option("--json", "json_file", type=_PATH, help="JSON file of the list of written images.")
 @FORCE
 def export(

@@ -1,13 +1,12 @@
 """Options that choose gauges in a result file, for `dic properties` and `dic report`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from dic.commands.option_groups import option_group
+from dic.commands.options import option, options, use
 from dic.commands.record_options import RecordOptions
 
 if TYPE_CHECKING:
@@ -16,14 +15,18 @@ if TYPE_CHECKING:
 _PATH = click.Path(path_type=Path)
 
 
-@dataclass(frozen=True)
+@options
 class FieldOptions:
     """Options that choose gauges in a result file."""
 
-    gauges_file: Path | None
-    texts: tuple[str, ...]
-    gauge: str | None
-    transverse_gauge: str | None
+    gauges_file: Path | None = option("--gauges", help="TOML file of gauges, for a result file.")
+    texts: tuple[str, ...] = option(
+        "--declare", multiple=True, metavar="TEXT", help="A gauge as text, as in `dic gauges --gauge`."
+    )
+    gauge: str | None = option(
+        "--gauge", help="Name of the gauge along the specimen. Default: the first gauge."
+    )
+    transverse_gauge: str | None = option("--transverse-gauge", help="Name of the gauge across the specimen.")
 
     @property
     def declares(self) -> bool:
@@ -68,17 +71,4 @@ class FieldOptions:
         return series, name, joined
 
 
-field_options = option_group(
-    "field",
-    FieldOptions,
-    click.option("--gauges", "gauges_file", type=_PATH, help="TOML file of gauges, for a result file."),
-    click.option(
-        "--declare",
-        "texts",
-        multiple=True,
-        metavar="TEXT",
-        help="A gauge as text, as in `dic gauges --gauge`.",
-    ),
-    click.option("--gauge", help="Name of the gauge along the specimen. Default: the first gauge."),
-    click.option("--transverse-gauge", help="Name of the gauge across the specimen."),
-)
+field_options = use("field", FieldOptions)

@@ -1,18 +1,17 @@
 """The command `dic gauges`, which reads gauges in the results of a measurement without correlating again."""
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from dic.commands.correlation_options import comma_option
-from dic.commands.option_groups import option_group
+from dic.commands.options import option, options, use
 from dic.commands.record_options import RecordOptions, record_options
+from dic.commands.shared_options import comma, force
 from dic.files.writing import write_text
 from dic.shell.console import fail, say
-from dic.shell.output_paths import FORCE, require_places
+from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
     from dic import Gauge
@@ -20,15 +19,15 @@ if TYPE_CHECKING:
 _PATH = click.Path(path_type=Path)
 
 
-@dataclass(frozen=True)
+@options
 class GaugeOutputs:
     """Options that name the output files of `dic gauges`."""
 
-    output: Path | None
-    decimal_comma: bool
-    json_file: Path | None
-    picture: Path | None
-    force: bool
+    output: Path | None = option("-o", "--output", help="CSV table with one line per image.")
+    decimal_comma: bool = comma()
+    json_file: Path | None = option("--json", help="JSON file of all readings.")
+    picture: Path | None = option("--picture", help="Picture of the gauges on the reference image.")
+    force: bool = force()
 
     def files(self, gauges: "tuple[Gauge, ...]") -> list[Path | None]:
         """Return the paths of all files to write."""
@@ -52,16 +51,7 @@ class GaugeOutputs:
 @click.option("--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record.")
 @click.option("--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record.")
 @record_options
-@option_group(
-    "outputs",
-    GaugeOutputs,
-    click.option("-o", "--output", type=_PATH, help="CSV table with one line per image."),
-    comma_option,
-    click.option("--json", "json_file", type=_PATH, help="JSON file of all readings."),
-    click.option("--picture", type=_PATH, help="Picture of the gauges on the reference image."),
-    FORCE,
-    needs={"--decimal-comma": ("-o", "--output")},
-)
+@use("outputs", GaugeOutputs, needs={"--decimal-comma": ("-o", "--output")})
 def gauges(
     results: Path,
     gauges_file: Path | None,

@@ -3,18 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import click
-
-TTL_OPTION = click.option(
-    "--ttl",
-    "ttl_file",
-    type=click.Path(path_type=Path),
-    help="Turtle file of the values after the Tensile Test Ontology.",
-)
-TTL_IRI_OPTION = click.option(
-    "--ttl-iri", metavar="IRI", help="Beginning of the names in this file. Default: the place of the file."
-)
-
 
 def require_iri(iri: str | None) -> None:
     """Raise an error if the beginning of the names is no IRI, before any work is done."""

@@ -7,14 +7,17 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dic.commands.option_groups import option_group
+from dic import PlotSettings
+from dic.commands.options import Chosen, Command, gather, option, options, use
 from dic.commands.plot_animation import animation
 from dic.commands.record_options import RecordOptions, record_options
+from dic.commands.shared_options import force
+from dic.pictures.settings import require_format
 from dic.shell.console import say
-from dic.shell.output_paths import FORCE, require_places
+from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
-    from dic import GaugeSeries, PlotSettings
+    from dic import GaugeSeries
 
 _PATH = click.Path(path_type=Path)
 
@@ -31,13 +34,24 @@ def plot() -> None:
 plot.add_command(animation)
 
 
-@dataclass(frozen=True)
+@options
 class SourceOptions:
     """Options of `dic plot` that choose gauges and the kinds of their values."""
 
-    texts: tuple[str, ...]
-    camera: str | None
-    kinds: tuple[str, ...]
+    texts: tuple[str, ...] = option(
+        "--gauge",
+        multiple=True,
+        metavar="TEXT",
+        help='A gauge, such as "axial=extensometer start=400,200 end=400,800 patch=40". May be repeated.',
+    )
+    camera: str | None = option(
+        "--camera", help="Camera of a run. Default: all, if all gauges are in millimetres."
+    )
+    kinds: tuple[str, ...] = option(
+        "--kind",
+        multiple=True,
+        help="raw, calibrated or corrected. May be repeated. Default: the best there is.",
+    )
 
     def read(self, results: Path, gauges_file: Path | None) -> "GaugeSeries":
         """Read the chosen gauges in all images of the results."""
@@ -49,52 +63,34 @@ class SourceOptions:
         return series
 
 
-@dataclass(frozen=True)
-class PlotOptions:
-    """Options for the file and the size of a picture."""
+@options
+class PlotOutputs:
+    """Options for the file of a picture."""
 
-    output: Path
-    width_mm: float
-    height_mm: float
-    dpi: int
-    force: bool
+    output: Path = option("-o", "--output", required=True, help="Picture: .png, .pdf or .svg.")
+    force: bool = force()
 
-    def settings(self) -> "PlotSettings":
-        """Return the size as `PlotSettings`, after a check of the file."""
-        from dic import PlotSettings
-        from dic.pictures.settings import require_format
-
+    def settings(self, size: Chosen[PlotSettings]) -> PlotSettings:
+        """Return the size of the picture, after a check of the file."""
         require_format(self.output)
-        return PlotSettings(self.width_mm, self.height_mm, self.dpi)
+        return size.settings()
 
 
-source_options = option_group(
-    "source",
-    SourceOptions,
-    click.option(
-        "--gauge",
-        "texts",
-        multiple=True,
-        metavar="TEXT",
-        help='A gauge, such as "axial=extensometer start=400,200 end=400,800 patch=40". May be repeated.',
-    ),
-    click.option("--camera", help="Camera of a run. Default: all, if all gauges are in millimetres."),
-    click.option(
-        "--kind",
-        "kinds",
-        multiple=True,
-        help="raw, calibrated or corrected. May be repeated. Default: the best there is.",
-    ),
-)
-plot_options = option_group(
-    "places",
-    PlotOptions,
-    click.option("-o", "--output", type=_PATH, required=True, help="Picture: .png, .pdf or .svg."),
-    click.option("--width-mm", default=160.0, show_default=True, help="Width of the picture on paper."),
-    click.option("--height-mm", default=100.0, show_default=True, help="Height of each panel on paper."),
-    click.option("--dpi", default=200, show_default=True, help="Resolution of a PNG file, points per inch."),
-    FORCE,
-)
+source_options = use("source", SourceOptions)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """The groups of options of a picture."""
+
+    places: PlotOutputs
+    size: Chosen[PlotSettings]
+
+
+def picture_options(command: Command) -> Command:
+    """Add the options of a picture to a command, which gets them as the argument `picture`."""
+    decorated = gather("picture", Picture)(command)
+    return use("places", PlotOutputs)(use("size", PlotSettings)(decorated))
 
 
 @plot.command()
@@ -111,7 +107,7 @@ plot_options = option_group(
 @click.option("--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record.")
 @click.option("--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record.")
 @record_options
-@plot_options
+@picture_options
 def gauges(
     results: Path,
     gauges_file: Path | None,
@@ -121,7 +117,7 @@ def gauges(
     load: str | None,
     time: str | None,
     record: RecordOptions,
-    places: PlotOptions,
+    picture: Picture,
 ) -> None:
     """Draw gauges in one picture, against the number of the image, time or load.
 
@@ -132,13 +128,18 @@ def gauges(
     """
     from dic import plot_gauges
 
-    settings = places.settings()
-    require_places([results, gauges_file, *record.files], [places.output], force=places.force)
+    settings = picture.places.settings(picture.size)
+    require_places([results, gauges_file, *record.files], [picture.places.output], force=picture.places.force)
     series, _ = record.joined(source.read(results, gauges_file), load, time)
     gaps = plot_gauges(
-        series, places.output, against=against, quantity=quantity, kinds=source.kinds, settings=settings
+        series,
+        picture.places.output,
+        against=against,
+        quantity=quantity,
+        kinds=source.kinds,
+        settings=settings,
     )
-    _end(places.output, gaps)
+    _end(picture.places.output, gaps)
 
 
 @plot.command()
@@ -152,14 +153,14 @@ def gauges(
     help="Numbers of the images, such as 1,4,8. Default: all, or 8 of a longer series.",
 )
 @source_options
-@plot_options
+@picture_options
 def cuts(
     results: Path,
     gauges_file: Path | None,
     quantity: str,
     images: str,
     source: SourceOptions,
-    places: PlotOptions,
+    picture: Picture,
 ) -> None:
     """Draw displacement or strain along line cuts, in one or several images.
 
@@ -170,13 +171,18 @@ def cuts(
     """
     from dic import plot_cuts
 
-    settings, numbers = places.settings(), _numbers(images)
-    require_places([results, gauges_file], [places.output], force=places.force)
+    settings, numbers = picture.places.settings(picture.size), _numbers(images)
+    require_places([results, gauges_file], [picture.places.output], force=picture.places.force)
     series = source.read(results, gauges_file)
     gaps = plot_cuts(
-        series, places.output, quantity=quantity, images=numbers, kinds=source.kinds, settings=settings
+        series,
+        picture.places.output,
+        quantity=quantity,
+        images=numbers,
+        kinds=source.kinds,
+        settings=settings,
     )
-    _end(places.output, gaps)
+    _end(picture.places.output, gaps)
 
 
 def _numbers(text: str) -> list[int]:

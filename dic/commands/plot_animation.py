@@ -1,82 +1,26 @@
 """The command `dic plot animation`, which draws the maps of a series as a moving picture."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from dic.commands.map_options import limits_of
-from dic.commands.option_groups import option_group
+from dic import MapSettings
+from dic.commands.options import Chosen, use
 from dic.commands.record_options import RecordOptions, record_options
 from dic.shell.console import fail, say
 from dic.shell.output_paths import FORCE, require_places
 
-if TYPE_CHECKING:
-    from dic import MapSettings
-
 _PATH = click.Path(path_type=Path)
-
-
-@dataclass(frozen=True)
-class FrameOptions:
-    """Options for the maps in the frames; they mean the same as the `--map-…` options of `dic correlate`."""
-
-    quantity: str
-    kind: str
-    on: str
-    axes: str
-    limits: tuple[str, ...]
-    colours: str
-    width_mm: float
-    dpi: int
-
-    def settings(self) -> "MapSettings":
-        """Return the options as `MapSettings`."""
-        from dic import MapSettings
-
-        return MapSettings(
-            quantities=tuple(name.strip() for name in self.quantity.split(",")),
-            kind=self.kind,
-            on=self.on,
-            axes=self.axes,
-            limits=limits_of(self.limits, "--limits"),
-            colours=self.colours,
-            width_mm=self.width_mm,
-            dpi=self.dpi,
-        )
 
 
 @click.command()
 @click.argument("results", type=_PATH)
-@option_group(
+@use(
     "frames",
-    FrameOptions,
-    click.option(
-        "--quantity", default="eyy", show_default=True, help="u, v, exx, eyy, exy, or several, such as u,eyy."
-    ),
-    click.option("--kind", default="best", show_default=True, help="raw, calibrated, corrected, or best."),
-    click.option(
-        "--on",
-        default="reference",
-        show_default=True,
-        help="Image under the maps: reference, or deformed (read from the image files or the run file).",
-    ),
-    click.option("--axes", default="auto", show_default=True, help="mm, px, off, or auto."),
-    click.option(
-        "--limits",
-        multiple=True,
-        metavar="QUANTITY=LOW,HIGH",
-        help="Ends of a quantity's scale, in the unit of its map, such as eyy=0,2000. May be repeated.",
-    ),
-    click.option(
-        "--colours",
-        default="viridis",
-        show_default=True,
-        help="Range of colours: viridis, cividis, inferno, grey, or diverging (white at zero).",
-    ),
-    click.option("--width-mm", default=120.0, show_default=True, help="Width of the picture."),
-    click.option("--dpi", default=150, show_default=True, help="Resolution, points per inch."),
+    MapSettings,
+    only=("quantities", "kind", "on", "axes", "limits", "colours", "width_mm", "dpi"),
+    named={"quantities": "--quantity"},
+    defaults={"quantities": ("eyy",), "width_mm": 120.0},
 )
 @click.option("--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record.")
 @click.option("--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record.")
@@ -87,7 +31,7 @@ class FrameOptions:
 @FORCE
 def animation(
     results: Path,
-    frames: FrameOptions,
+    frames: Chosen[MapSettings],
     load: str | None,
     time: str | None,
     record: RecordOptions,

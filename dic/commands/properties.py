@@ -2,21 +2,22 @@
 
 import json
 from collections.abc import Mapping, Set
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from dic.commands.column_options import COLUMN_OPTIONS
+from dic import PropertySettings
+from dic.commands.column_options import TableColumns
 from dic.commands.field_options import FieldOptions, field_options
-from dic.commands.ontology_options import TTL_IRI_OPTION, TTL_OPTION, ontology_line, require_iri
-from dic.commands.option_groups import option_group
+from dic.commands.ontology_options import ontology_line, require_iri
+from dic.commands.options import Chosen, option, options, use
 from dic.commands.record_options import RecordOptions, record_options
-from dic.commands.test_options import TestOptions, test_options
+from dic.commands.shared_options import force, ttl, ttl_iri
+from dic.commands.tensile_options import tensile_options, tensile_settings
 from dic.files.writing import write_text
 from dic.shell.console import say
-from dic.shell.output_paths import FORCE, require_places
+from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
     from dic import AboutTest, Curve, Properties
@@ -27,16 +28,13 @@ _SHOWN = {"GPa": 1, "MPa": 1, "%": 3, "1": 4}
 _MOST_DIGITS = 4
 
 
-@dataclass(frozen=True)
-class ColumnOptions:
+@options
+class ColumnOptions(TableColumns):
     """Options that name the columns of a testing machine's table."""
 
-    load: str | None
-    strain: str | None
-    transverse: str | None
-    time: str | None
-    gauge_length_mm: float | None
-    stress: str | None
+    stress: str | None = option(
+        "--stress", metavar="COLUMN:UNIT", help='Column of the stress instead of the load, such as "2:MPa".'
+    )
 
     def require_results(self, path: Path) -> None:
         """Raise an error if an option is given that has no effect on a result file."""
@@ -48,10 +46,10 @@ class ColumnOptions:
             "--transverse": self.transverse,
             "--gauge-length-mm": self.gauge_length_mm,
         }
-        for option, value in given.items():
+        for name, value in given.items():
             if value is not None:
-                remedy = f"leave out {option}, and name a gauge with --gauge"
-                raise CurveError(str(path), option, "the table of a testing machine", "a result file", remedy)
+                remedy = f"leave out {name}, and name a gauge with --gauge"
+                raise CurveError(str(path), name, "the table of a testing machine", "a result file", remedy)
 
     def read(self, path: Path, area_mm2: float) -> "Curve":
         """Read the curve of a tensile test from the testing machine's table `path`."""
@@ -72,24 +70,26 @@ class ColumnOptions:
         )
 
 
-@dataclass(frozen=True)
+@options
 class StrainChoice:
     """Options that choose between the strains of a result file."""
 
-    strain_kind: str | None
-    camera: str | None
+    strain_kind: str | None = option(
+        "--kind", help="Strain: raw, calibrated or corrected. Default: the best kind."
+    )
+    camera: str | None = option("--camera", help="Camera of a run.")
 
 
-@dataclass(frozen=True)
+@options
 class PropertyOutputs:
     """Options that name the output files of `dic properties`."""
 
-    plot_file: Path | None
-    json_file: Path | None
-    ttl_file: Path | None
-    ttl_iri: str | None
-    facts_file: Path | None
-    force: bool
+    plot_file: Path | None = option("--plot", help="PNG file of the curve with elastic line and marks.")
+    json_file: Path | None = option("--json", help="JSON file of all values.")
+    ttl_file: Path | None = ttl()
+    ttl_iri: str | None = ttl_iri()
+    facts_file: Path | None = option("--facts", help="TOML file for --ttl: laboratory, specimen, machine.")
+    force: bool = force()
 
     def facts(self) -> Mapping[str, Mapping[str, Any]]:
         """Return the facts that the user states for the ontology's file."""
@@ -114,50 +114,19 @@ class PropertyOutputs:
 
 @click.command()
 @click.argument("curve", type=_PATH)
-@option_group(
-    "columns",
-    ColumnOptions,
-    *COLUMN_OPTIONS,
-    click.option(
-        "--stress", metavar="COLUMN:UNIT", help='Column of the stress instead of the load, such as "2:MPa".'
-    ),
-)
+@use("columns", ColumnOptions)
 @field_options
-@option_group(
-    "choice",
-    StrainChoice,
-    click.option(
-        "--kind", "strain_kind", help="Strain: raw, calibrated or corrected. Default: the best kind."
-    ),
-    click.option("--camera", help="Camera of a run."),
-)
+@use("choice", StrainChoice)
 @record_options
-@test_options
-@option_group(
-    "outputs",
-    PropertyOutputs,
-    click.option(
-        "--plot", "plot_file", type=_PATH, help="PNG file of the curve with elastic line and marks."
-    ),
-    click.option("--json", "json_file", type=_PATH, help="JSON file of all values."),
-    TTL_OPTION,
-    TTL_IRI_OPTION,
-    click.option(
-        "--facts",
-        "facts_file",
-        type=_PATH,
-        help="TOML file for --ttl: laboratory, specimen, machine.",
-    ),
-    FORCE,
-    needs={"--ttl-iri": ["--ttl"], "--facts": ["--ttl"]},
-)
+@tensile_options
+@use("outputs", PropertyOutputs, needs={"--ttl-iri": ["--ttl"], "--facts": ["--ttl"]})
 def properties(
     curve: Path,
     columns: ColumnOptions,
     field: FieldOptions,
     choice: StrainChoice,
     record: RecordOptions,
-    test: TestOptions,
+    test: Chosen[PropertySettings],
     outputs: PropertyOutputs,
 ) -> None:
     """Compute E, Rp0.2, ReH, ReL, Rm, elongations, Poisson's ratio, r and n from a tensile test.
@@ -174,8 +143,8 @@ def properties(
     from dic.derived.gauge_series import is_results
     from dic.derived.ontology_facts import about_curve, about_series
 
-    area_unknown = columns.stress is not None and test.area_mm2 is None
-    settings = test.settings(1.0 if area_unknown else None)
+    area_unknown = columns.stress is not None and test.values["area_mm2"] is None
+    settings = tensile_settings(test, 1.0 if area_unknown else None)
     inputs = [curve, field.gauges_file, outputs.facts_file, *record.files]
     require_places(inputs, [outputs.plot_file, outputs.json_file, outputs.ttl_file], force=outputs.force)
     require_iri(outputs.ttl_iri)

@@ -1,21 +1,15 @@
 """The command `dic quality`, which checks whether an image is suitable for measurement."""
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from dic.commands.correlation_options import (
-    shape_option,
-    smoothing_option,
-    smoothing_px,
-    subset_option,
-    write_mask_option,
-)
-from dic.commands.option_groups import all_of, option_group
+from dic import CorrelationSettings
+from dic.commands.options import Chosen, all_of, option, options, use
 from dic.commands.settings_file import settings_option
+from dic.commands.shared_options import write_mask
 from dic.errors import each_warning_once
 from dic.files.writing import write_text
 from dic.shell.output_paths import FORCE, require_places
@@ -26,34 +20,30 @@ UNSURE = 1.5
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from dic import CorrelationSettings
 
 _FILE = click.Path(path_type=Path)
 
 
-@dataclass(frozen=True)
+@options
 class PlannedOptions:
     """Options that describe the planned experiment, for which the image is judged."""
 
-    subset: int
-    shape: str
-    smoothing: str
-    wanted_px: float
-    strain_range: float
+    wanted_px: float = option("--wanted-px", default=0.01, help="Displacement to be resolved, px.")
+    strain_range: float = option(
+        "--strain-range",
+        default=0.01,
+        help="Largest strain of the experiment, for the strain error of interpolation.",
+    )
+    write_mask: Path | None = write_mask()
 
-    def settings(self) -> "CorrelationSettings":
-        """Return the settings of the correlation; raise an error that names all wrong options together."""
-        from dic import CorrelationSettings, Quality
+    def require(self) -> None:
+        """Raise an error that names all wrong options together."""
+        from dic import Quality
 
-        settings: CorrelationSettings
-        settings, _, _ = all_of(
-            lambda: CorrelationSettings(
-                subset_px=self.subset, shape=self.shape, smoothing_px=smoothing_px(self.smoothing)
-            ),
+        all_of(
             lambda: Quality.require_wanted(self.wanted_px),
             lambda: Quality.require_strain_range(self.strain_range),
         )
-        return settings
 
 
 @click.command()
@@ -65,21 +55,8 @@ class PlannedOptions:
 )
 @click.option("--second", type=_FILE, help="Second image of the specimen at rest, for a better noise value.")
 @settings_option
-@option_group(
-    "planned",
-    PlannedOptions,
-    subset_option,
-    shape_option,
-    smoothing_option,
-    click.option("--wanted-px", default=0.01, show_default=True, help="Displacement to be resolved, px."),
-    click.option(
-        "--strain-range",
-        default=0.01,
-        show_default=True,
-        help="Largest strain of the experiment, for the strain error of interpolation.",
-    ),
-)
-@write_mask_option
+@use("correlation", CorrelationSettings, only=("subset_px", "shape", "smoothing_px"))
+@use("planned", PlannedOptions)
 @click.option("--plot", "plot_file", type=_FILE, help="PNG file with noise floor, focus and pattern.")
 @click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results.")
 @FORCE
@@ -88,8 +65,8 @@ def quality(
     images: tuple[Path, ...],
     roi: Path | None,
     second: Path | None,
+    correlation: Chosen[CorrelationSettings],
     planned: PlannedOptions,
-    write_mask: Path | None,
     plot_file: Path | None,
     json_file: Path | None,
     force: bool,
@@ -106,7 +83,9 @@ def quality(
     from dic import list_images, region_files
     from dic.pipeline.series_sources import files_of
 
-    settings = planned.settings()
+    settings: CorrelationSettings
+    settings, _ = all_of(correlation.settings, planned.require)
+    write_mask = planned.write_mask
     listed = list_images(*images)
     _require_one(listed, {"--second": second, "--plot": plot_file, "--write-mask": write_mask})
     masks = () if write_mask is None else region_files(write_mask)
@@ -185,14 +164,14 @@ def _check(
     return content | {"specimen": specimen}
 
 
-def _require_one(images: list[Path], options: dict[str, Path | None]) -> None:
+def _require_one(images: list[Path], given: dict[str, Path | None]) -> None:
     """Raise an error if there are several images, but an option applies to a single image."""
     from dic import CorrelationError
 
-    for option, value in options.items():
+    for name, value in given.items():
         if value is not None and len(images) > 1:
             raise CorrelationError(
-                "settings", option, "one image", f"{len(images)} images", f"leave {option} out"
+                "settings", name, "one image", f"{len(images)} images", f"leave {name} out"
             )
 
 

@@ -1,12 +1,11 @@
 """Options for the record of a testing machine, for `dic gauges` and `dic properties`."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from dic.commands.option_groups import option_group
+from dic.commands.options import option, options, use
 
 if TYPE_CHECKING:
     from dic import GaugeSeries, ImageClock, JoinedRecord, MachineRecord
@@ -15,19 +14,41 @@ _PATH = click.Path(path_type=Path)
 _FOUND = "auto"
 
 
-@dataclass(frozen=True)
+@options
 class RecordOptions:
     """Options for the testing machine's record, and for how the record is joined to the images."""
 
-    record_file: Path | None
-    displacement: str | None
-    join: str | None
-    image_column: str | None
-    image_interval_s: float | None
-    image_times: Path | None
-    image_time: str | None
-    offset_s: str
-    offset_gauge: str | None
+    record_file: Path | None = option(
+        "--record", help="Table of the testing machine: its load at each image."
+    )
+    displacement: str | None = option(
+        "--displacement", metavar="COLUMN:UNIT", help="Column of the displacement in the record."
+    )
+    join: str | None = option(
+        "--join",
+        help="How lines are assigned to images: name, row or time. Default: time if the times of the"
+        " images are given, name with --image-column, otherwise row. --join time without given times uses"
+        " those of the image files.",
+    )
+    image_column: str | None = option("--image-column", metavar="COLUMN", help="Column of the images' names.")
+    image_interval_s: float | None = option(
+        "--image-interval-s", help="Time between two images; the reference is at 0."
+    )
+    image_times: Path | None = option("--image-times", help="Table with the name and the time of each image.")
+    image_time: str | None = option(
+        "--image-time", metavar="COLUMN:UNIT", help="Column of the times in that table."
+    )
+    offset_s: str = option(
+        "--offset-s",
+        default="0",
+        metavar="NUMBER|auto",
+        help="Machine's time minus image's time; auto finds it from load and strain.",
+    )
+    offset_gauge: str | None = option(
+        "--offset-gauge",
+        metavar="NAME",
+        help="Gauge along the specimen for --offset-s auto. Default: the first that is not transverse.",
+    )
 
     @property
     def files(self) -> list[Path | None]:
@@ -68,13 +89,13 @@ class RecordOptions:
             idle["--image-time"] = self.image_time is not None
             idle["--image-column"] = self.image_column is not None and join != "name"
         idle.setdefault("--offset-gauge", self.offset_gauge is not None and self.offset_s != _FOUND)
-        for option in [option for option, given in idle.items() if given]:
+        for name in [name for name, given in idle.items() if given]:
             needs = {
                 "--offset-gauge": "--offset-s auto and --join time",
                 "--image-time": "--image-times",
                 "--image-column": "--join name or --image-times",
-            }.get(option, "--join time")
-            raise CurveError("settings", option, needs, f"--join {join}", f"leave out {option}")
+            }.get(name, "--join time")
+            raise CurveError("settings", name, needs, f"--join {join}", f"leave out {name}")
 
     def _require_record(self, load: str | None, time: str | None) -> None:
         self.require_none("--record beside it", load=load, time=time)
@@ -128,33 +149,4 @@ class RecordOptions:
             raise CurveError("settings", "--offset-s", expected, repr(self.offset_s), remedy) from error
 
 
-record_options = option_group(
-    "record",
-    RecordOptions,
-    click.option(
-        "--record", "record_file", type=_PATH, help="Table of the testing machine: its load at each image."
-    ),
-    click.option("--displacement", metavar="COLUMN:UNIT", help="Column of the displacement in the record."),
-    click.option(
-        "--join",
-        help="How lines are assigned to images: name, row or time. Default: time if the times of the"
-        " images are given, name with --image-column, otherwise row. --join time without given times uses"
-        " those of the image files.",
-    ),
-    click.option("--image-column", metavar="COLUMN", help="Column of the images' names."),
-    click.option("--image-interval-s", type=float, help="Time between two images; the reference is at 0."),
-    click.option("--image-times", type=_PATH, help="Table with the name and the time of each image."),
-    click.option("--image-time", metavar="COLUMN:UNIT", help="Column of the times in that table."),
-    click.option(
-        "--offset-s",
-        default="0",
-        show_default=True,
-        metavar="NUMBER|auto",
-        help="Machine's time minus image's time; auto finds it from load and strain.",
-    ),
-    click.option(
-        "--offset-gauge",
-        metavar="NAME",
-        help="Gauge along the specimen for --offset-s auto. Default: the first that is not transverse.",
-    ),
-)
+record_options = use("record", RecordOptions)

@@ -2,21 +2,22 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from dic import PropertySettings
 from dic.commands.field_options import FieldOptions, field_options
-from dic.commands.ontology_options import TTL_IRI_OPTION, TTL_OPTION, ontology_line, require_iri
-from dic.commands.option_groups import option_group
+from dic.commands.ontology_options import ontology_line, require_iri
+from dic.commands.options import Chosen, option, options, use
 from dic.commands.record_options import RecordOptions, record_options
-from dic.commands.test_options import TestOptions, test_options
+from dic.commands.shared_options import force, ttl, ttl_iri
+from dic.commands.tensile_options import tensile_options, tensile_settings
 from dic.files.reading import read_text
 from dic.files.writing import write_text
 from dic.shell.console import say
-from dic.shell.output_paths import FORCE, require_places
+from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
     from dic import GaugeSeries, ReportDetails, RunResult, SeriesResult, TensileTest
@@ -24,16 +25,33 @@ if TYPE_CHECKING:
 _FILE = click.Path(path_type=Path)
 
 
-@dataclass(frozen=True)
+@options
 class PropertyOptions:
     """Options that let the report show material properties."""
 
-    load: str | None
-    time: str | None
-    known_file: Path | None
-    facts_file: Path | None
-    fields_at: tuple[str, ...]
-    static: tuple[str, ...]
+    load: str | None = option(
+        "--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record."
+    )
+    time: str | None = option(
+        "--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record."
+    )
+    known_file: Path | None = option("--known", help="JSON file of true or certified values.")
+    facts_file: Path | None = option(
+        "--facts", help="TOML file of facts: specimen, machine, lenses, pattern."
+    )
+    fields_at: tuple[str, ...] = option(
+        "--fields-at",
+        multiple=True,
+        metavar="POINT",
+        help="Point of the curve whose field is shown: half, Rp02, ReH, Rm, last, strain=0.5 (%), stress=200"
+        " (MPa) or image=NAME; may be repeated. Default: Rp02, half and Rm.",
+    )
+    static: tuple[str, ...] = option(
+        "--static",
+        multiple=True,
+        metavar="NAME",
+        help="Image or number of a step of the specimen at rest, for the noise floor; may be repeated.",
+    )
 
     @property
     def is_given(self) -> bool:
@@ -66,24 +84,29 @@ class PropertyOptions:
         return content
 
 
-@dataclass(frozen=True)
+@options
 class PageOptions:
     """Options for the beginning of the page."""
 
-    title: str
-    image: str
+    title: str = option("--title", default="", metavar="TEXT", help="Title. Default: what was measured.")
+    image: str = option(
+        "--image",
+        default="",
+        metavar="NAME",
+        help="Image of a series whose strain is shown first. Default: the last one that was measured.",
+    )
 
 
-@dataclass(frozen=True)
+@options
 class ReportOutputs:
     """Options that name the output files of `dic report`."""
 
-    output: Path
-    pdf: Path | None
-    json_file: Path | None
-    ttl_file: Path | None
-    ttl_iri: str | None
-    force: bool
+    output: Path = option("-o", "--output", help="HTML file.", default=Path("report.html"))
+    pdf: Path | None = option("--pdf", help="The same report as a PDF file; needs the extra offaxis[pdf].")
+    json_file: Path | None = option("--json", help="JSON file of all values of the report.")
+    ttl_file: Path | None = ttl()
+    ttl_iri: str | None = ttl_iri()
+    force: bool = force()
 
     def require_pdf(self) -> None:
         """Raise an error if a PDF file is wanted and cannot be written."""
@@ -130,61 +153,19 @@ def _values_of(results: "Sequence[RunResult] | Sequence[SeriesResult]") -> dict[
 
 @click.command()
 @click.argument("results", type=_FILE, nargs=-1, required=True)
-@option_group(
-    "page",
-    PageOptions,
-    click.option("--title", default="", metavar="TEXT", help="Title. Default: what was measured."),
-    click.option(
-        "--image",
-        default="",
-        metavar="NAME",
-        help="Image of a series whose strain is shown first. Default: the last one that was measured.",
-    ),
-)
+@use("page", PageOptions)
 @field_options
-@option_group(
-    "about",
-    PropertyOptions,
-    click.option("--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record."),
-    click.option("--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record."),
-    click.option("--known", "known_file", type=_FILE, help="JSON file of true or certified values."),
-    click.option(
-        "--facts", "facts_file", type=_FILE, help="TOML file of facts: specimen, machine, lenses, pattern."
-    ),
-    click.option(
-        "--fields-at",
-        multiple=True,
-        metavar="POINT",
-        help="Point of the curve whose field is shown: half, Rp02, ReH, Rm, last, strain=0.5 (%), stress=200"
-        " (MPa) or image=NAME; may be repeated. Default: Rp02, half and Rm.",
-    ),
-    click.option(
-        "--static",
-        multiple=True,
-        metavar="NAME",
-        help="Image or number of a step of the specimen at rest, for the noise floor; may be repeated.",
-    ),
-)
+@use("about", PropertyOptions)
 @record_options
-@test_options
-@option_group(
-    "outputs",
-    ReportOutputs,
-    click.option("-o", "--output", type=_FILE, default=Path("report.html"), show_default=True),
-    click.option("--pdf", type=_FILE, help="The same report as a PDF file; needs the extra offaxis[pdf]."),
-    click.option("--json", "json_file", type=_FILE, help="JSON file of all values of the report."),
-    TTL_OPTION,
-    TTL_IRI_OPTION,
-    FORCE,
-    needs={"--ttl-iri": ["--ttl"]},
-)
+@tensile_options
+@use("outputs", ReportOutputs, needs={"--ttl-iri": ["--ttl"]})
 def report(
     results: tuple[Path, ...],
     page: PageOptions,
     field: FieldOptions,
     about: PropertyOptions,
     record: RecordOptions,
-    test: TestOptions,
+    test: Chosen[PropertySettings],
     outputs: ReportOutputs,
 ) -> None:
     """Write one self-contained HTML report from RESULTS.
@@ -220,9 +201,8 @@ def _write(
     outputs: ReportOutputs,
 ) -> "Sequence[RunResult] | Sequence[SeriesResult]":
     """Write the page on the result files of runs, or of series, as HTML and PDF, and return the results."""
-    from dic import RunFileError, load_run_result, load_series_result, write_report
+    from dic import RunFileError, load_run_result, load_series_result, write_report, write_series_report
     from dic.pipeline.result_file import is_series_result
-    from dic.report.series_page import write_series_report
 
     series = [path for path in results if is_series_result(path)]
     if series and len(series) < len(results):
@@ -253,12 +233,12 @@ def _gauges_alone(
     field: FieldOptions,
     about: PropertyOptions,
     record: RecordOptions,
-    test: TestOptions,
+    test: Chosen[PropertySettings],
 ) -> "GaugeSeries | None":
     """Return the declared gauges of a series of images if no option asks for a test with a load."""
     from dic.pipeline.result_file import is_series_result
 
-    if not field.declares or about.is_given or record.record_file or test.area_mm2 is not None:
+    if not field.declares or about.is_given or record.record_file or test.values["area_mm2"] is not None:
         return None
     if len(results) > 1 or not is_series_result(results[0]):
         return None
@@ -271,18 +251,23 @@ def _tests(
     field: FieldOptions,
     about: PropertyOptions,
     record: RecordOptions,
-    test: TestOptions,
+    test: Chosen[PropertySettings],
 ) -> "list[TensileTest]":
     """Return a list with the tensile test that the options describe; empty if no option asks for a test."""
     from dic import RunFileError, tensile_test, whole_field_gauges
 
-    if not (any(field.given.values()) or record.record_file or about.is_given or test.area_mm2 is not None):
+    if not (
+        any(field.given.values())
+        or record.record_file
+        or about.is_given
+        or test.values["area_mm2"] is not None
+    ):
         record.require_none("a test with a machine's record")
         return []
     if len(results) > 1:
         expected, remedy = "one result file beside the options of a test", "write a report of each"
         raise RunFileError(str(results[1]), "write report", expected, str(len(results)), remedy)
-    settings = test.settings(_area_mm2(results[0]))
+    settings = tensile_settings(test, _area_mm2(results[0]))
     across = field.transverse_gauge
     if field.declares:
         series, gauge, joined = field.read(results[0], record, about.load, about.time)

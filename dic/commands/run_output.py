@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from dic.commands.options import option, options
+from dic.commands.shared_options import comma, csv, fields_from, force, gauges, json_file
 from dic.files.writing import write_text
 from dic.shell.output_paths import require_places, same_or_new
 
@@ -16,18 +17,23 @@ if TYPE_CHECKING:
     from dic import Alignment, Gauge, ResultPlace, RunResult
 
 
-@dataclass(frozen=True)
+@options
 class OutputOptions:
     """Options that name the output files of `dic process`."""
 
-    output: Path | None
-    report_file: Path | None
-    csv_folder: Path | None
-    gauges_file: Path | None
-    decimal_comma: bool
-    json_file: Path | None
-    force: bool
-    fields_from: Path | None = None
+    output: Path | None = option(
+        "-o",
+        "--output",
+        common=True,
+        help="Result file; for several runs a folder. Default: RUN with the ending .results.h5.",
+    )
+    report_file: Path | None = option("--report", help="HTML file for a report.", common=True)
+    csv_folder: Path | None = csv()
+    gauges_file: Path | None = gauges()
+    decimal_comma: bool = comma()
+    json_file: Path | None = json_file()
+    force: bool = force()
+    fields_from: Path | None = fields_from()
 
     def place(self, output: Path, inputs: Iterable[Path | None] = ()) -> "ResultPlace":
         """Return the place of the result file, and whether existing results may be replaced or used.
@@ -35,11 +41,9 @@ class OutputOptions:
         The `inputs` are the files with settings; None means "no file".
         """
         from dic import ResultPlace
-        from dic.results.place import outputs_of
 
-        replace = self.force or output.resolve() in outputs_of(output)
         known = tuple(path for path in inputs if path is not None)
-        return ResultPlace(output, replace, fields_from=self.fields_from, inputs=known)
+        return ResultPlace(output, self.force, fields_from=self.fields_from, inputs=known)
 
     def require_several(self, count: int) -> None:
         """Raise an error if an option names a file of one run, because there are several runs.
@@ -50,14 +54,14 @@ class OutputOptions:
         """
         from dic import OutputError
 
-        for option, path in (
+        for name, path in (
             ("--report", self.report_file),
             ("--json", self.json_file),
             ("--fields-from", self.fields_from),
         ):
             if path is not None:
-                remedy = f"leave out {option}, or process the runs one by one"
-                raise OutputError("settings", option, "one run", f"{count} runs", remedy)
+                remedy = f"leave out {name}, or process the runs one by one"
+                raise OutputError("settings", name, "one run", f"{count} runs", remedy)
 
     def make_folder_of_results(self) -> None:
         """Make the folder of `-o` for the results of several runs."""

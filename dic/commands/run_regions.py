@@ -1,25 +1,35 @@
 """The options of `dic process` that name the regions to measure in the images of a run's cameras."""
 
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
-from dic.commands.option_groups import all_of, option_group
+from dic.commands.options import all_of, option, options, use
 from dic.commands.series_options import is_file
 
 if TYPE_CHECKING:
     from dic import RunSource
 
 
-@dataclass(frozen=True)
+@options
 class RegionOptions:
     """Options for the region to measure, each with the name of the camera that it belongs to."""
 
-    rois: tuple[str, ...]
-    polygons: tuple[str, ...]
+    rois: tuple[str, ...] = option(
+        "--roi",
+        multiple=True,
+        metavar="CAMERA=FILE",
+        help="Region to measure in a camera's images: mask image, white in the region, or region file: TOML,"
+        " JSON, CSV, or .roi or .zip of ImageJ. Once for each camera. Default: the specimen, found by its"
+        " speckles.",
+    )
+    polygons: tuple[str, ...] = option(
+        "--polygon",
+        multiple=True,
+        metavar="CAMERA=REGION",
+        help='Polygon of a camera\'s region: "x,y x,y x,y ..." in px, or a region file. May be repeated.'
+        " A polygon inside another is a hole. With --roi, the region is the intersection.",
+    )
 
     @property
     def files(self) -> list[Path]:
@@ -73,24 +83,4 @@ class RegionOptions:
         return found
 
 
-region_options = option_group(
-    "region",
-    RegionOptions,
-    click.option(
-        "--roi",
-        "rois",
-        multiple=True,
-        metavar="CAMERA=FILE",
-        help="Region to measure in a camera's images: mask image, white in the region, or region file: TOML,"
-        " JSON, CSV, or .roi or .zip of ImageJ. Once for each camera. Default: the specimen, found by its"
-        " speckles.",
-    ),
-    click.option(
-        "--polygon",
-        "polygons",
-        multiple=True,
-        metavar="CAMERA=REGION",
-        help='Polygon of a camera\'s region: "x,y x,y x,y ..." in px, or a region file. May be repeated.'
-        " A polygon inside another is a hole. With --roi, the region is the intersection.",
-    ),
-)
+region_options = use("region", RegionOptions)

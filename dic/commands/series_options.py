@@ -1,47 +1,49 @@
 """The command-line options of `dic correlate`, in groups."""
 
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
-from dic.commands.correlation_options import (
+from dic import Motion
+from dic.commands.map_options import MapOutputs
+from dic.commands.options import Chosen, option, options, use
+from dic.commands.shared_options import (
     COMMA_NEEDS,
-    comma_option,
-    csv_option,
-    fields_from_option,
-    gauges_option,
-    hinge_mm,
-    hinge_option,
-    incremental_option,
-    poisson_option,
-    shift_option,
-    write_mask_option,
+    comma,
+    csv,
+    fields_from,
+    force,
+    gauges,
+    json_file,
+    write_mask,
 )
-from dic.commands.map_options import MapOptions, map_group
-from dic.commands.option_groups import all_of, option_group
-from dic.shell.output_paths import FORCE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from dic import Alignment, Gauge, Motion, ResultPlace, StrainSettings
+    from dic import Alignment, Gauge, ResultPlace, StrainSettings
     from dic.derived.series_files import SeriesFiles
     from dic.pipeline.set_up import SeriesSetUp
     from dic.typing import Float, Mask
 
-_FILE = click.Path(path_type=Path)
 
-
-@dataclass(frozen=True)
+@options
 class RegionOptions:
     """Options for the region to measure."""
 
-    roi: Path | None
-    polygons: tuple[str, ...]
-    write_mask: Path | None
+    roi: Path | None = option(
+        "--roi",
+        common=True,
+        help="Mask image, white in the region to measure, or region file: TOML, JSON, CSV, or .roi or .zip of"
+        " ImageJ. Default: the specimen, found by its speckles.",
+    )
+    polygons: tuple[str, ...] = option(
+        "--polygon",
+        multiple=True,
+        help='Polygon of the region: "x,y x,y x,y ..." in px, or a region file. May be repeated.'
+        " A polygon inside another is a hole. With --roi, the region is the intersection.",
+    )
+    write_mask: Path | None = write_mask()
 
     def files(self) -> list[Path | None]:
         """Return the paths of the file of `--roi` (or None) and of the region files that `read` reads."""
@@ -72,50 +74,34 @@ def is_file(text: str) -> bool:
         return False
 
 
-region_options = option_group(
-    "region",
-    RegionOptions,
-    click.option(
-        "--roi",
-        type=_FILE,
-        help="Mask image, white in the region to measure, or region file: TOML, JSON, CSV, or .roi or .zip of"
-        " ImageJ. Default: the specimen, found by its speckles.",
-    ),
-    click.option(
-        "--polygon",
-        "polygons",
-        multiple=True,
-        help='Polygon of the region: "x,y x,y x,y ..." in px, or a region file. May be repeated.'
-        " A polygon inside another is a hole. With --roi, the region is the intersection.",
-    ),
-    write_mask_option,
-)
+region_options = use("region", RegionOptions)
 
 
-@dataclass(frozen=True)
+@options
 class StartOptions:
-    """Options for the first guess of each image: when to take a new reference, and an expected motion."""
+    """Options for the calibration and the first guess of each image."""
 
-    incremental: str
-    hint_text: str | None
-
-    def check(self) -> None:
-        """Raise an error for invalid values, before any image is read."""
-        from dic import Series
-
-        all_of(lambda: Series.require_incremental(self.incremental), self._motion)
+    calibration_file: Path | None = option(
+        "--calibration", help="Calibration file, for results in mm.", common=True
+    )
+    hint_text: str | None = option(
+        "--hint",
+        help="Expected rigid motion of every image: degrees counter-clockwise about the image's centre,"
+        ' or "degrees,right,down" with a shift in px.',
+    )
 
     def hint(self, shape: tuple[int, int]) -> "Float | None":
         """Return the expected motion from `--hint` as a homography, or None if the option was not given."""
         from dic import rigid_motion
 
-        motion = self._motion()
+        motion = self.motion()
         if motion is None:
             return None
         angle_deg, right_px, down_px = motion
         return rigid_motion(angle_deg, (right_px, down_px), ((shape[1] - 1) / 2, (shape[0] - 1) / 2))
 
-    def _motion(self) -> tuple[float, float, float] | None:
+    def motion(self) -> tuple[float, float, float] | None:
+        """Return angle and shift of `--hint`; raise an error for another text, before any image is read."""
         from dic import CorrelationError
 
         if self.hint_text is None:
@@ -131,39 +117,28 @@ class StartOptions:
         return angle_deg, right_px, down_px
 
 
-start_options = option_group(
-    "start",
-    StartOptions,
-    incremental_option,
-    click.option(
-        "--hint",
-        "hint_text",
-        help="Expected rigid motion of every image: degrees counter-clockwise about the image's centre,"
-        ' or "degrees,right,down" with a shift in px.',
-    ),
-)
+start_options = use("start", StartOptions, title="Input")
 
 
-@dataclass(frozen=True)
-class MotionOptions:
-    """Options for the motion of the specimen that the correction of calibrated strain assumes."""
+@options
+class AlignmentOptions:
+    """Options for the alignment of a specimen on a rotation stage."""
 
-    motion: str
-    poisson_ratio: float
-    shift_std_um: float | None
-    hinge_text: str | None
-    alignment_file: Path | None
-    save_alignment: Path | None
+    alignment_file: Path | None = option(
+        "--alignment", help="Alignment file from an earlier rotation on this fixture."
+    )
+    save_alignment: Path | None = option(
+        "--save-alignment", help="JSON file for the alignment that --motion rigid solves."
+    )
 
-    def read(self) -> "Motion":
-        """Return the options as a `Motion`."""
-        from dic import Motion, load_alignment
+    def read(self, assumed: Chosen[Motion]) -> Motion:
+        """Return the assumed motion with the alignment of the options."""
+        from dic import load_alignment
 
         known = None if self.alignment_file is None else load_alignment(self.alignment_file)
-        hinge = hinge_mm(self.hinge_text)
-        return Motion(self.motion, self.poisson_ratio, known, self.shift_std_um, hinge)
+        return assumed.settings(alignment=known)
 
-    def require_rotation(self) -> None:
+    def require_rotation(self, motion: str) -> None:
         """Raise an error if an alignment is to be saved but the motion is not a rotation.
 
         The alignment (tilt of specimen and stage axis relative to the grid) can only be determined from a
@@ -171,12 +146,12 @@ class MotionOptions:
         """
         from dic import CorrelationError
 
-        if self.save_alignment is not None and self.motion != "rigid":
+        if self.save_alignment is not None and motion != "rigid":
             raise CorrelationError(
                 str(self.save_alignment),
                 "save alignment",
                 "--motion rigid",
-                self.motion,
+                motion,
                 "leave --save-alignment out, because only a rotation determines an alignment",
             )
 
@@ -197,7 +172,7 @@ class MotionOptions:
         save_alignment(alignment, self.save_alignment)
 
 
-def read_set_up(calibration_file: Path | None, strain: "StrainSettings", motion: "Motion") -> "SeriesSetUp":
+def read_set_up(calibration_file: Path | None, strain: "StrainSettings", motion: Motion) -> "SeriesSetUp":
     """Read the calibration file, and return the inputs from which a series' strains are computed."""
     from dic import load_calibration
     from dic.files.digest import file_sha256
@@ -208,43 +183,27 @@ def read_set_up(calibration_file: Path | None, strain: "StrainSettings", motion:
     return SeriesSetUp(strain, motion, load_calibration(calibration_file), file_sha256(calibration_file))
 
 
-motion_options = option_group(
-    "motion",
-    MotionOptions,
-    click.option(
-        "--motion",
-        default="free",
-        show_default=True,
-        help="Motion of the specimen, to correct calibrated strain for motion out of the grid's plane:"
-        " rigid (a rotation), tension, or free (unknown, no correction).",
-    ),
-    poisson_option,
-    shift_option,
-    hinge_option,
-    click.option(
-        "--alignment",
-        "alignment_file",
-        type=_FILE,
-        help="Alignment file from an earlier rotation on this fixture.",
-    ),
-    click.option(
-        "--save-alignment", type=_FILE, help="JSON file for the alignment that --motion rigid solves."
-    ),
+alignment_options = use("alignment", AlignmentOptions, title="Motion")
+motion_options = use(
+    "assumed",
+    Motion,
+    title="Motion",
+    only=("kind", "poisson_ratio", "shift_std_um", "tilt_axis_mm"),
+    common=("kind",),
 )
 
 
-@dataclass(frozen=True)
+@options
 class OutputOptions:
     """Options that name the output files of `dic correlate`."""
 
-    output: Path | None
-    csv_folder: Path | None
-    gauges_file: Path | None
-    decimal_comma: bool
-    maps: MapOptions
-    json_file: Path | None
-    force: bool
-    fields_from: Path | None
+    output: Path | None = option("-o", "--output", help="Result file, HDF5.", common=True)
+    csv_folder: Path | None = csv()
+    gauges_file: Path | None = gauges()
+    decimal_comma: bool = comma()
+    json_file: Path | None = json_file()
+    force: bool = force()
+    fields_from: Path | None = fields_from()
 
     def place(self, written: "Sequence[Path | None]") -> "ResultPlace | None":
         """Return the place of the result file, and whether existing results may be replaced or used.
@@ -264,26 +223,12 @@ class OutputOptions:
 
         return () if self.gauges_file is None else read_gauges(self.gauges_file)
 
-    def files(self, deformed: list[Path], gauges: "tuple[Gauge, ...]") -> "SeriesFiles":
+    def files(self, deformed: list[Path], gauges: "tuple[Gauge, ...]", maps: MapOutputs) -> "SeriesFiles":
         """Return the paths of the output files for the deformed images, except the file of `--json`."""
         from dic.derived.series_files import SeriesFiles
 
-        maps = self.maps
-        sheets = maps.contact_sheets()
-        folders = self.csv_folder, maps.folder
+        folders, sheets = (self.csv_folder, maps.folder), maps.contact_sheets()
         return SeriesFiles(self.output, *folders, deformed, maps.file_format, sheets, gauges)
 
 
-output_options = option_group(
-    "outputs",
-    OutputOptions,
-    click.option("-o", "--output", type=_FILE, help="Result file, HDF5."),
-    csv_option,
-    gauges_option,
-    comma_option,
-    map_group,
-    click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results."),
-    FORCE,
-    fields_from_option,
-    needs=COMMA_NEEDS | {"--fields-from": ["-o"]},
-)
+output_options = use("outputs", OutputOptions, needs=COMMA_NEEDS | {"--fields-from": ["-o"]})

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from dic.commands.options import is_option_of
 from dic.commands.settings_file import SETTINGS, Setting, toml_text
+from dic.settings import default_of
 
 if TYPE_CHECKING:
     from dic.results.job import Job
@@ -48,13 +50,12 @@ def settings_text(values: Mapping[str, Any]) -> str:
         if setting.table != table:
             table = setting.table
             lines.append(f"\n[{table}]")
-        option, commands = _option(setting)
-        about = f"{option.help} Used by {', '.join(f'dic {name}' for name in commands)}."
+        about = f"{setting.declared.sentence} Used by {', '.join(f'dic {name}' for name in _users(setting))}."
         lines += [f"# {line}" for line in textwrap.wrap(about, _WIDTH)]
-        value = values.get(f"{table}.{setting.key}", option.default)
+        value = values.get(f"{table}.{setting.key}", default_of(setting.kind, setting.name))
         # Write a setting without a default as a comment.
         known = isinstance(value, str | int | float | list | tuple)
-        text = toml_text(value) if known else setting.example
+        text = toml_text(value) if known else setting.declared.example
         lines.append(f"{'' if known else '# '}{setting.key} = {text}")
     return "\n".join(lines)
 
@@ -71,15 +72,14 @@ def settings_of(job: "Job") -> dict[str, Any]:
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _option(setting: Setting) -> tuple[click.Option, list[str]]:
-    """Return the option of a setting, from the first command that has it, and the commands that have it."""
-    found = {}
-    for name in _USERS:
-        command: click.Command = getattr(import_module(f"dic.commands.{name}"), name)
-        for parameter in command.params:
-            if isinstance(parameter, click.Option) and parameter.name == setting.parameter:
-                found[name] = parameter
-    return next(iter(found.values())), list(found)
+def _users(setting: Setting) -> list[str]:
+    """Return the commands that have the option of a setting."""
+    commands = {name: getattr(import_module(f"dic.commands.{name}"), name) for name in _USERS}
+    return [
+        name
+        for name, command in commands.items()
+        if any(is_option_of(parameter, setting.kind, setting.name) for parameter in command.params)
+    ]
 
 
 def _job_of(results: Path) -> "Job":

@@ -2,7 +2,7 @@
 
 import json
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -10,81 +10,64 @@ from typing import Any
 
 import click
 
+from dic import CorrelationSettings, Motion, ReferenceSettings, StrainSettings, SurfaceSettings
+from dic.commands.options import is_option_of
 from dic.errors import CorrelationError, MeasurementError, joined
 from dic.files.reading import read_text
+from dic.settings import Declared, declared_in
 
+TABLES: dict[str, tuple[type, ...]] = {
+    "correlation": (CorrelationSettings, ReferenceSettings),
+    "strain": (StrainSettings,),
+    "correction": (Motion, SurfaceSettings),
+}
+"""The classes whose settings each table of the file has, in the order in which `dic settings` writes them."""
 
-def _same(value: Any) -> Any:
-    return value
-
-
-def _hinge(value: Any) -> str:
-    return ",".join(f"{number:g}" for number in value)
+KEYS = {"correction": {"kind": "motion"}}
+"""Keys of the file that differ from the names of the settings, by table."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting of the settings file, and the command-line option that has the same meaning.
+    """A setting of the settings file.
 
     Attributes
     ----------
     table, key : str
         The table and the key of the setting in the file.
-    parameter : str
-        Name of the option's value in a command.
-    kinds : tuple of type
-        Types that the value may have in the file. The type list means a pair of numbers.
-    example : str
-        A value as text in TOML, for a setting without a default.
-    to_option : callable
-        Function that converts the value in the file to the value of the option.
+    kind : type
+        The class of settings.
+    name : str
+        Name of the setting in its class.
+    declared : Declared
     """
 
     table: str
     key: str
-    parameter: str
-    kinds: tuple[type, ...]
-    example: str = ""
-    to_option: Callable[[Any], Any] = _same
+    kind: type
+    name: str
+    declared: Declared
 
-    @property
-    def expected(self) -> str:
-        """The allowed values in the file, as text."""
-        names = {int: "a whole number", float: "a number", str: "text", list: "two numbers [X, Y]"}
-        any_number = float in self.kinds
-        return " or ".join(names[kind] for kind in self.kinds if not (any_number and kind is int))
-
-    def allows(self, value: Any) -> bool:
-        """Return True if a value in the file has the right type."""
-        if isinstance(value, list):
-            pair = len(value) == 2 and all(type(number) in (int, float) for number in value)
-            return list in self.kinds and pair
-        return type(value) in self.kinds
+    def refusal(self, value: Any) -> MeasurementError | None:
+        """Return the error for a value in the file; None for a possible value."""
+        try:
+            self.kind(**{self.name: value})
+        except MeasurementError as error:
+            return error
+        return None
 
 
-_NUMBER = (int, float)
-SETTINGS = (
-    Setting("correlation", "subset_px", "subset", (int,)),
-    Setting("correlation", "step_px", "step", (int,)),
-    Setting("correlation", "shape", "shape", (str,)),
-    Setting("correlation", "order", "spline", (int,)),
-    Setting("correlation", "min_zncc", "min_zncc", _NUMBER),
-    Setting("correlation", "smoothing_px", "smoothing", (str, int, float), to_option=str),
-    Setting("correlation", "incremental", "incremental", (str,)),
-    Setting("strain", "measure", "strain_measure", (str,)),
-    Setting("strain", "window_points", "strain_window", (int,)),
-    Setting("strain", "source", "strain_from", (str,)),
-    Setting("correction", "motion", "motion", (str,)),
-    Setting("correction", "poisson_ratio", "poisson_ratio", _NUMBER),
-    Setting("correction", "shift_std_um", "shift_std_um", _NUMBER, "30.0"),
-    Setting("correction", "tilt_axis_mm", "hinge_text", (list,), "[0.0, -30.0]", _hinge),
-    Setting("correction", "plate_mm", "plate_mm", _NUMBER, "1.0"),
+SETTINGS = tuple(
+    Setting(table, KEYS.get(table, {}).get(name, name), kind, name, declared)
+    for table, kinds in TABLES.items()
+    for kind in kinds
+    for name, declared in declared_in(kind).items()
 )
-"""All settings, in the order in which `dic settings` writes them."""
+"""All settings."""
 
 
-def read_settings(path: Path) -> dict[str, Any]:
-    """Read a settings file; return the values of options by the options' names in commands.
+def read_settings(path: Path) -> dict[tuple[type, str], Any]:
+    """Read a settings file; return the values by class of settings and name.
 
     Raises
     ------
@@ -103,7 +86,7 @@ def read_settings(path: Path) -> dict[str, Any]:
     if errors:
         raise joined(errors)
     return {
-        setting.parameter: setting.to_option(content[setting.table][setting.key])
+        (setting.kind, setting.name): content[setting.table][setting.key]
         for setting in SETTINGS
         if setting.key in content.get(setting.table, {})
     }
@@ -121,9 +104,8 @@ def _errors(path: Path, content: dict[str, Any]) -> Iterator[MeasurementError]:
             if setting is None:
                 keys = [own for of_table, own in known if of_table == table]
                 yield _unknown(path, f"{table}.{key}", key, keys, f"the keys of [{table}]")
-            elif not setting.allows(value):
-                remedy = f"see `dic settings` for {table}.{key}"
-                yield CorrelationError(str(path), f"{table}.{key}", setting.expected, repr(value), remedy)
+            elif (error := setting.refusal(value)) is not None:
+                yield CorrelationError(str(path), f"{table}.{key}", error.expected, repr(value), error.remedy)
 
 
 def _unknown(path: Path, place: str, name: str, names: list[str], what: str) -> MeasurementError:
@@ -143,7 +125,14 @@ _FILE = "dic.settings_file"
 def _use(context: click.Context, _: click.Parameter, path: Path | None) -> Path | None:
     """Use the values of the file as defaults, so that options on the command line have priority."""
     if path is not None:
-        context.default_map = {**(context.default_map or {}), **read_settings(path)}
+        values = read_settings(path)
+        defaults = {
+            parameter.name: value
+            for parameter in context.command.params
+            for (kind, name), value in values.items()
+            if parameter.name is not None and is_option_of(parameter, kind, name)
+        }
+        context.default_map = {**(context.default_map or {}), **defaults}
         context.meta[_FILE] = path
     return path
 

@@ -1,65 +1,56 @@
 """The command `dic strain`, which computes strain again from the displacement fields of a result file."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
-from dic.commands.correlation_options import (
-    COMMA_NEEDS,
-    StrainOptions,
-    comma_option,
-    csv_option,
-    hinge_mm,
-    hinge_option,
-    poisson_option,
-    shift_option,
-    strain_options,
-)
-from dic.commands.option_groups import all_of, as_in_results, option_group
+from dic import CorrectionSettings, Motion, StrainSettings
+from dic.commands.options import Chosen, Grouped, all_of, as_in_results, option, options, use
 from dic.commands.run_output import OutputOptions as RunOutputs
 from dic.commands.run_output import end_run, read_alignment
 from dic.commands.settings_file import settings_option, used_settings_file
-from dic.shell.output_paths import FORCE, require_places
-
-if TYPE_CHECKING:
-    from dic import CorrectionSettings, Motion
+from dic.commands.shared_options import COMMA_NEEDS, comma, csv, force, json_file, strain_options
+from dic.shell.output_paths import require_places
 
 _FILE = click.Path(path_type=Path)
 
 
-@dataclass(frozen=True)
+@options
 class AnewOptions:
     """Options for calibration, plate, motion and corrections; None means the value in RESULTS."""
 
-    calibration_file: Path | None
-    plate_mm: float | None
-    motion: str | None
-    poisson_ratio: float | None
-    shift_std_um: float | None
-    hinge_text: str | None
-    alignments: tuple[str, ...]
+    calibration_file: Path | None = option("--calibration", help="Calibration file, for a series of images.")
+    plate_mm: float | None = option(
+        "--plate-mm", help="Distance of the surface behind the grid's lines, for a run."
+    )
+    alignments: tuple[str, ...] = option(
+        "--alignment",
+        multiple=True,
+        metavar="[CAMERA=]FILE",
+        help="Alignment file from an earlier rotation on this fixture; for a run with the camera's name, and"
+        " repeated for each camera.",
+    )
 
-    def of_series(self, known: "Motion") -> "Motion":
+    def of_series(self, assumed: Chosen[Motion], known: Motion) -> Motion:
         """Return the motion of a series; a value without an option comes from `known`."""
         from dic import load_alignment
 
-        if self.motion is not None and self.motion != known.kind:
+        kind = assumed.values["kind"]
+        if kind is not None and kind != known.kind:
             # Only rigid motion has an alignment, and only rigid motion has no hinge.
-            alignment = known.alignment if self.motion == "rigid" else None
-            hinge = known.tilt_axis_mm if self.motion != "rigid" else None
-            known = replace(known, kind=self.motion, alignment=alignment, tilt_axis_mm=hinge)
-        values = self._values()
-        if self.alignments:
-            values["alignment"] = load_alignment(Path(self.alignments[-1]))
-        return replace(known, **values)
+            alignment = known.alignment if kind == "rigid" else None
+            hinge = known.tilt_axis_mm if kind != "rigid" else None
+            known = replace(known, kind=kind, alignment=alignment, tilt_axis_mm=hinge)
+        given = {"alignment": load_alignment(Path(self.alignments[-1]))} if self.alignments else {}
+        return assumed.settings(known, **given)
 
-    def of_run(self, known: "CorrectionSettings") -> "CorrectionSettings | None":
+    def of_run(self, assumed: Chosen[Motion], known: CorrectionSettings) -> CorrectionSettings | None:
         """Return a run's settings of corrections; None without options, so that the old settings are used."""
-        values = self._values()
+        values = {name: value for name, value in assumed.values.items() if value is not None}
+        values.pop("kind", None)
         if self.alignments:
             found = all_of(*(partial(read_alignment, text) for text in self.alignments))
             values["alignments"] = dict(found)
@@ -69,76 +60,43 @@ class AnewOptions:
         """Raise an error if an option of a run is given for a series, or an option of a series for a run."""
         from dic import CorrelationError
 
-        idle = {"--plate-mm": "plate_mm"}
+        idle = {"--plate-mm": "anew_plate_mm"}
         if not series:
-            idle = {"--calibration": "calibration_file", "--motion": "motion"}
-        for option, name in idle.items():
+            idle = {"--calibration": "anew_calibration_file", "--motion": "assumed_kind"}
+        for name, parameter in idle.items():
             # A settings file may have values for both series and runs, so check only options of the command
             # line.
-            if click.get_current_context().get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            if click.get_current_context().get_parameter_source(parameter) is ParameterSource.COMMANDLINE:
                 other, kind = ("a run", "a series of images") if series else ("a series of images", "a run")
-                expected, remedy = f"the results of {other}", f"leave out {option}"
-                raise CorrelationError(source, f"apply {option}", expected, f"those of {kind}", remedy)
-
-    def _values(self) -> dict[str, Any]:
-        values = {
-            "poisson_ratio": self.poisson_ratio,
-            "shift_std_um": self.shift_std_um,
-            "tilt_axis_mm": hinge_mm(self.hinge_text),
-        }
-        return {name: value for name, value in values.items() if value is not None}
+                expected, remedy = f"the results of {other}", f"leave out {name}"
+                raise CorrelationError(source, f"apply {name}", expected, f"those of {kind}", remedy)
 
 
-@dataclass(frozen=True)
+@options
 class OutputOptions:
     """Options that name the output files of `dic strain`."""
 
-    output: Path | None
-    csv_folder: Path | None
-    decimal_comma: bool
-    json_file: Path | None
-    force: bool
+    output: Path | None = option("-o", "--output", help="New result file, HDF5.")
+    csv_folder: Path | None = csv()
+    decimal_comma: bool = comma()
+    json_file: Path | None = json_file()
+    force: bool = force()
 
 
-@click.command()
+@click.command(cls=Grouped)
 @click.argument("results", type=_FILE)
 @settings_option
 @strain_options
-@option_group(
-    "anew",
-    AnewOptions,
-    click.option(
-        "--calibration", "calibration_file", type=_FILE, help="Calibration file, for a series of images."
-    ),
-    click.option(
-        "--plate-mm",
-        type=float,
-        help="Distance of the surface behind the grid's lines, for a run.",
-    ),
-    click.option("--motion", help="Motion of the specimen, for a series: rigid, tension or free."),
-    poisson_option,
-    shift_option,
-    hinge_option,
-    click.option(
-        "--alignment",
-        "alignments",
-        multiple=True,
-        metavar="[CAMERA=]FILE",
-        help="Alignment file from an earlier rotation on this fixture; for a run with the camera's name, and"
-        " repeated for each camera.",
-    ),
-)
-@option_group(
-    "outputs",
-    OutputOptions,
-    click.option("-o", "--output", type=_FILE, help="New result file, HDF5."),
-    csv_option,
-    comma_option,
-    click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results."),
-    FORCE,
-    needs=COMMA_NEEDS,
-)
-def strain(results: Path, strain: StrainOptions, anew: AnewOptions, outputs: OutputOptions) -> None:
+@use("anew", AnewOptions)
+@use("assumed", Motion, title="Motion", only=("kind", "poisson_ratio", "shift_std_um", "tilt_axis_mm"))
+@use("outputs", OutputOptions, needs=COMMA_NEEDS)
+def strain(
+    results: Path,
+    strain: Chosen[StrainSettings],
+    anew: AnewOptions,
+    assumed: Chosen[Motion],
+    outputs: OutputOptions,
+) -> None:
     """Compute strain again from the displacement fields in RESULTS, without images and without correlation.
 
     RESULTS is the result file of `dic correlate` or `dic process`. Settings without an option stay as they
@@ -155,22 +113,23 @@ def strain(results: Path, strain: StrainOptions, anew: AnewOptions, outputs: Out
     alignments = [Path(text.rpartition("=")[2]) for text in anew.alignments]
     read = [results, anew.calibration_file, *alignments, used_settings_file()]
     if series:
-        _of_series(results, strain, anew, outputs, read)
+        _of_series(results, strain, anew, assumed, outputs, read)
     else:
-        _of_run(results, strain, anew, outputs, read)
+        _of_run(results, strain, anew, assumed, outputs, read)
 
 
-as_in_results(strain, [field.name for kind in (StrainOptions, AnewOptions) for field in fields(kind)])
+as_in_results(strain, "strain", "anew", "assumed")
 
 
 def _of_series(
     results: Path,
-    strain: StrainOptions,
+    strain: Chosen[StrainSettings],
     anew: AnewOptions,
+    assumed: Chosen[Motion],
     outputs: OutputOptions,
     read: list[Path | None],
 ) -> None:
-    from dic import MapSettings, Motion, load_series_result
+    from dic import MapSettings, load_series_result
     from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
     from dic.commands.series_options import read_set_up
     from dic.derived.series_files import SeriesFiles
@@ -180,8 +139,10 @@ def _of_series(
 
     result = load_series_result(results)
     known = SeriesSetUp.of_job(job_of_fields(result), result.calibration)
-    assumed = known.motion or Motion()
-    how, motion = all_of(partial(strain.settings, known.strain), partial(anew.of_series, assumed))
+    motion_before = known.motion or Motion()
+    how, motion = all_of(
+        partial(strain.settings, known.strain), partial(anew.of_series, assumed, motion_before)
+    )
     set_up = replace(known, strain=how, motion=motion)
     if anew.calibration_file is not None:
         set_up = read_set_up(anew.calibration_file, how, motion)
@@ -202,8 +163,9 @@ def _of_series(
 
 def _of_run(
     results: Path,
-    strain: StrainOptions,
+    strain: Chosen[StrainSettings],
     anew: AnewOptions,
+    assumed: Chosen[Motion],
     outputs: OutputOptions,
     read: list[Path | None],
 ) -> None:
@@ -216,7 +178,9 @@ def _of_run(
 
     result = load_run_result(results)
     known = strain_of_job(job_of_fields(result))
-    how, correcting = all_of(partial(strain.settings, known), partial(anew.of_run, result.correcting))
+    how, correcting = all_of(
+        partial(strain.settings, known), partial(anew.of_run, assumed, result.correcting)
+    )
     places = RunOutputs(
         outputs.output,
         None,

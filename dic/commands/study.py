@@ -1,35 +1,46 @@
 """The command `dic study`, which compares settings on the user's own images and recommends some."""
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from dic.commands.correlation_options import smoothing_option, smoothing_px
-from dic.commands.option_groups import all_of, option_group
+from dic import CorrelationSettings, StrainSettings
+from dic.commands.options import Chosen, all_of, option, options, use
 from dic.commands.series_options import RegionOptions, region_options
 from dic.commands.settings import settings_text
 from dic.commands.settings_file import settings_option, used_settings_file
+from dic.commands.shared_options import force
 from dic.commands.study_text import table
 from dic.errors import each_warning_once
 from dic.files.writing import write_text
-from dic.shell.output_paths import FORCE, require_places
+from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
-    from dic import CorrelationSettings, StrainSettings, StudiedSettings, Study, Sweep, Wave
+    from dic import StudiedSettings, Study, Sweep, Wave
 
 _FILE = click.Path(path_type=Path)
 
 
-@dataclass(frozen=True)
+@options
 class AssumedOptions:
     """Options of the assumed strain; an option that is not given is None."""
 
-    period_px: float | None
-    across_period_px: float | None
-    strain_amplitude: float | None
+    period_px: float | None = option(
+        "--period-px",
+        help="Period of the assumed strain: about twice the width of its smallest detail, px."
+        " Default: from a deformed IMAGE, otherwise 100.",
+    )
+    across_period_px: float | None = option(
+        "--across-period-px",
+        help="Period across the direction of each normal strain, px. Default: from a deformed IMAGE,"
+        " otherwise no variation across.",
+    )
+    strain_amplitude: float | None = option(
+        "--strain-amplitude",
+        help="Amplitude of the assumed strain. Default: from a deformed IMAGE, otherwise 0.005.",
+    )
 
     def wave(self) -> "Wave | None":
         """Return the assumed strain; None without these options."""
@@ -44,15 +55,15 @@ class AssumedOptions:
         return Wave(**given) if given else None
 
 
-@dataclass(frozen=True)
+@options
 class SweepOptions:
     """Options that list the values of settings; the study tries all combinations of these values."""
 
-    subsets: str
-    steps: str
-    windows: str
-    shapes: str
-    parts: int
+    subsets: str = option("--subsets", default="15,21,31,41,51,61,81", help="Subsets to try, px.")
+    steps: str = option("--steps", default="5,10,15", help="Steps to try, px.")
+    windows: str = option("--windows", default="3,5,7,9", help="Strain windows to try, points.")
+    shapes: str = option("--shapes", default="affine,quadratic", help="Shape functions to try.")
+    parts: int = option("--parts", default=4, help="Parts of a large region to try the settings on.")
 
     def sweep(self) -> "Sweep":
         """Return the combinations to try; raise an error that names all wrong lists together."""
@@ -67,38 +78,18 @@ class SweepOptions:
         return Sweep(subsets, steps, windows, shapes, self.parts)
 
 
-@dataclass(frozen=True)
-class SharedOptions:
-    """Options for the settings that are the same in all combinations."""
-
-    spline: int
-    min_zncc: float
-    smoothing: str
-    strain_measure: str
-
-    def settings(self) -> "CorrelationSettings":
-        """Return the options as `CorrelationSettings`."""
-        from dic import CorrelationSettings
-
-        return CorrelationSettings(
-            order=self.spline, min_zncc=self.min_zncc, smoothing_px=smoothing_px(self.smoothing)
-        )
-
-    def strain(self) -> "StrainSettings":
-        """Return the options as `StrainSettings`."""
-        from dic import StrainSettings
-
-        return StrainSettings(measure=self.strain_measure)
+_SHARED = ("order", "min_zncc", "smoothing_px")
+"""The settings of the correlation that are the same in all combinations."""
 
 
-@dataclass(frozen=True)
+@options
 class OutputOptions:
     """Options that name the output files of `dic study`."""
 
-    json_file: Path | None
-    picture: Path | None
-    write: Path | None
-    force: bool
+    json_file: Path | None = option("--json", help="JSON file of all combinations.")
+    picture: Path | None = option("--picture", help="PNG file: noise and error against resolution.")
+    write: Path | None = option("--write", help="Settings file (TOML) of the recommended settings.")
+    force: bool = force()
 
 
 def _numbers(option: str, text: str) -> tuple[int, ...]:
@@ -116,65 +107,12 @@ def _numbers(option: str, text: str) -> tuple[int, ...]:
 @click.argument("images", metavar="[IMAGE]...", type=_FILE, nargs=-1)
 @click.option("--static", type=_FILE, help="Image of the specimen at rest; default: recognised among IMAGE.")
 @settings_option
-@option_group(
-    "assumed",
-    AssumedOptions,
-    click.option(
-        "--period-px",
-        type=float,
-        help="Period of the assumed strain: about twice the width of its smallest detail, px."
-        " Default: from a deformed IMAGE, otherwise 100.",
-    ),
-    click.option(
-        "--across-period-px",
-        type=float,
-        help="Period across the direction of each normal strain, px. Default: from a deformed IMAGE,"
-        " otherwise no variation across.",
-    ),
-    click.option(
-        "--strain-amplitude",
-        type=float,
-        help="Amplitude of the assumed strain. Default: from a deformed IMAGE, otherwise 0.005.",
-    ),
-)
-@option_group(
-    "lists",
-    SweepOptions,
-    click.option("--subsets", default="15,21,31,41,51,61,81", show_default=True, help="Subsets to try, px."),
-    click.option("--steps", default="5,10,15", show_default=True, help="Steps to try, px."),
-    click.option("--windows", default="3,5,7,9", show_default=True, help="Strain windows to try, points."),
-    click.option("--shapes", default="affine,quadratic", show_default=True, help="Shape functions to try."),
-    click.option(
-        "--parts", default=4, show_default=True, help="Parts of a large region to try the settings on."
-    ),
-)
-@option_group(
-    "shared",
-    SharedOptions,
-    click.option(
-        "--spline", default=5, show_default=True, help="Degree of the interpolating spline, 3 or 5."
-    ),
-    click.option(
-        "--min-zncc", default=0.8, show_default=True, help="Smallest correlation (ZNCC) of a good point."
-    ),
-    smoothing_option,
-    click.option(
-        "--strain",
-        "strain_measure",
-        default="green-lagrange",
-        show_default=True,
-        help="Strain measure: green-lagrange, small or hencky.",
-    ),
-)
+@use("assumed", AssumedOptions)
+@use("lists", SweepOptions)
+@use("shared", CorrelationSettings, title="In all combinations", only=_SHARED)
+@use("strain", StrainSettings, title="In all combinations", only=("measure",))
 @region_options
-@option_group(
-    "outputs",
-    OutputOptions,
-    click.option("--json", "json_file", type=_FILE, help="JSON file of all combinations."),
-    click.option("--picture", type=_FILE, help="PNG file: noise and error against resolution."),
-    click.option("--write", type=_FILE, help="Settings file (TOML) of the recommended settings."),
-    FORCE,
-)
+@use("outputs", OutputOptions)
 @each_warning_once()
 def study(
     reference: Path,
@@ -182,7 +120,8 @@ def study(
     static: Path | None,
     assumed: AssumedOptions,
     lists: SweepOptions,
-    shared: SharedOptions,
+    shared: Chosen[CorrelationSettings],
+    strain: Chosen[StrainSettings],
     region: RegionOptions,
     outputs: OutputOptions,
 ) -> None:
@@ -200,7 +139,7 @@ def study(
     from dic.shell.console import say
     from dic.shell.progress import progress
 
-    wave, sweep, settings, strain = all_of(assumed.wave, lists.sweep, shared.settings, shared.strain)
+    wave, sweep, settings, how = all_of(assumed.wave, lists.sweep, shared.settings, strain.settings)
     files = [reference, *images, static, *region.files(), used_settings_file()]
     written = [outputs.json_file, outputs.picture, outputs.write, *region.outputs()]
     require_places(files, written, force=outputs.force)
@@ -214,7 +153,7 @@ def study(
             wave=wave,
             sweep=sweep,
             settings=settings,
-            strain=strain,
+            strain=how,
             advance=bar.advance,
         )
     if region.write_mask is not None:
@@ -238,15 +177,5 @@ def _write(found: "Study", reference: Path, outputs: OutputOptions) -> None:
 
 def _values(best: "StudiedSettings") -> dict[str, object]:
     """Return the recommended settings, keyed by "table.key" of a settings file."""
-    correlation, strain = best.correlation, best.strain
-    return {
-        "correlation.subset_px": correlation.subset_px,
-        "correlation.step_px": correlation.step_px,
-        "correlation.shape": correlation.shape,
-        "correlation.order": correlation.order,
-        "correlation.min_zncc": correlation.min_zncc,
-        "correlation.smoothing_px": correlation.smoothing_px,
-        "strain.measure": strain.measure,
-        "strain.window_points": strain.window_points,
-        "strain.source": strain.source,
-    }
+    tables = {"correlation": best.correlation, "strain": best.strain}
+    return {f"{table}.{name}": value for table, own in tables.items() for name, value in vars(own).items()}

@@ -1,11 +1,10 @@
 """Command-line options that describe the target in a calibration image."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from dic.commands.option_groups import option_group
+from dic.commands.options import option, options, use
 
 if TYPE_CHECKING:
     from dic import Target
@@ -43,20 +42,46 @@ class _Direction(click.ParamType[str | float]):
 COUNT = _Count()
 
 
-@dataclass(frozen=True)
+@options
 class TargetOptions:
     """Options for the target in the image, and for the direction of its axes."""
 
-    lines: tuple[int, int] | None
-    squares: tuple[int, int] | None
-    dots: tuple[int, int] | None
-    asymmetric_dots: tuple[int, int] | None
-    pitch_mm: float
-    marker_mm: float | None
-    dictionary: str
-    x_axis: str | float | None
-    origin_px: tuple[float, float] | None
-    region: tuple[float, float, float, float] | None
+    lines: tuple[int, int] | None = option(
+        "--lines", type=COUNT, help="Numbers of lines of a line grid.  [default: 21x21]"
+    )
+    squares: tuple[int, int] | None = option(
+        "--squares", type=COUNT, help="Numbers of squares of a checkerboard or ChArUco board, if used."
+    )
+    dots: tuple[int, int] | None = option(
+        "--dots", type=COUNT, help="Numbers of dots of a dot target, if used."
+    )
+    asymmetric_dots: tuple[int, int] | None = option(
+        "--asymmetric-dots",
+        type=COUNT,
+        help="Dots in a row and rows of an asymmetric grid of dots, such as 4x11, if used.",
+    )
+    pitch_mm: float = option("--pitch-mm", default=0.5, help="Spacing of lines, corners, or dots in a row.")
+    marker_mm: float | None = option("--marker-mm", help="Side of the markers, only for a ChArUco board.")
+    dictionary: str = option(
+        "--dictionary", default="DICT_5X5_100", help="OpenCV's name for the dictionary of the markers."
+    )
+    x_axis: str | float | None = option(
+        "--x-axis",
+        type=_Direction(),
+        help="Direction of X in the first image, as a word or in degrees from right.",
+    )
+    origin_px: tuple[float, float] | None = option(
+        "--origin-px",
+        type=float,
+        nargs=2,
+        help="Rough image point x y of a line grid's centre in the first image, if an outer line is hidden.",
+    )
+    region: tuple[float, float, float, float] | None = option(
+        "--region",
+        type=float,
+        nargs=4,
+        help="Left, top, width and height in px of the part of every image that shows the target.",
+    )
 
     def read(self) -> "Target":
         """Return the target that the options describe.
@@ -94,48 +119,4 @@ class TargetOptions:
         return LineGridTarget(self.lines or (21, 21), self.pitch_mm)
 
 
-target_options = option_group(
-    "target",
-    TargetOptions,
-    click.option("--lines", type=COUNT, help="Numbers of lines of a line grid.  [default: 21x21]"),
-    click.option(
-        "--squares", type=COUNT, help="Numbers of squares of a checkerboard or ChArUco board, if used."
-    ),
-    click.option("--dots", type=COUNT, help="Numbers of dots of a dot target, if used."),
-    click.option(
-        "--asymmetric-dots",
-        type=COUNT,
-        help="Dots in a row and rows of an asymmetric grid of dots, such as 4x11, if used.",
-    ),
-    click.option(
-        "--pitch-mm",
-        type=float,
-        default=0.5,
-        show_default=True,
-        help="Spacing of lines, corners, or dots in a row.",
-    ),
-    click.option("--marker-mm", type=float, help="Side of the markers, only for a ChArUco board."),
-    click.option(
-        "--dictionary",
-        default="DICT_5X5_100",
-        show_default=True,
-        help="OpenCV's name for the dictionary of the markers.",
-    ),
-    click.option(
-        "--x-axis",
-        type=_Direction(),
-        help="Direction of X in the first image, as a word or in degrees from right.",
-    ),
-    click.option(
-        "--origin-px",
-        type=float,
-        nargs=2,
-        help="Rough image point x y of a line grid's centre in the first image, if an outer line is hidden.",
-    ),
-    click.option(
-        "--region",
-        type=float,
-        nargs=4,
-        help="Left, top, width and height in px of the part of every image that shows the target.",
-    ),
-)
+target_options = use("target", TargetOptions)

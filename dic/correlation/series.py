@@ -29,15 +29,13 @@ from dic.correlation.series_state import (
     SeriesFields,
     quality_of,
 )
-from dic.correlation.settings import CorrelationSettings
+from dic.correlation.settings import CorrelationSettings, ReferenceSettings
 from dic.errors import CorrelationError
 from dic.image.kept import KeptImage
 from dic.specimen.find import Specimen
 from dic.typing import Float, ImageLike, Mask, PathLike
 
 _Value = TypeVar("_Value")
-
-INCREMENTAL = ("auto", "never", "always")
 
 
 class Series:
@@ -111,14 +109,7 @@ class Series:
         ------
         CorrelationError
         """
-        if incremental not in INCREMENTAL:
-            raise CorrelationError(
-                "settings",
-                "incremental correlation",
-                " or ".join(INCREMENTAL),
-                str(incremental),
-                "give auto to take a new reference where the correlation drops",
-            )
+        ReferenceSettings(incremental)
 
     @property
     def settings(self) -> CorrelationSettings:

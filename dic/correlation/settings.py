@@ -2,7 +2,7 @@
 
 from dic.errors import CorrelationError, is_number
 from dic.image.spline import ORDERS
-from dic.settings import Number, Whole, either, setting, settings_class
+from dic.settings import Number, Whole, either, number_or_text, setting, settings_class
 
 AUTO = "auto"
 """Value of `CorrelationSettings.smoothing_px` with which the program chooses the smoothing."""
@@ -96,6 +96,7 @@ class CorrelationSettings:
         more='With "auto", images are smoothed only if the predicted interpolation bias is above 0.001 px,'
         " and only as strongly as is necessary to reduce the bias to this value.",
         option="--smoothing",
+        read=number_or_text,
         check=_is_smoothing,
     )
 
@@ -108,3 +109,20 @@ class CorrelationSettings:
     def radius_px(self) -> int:
         """Number of pixels of the subset on either side of its centre."""
         return self.subset_px // 2
+
+
+INCREMENTAL = ("auto", "never", "always")
+
+
+@settings_class(CorrelationError)
+class ReferenceSettings:
+    """The rule for new references in a series of images."""
+
+    incremental: str = setting(
+        "incremental correlation",
+        "When to take a new reference image: auto (when correlation drops), never, or always (each image).",
+        default="auto",
+        expected=" or ".join(INCREMENTAL),
+        remedy="give auto to take a new reference where the correlation drops",
+        among=INCREMENTAL,
+    )

@@ -6,7 +6,7 @@ from typing import Any
 from dic.errors import CorrelationError, require_all
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.shift import FARTHEST_MM, HINGE_STD_UM, SHIFT_STD_UM, Shift
-from dic.settings import Number, Pair, one_of, setting, settings_class
+from dic.settings import Number, Pair, one_of, place_of, setting, settings_class
 
 MOTIONS = ("free", "rigid", "tension")
 """Kinds of motion: unknown motion, rotation without strain, and uniform tension with some bending."""
@@ -42,6 +42,7 @@ TILT_AXIS: Any = setting(
     remedy="give --tilt-axis-mm 0,-30 for a hinge 30 mm below the grid's centre, or leave it out",
     example="[0.0, -30.0]",
     metavar="X,Y",
+    read=place_of,
     check=lambda hinge: hinge is None or all(abs(each) <= FARTHEST_MM for each in hinge),
 )
 

@@ -3,10 +3,12 @@
 from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator
 
 from dic.errors import Check, CorrelationError, OutputError, require_all
-from dic.settings import Names, Number, one_of, setting, settings_class
+from dic.settings import Names, Number, names_of, one_of, setting, settings_class
 
 QUANTITIES = ("u", "v", "exx", "eyy", "exy")
 """The quantities that a map can show: displacement to the right and upwards, and three strains."""
@@ -34,6 +36,22 @@ _WIDTHS_MM = (20.0, 2000.0)
 _DPI = (20, 1200)
 _MOST_WIDTH_PX = 12_000
 """A wider picture takes gigabytes of memory while it is drawn."""
+
+
+def _as_mapping(value: Any) -> Any:
+    pairs = isinstance(value, tuple) and not any(isinstance(each, str) for each in value)
+    return dict(value) if pairs else value
+
+
+Limits = Annotated[Mapping[str, tuple[float, float]], BeforeValidator(_as_mapping)]
+"""Lower and upper ends of scales by the names of their quantities."""
+
+
+def _scale_of(text: str) -> tuple[str, tuple[float, float]]:
+    """Return the quantity and the ends of its scale of the text "QUANTITY=LOW,HIGH"."""
+    quantity, _, ends = text.partition("=")
+    low, high = (float(end) for end in ends.split(","))
+    return quantity, (low, high)
 
 
 def _size(default: float, what: str, pictures: str, sentence: str) -> Any:
@@ -82,6 +100,7 @@ class MapSettings:
         default=QUANTITIES,
         expected=f"some of {', '.join(QUANTITIES)}",
         remedy="give for example exx,eyy",
+        read=names_of,
         check=lambda names: bool(names) and set(names) <= set(QUANTITIES),
     )
     kind: str = _choice(
@@ -112,13 +131,15 @@ class MapSettings:
         SCALES,
         "give series to compare the images of a series",
     )
-    limits: Mapping[str, tuple[float, float]] = setting(
+    limits: Limits = setting(
         "limits of maps",
         "Ends of a quantity's scale in px, mm or µε, such as eyy=0,2000. May be repeated.",
         default={},
         expected=f"{one_of(QUANTITIES)} with a lower and a greater upper end",
         remedy="give for example eyy=0,2000 (strain in µε)",
         metavar="QUANTITY=LOW,HIGH",
+        read=_scale_of,
+        several=True,
         check=lambda limits: all(map(_is_scale, limits, limits.values())),
     )
     colours: str = _choice(

@@ -9,7 +9,22 @@ from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.motion import POISSON_RATIO, SHIFT_STD, TILT_AXIS, Motion
 from dic.out_of_plane.shift import Shift
 from dic.runfile.mounting import RunMounting
-from dic.settings import Number, Pair, settings_class
+from dic.settings import Number, Pair, setting, settings_class
+
+
+@settings_class(CorrelationError)
+class SurfaceSettings:
+    """The place of the specimen's surface behind the grid's lines."""
+
+    plate_mm: Number | None = setting(
+        "distance of the surface",
+        "Distance of the specimen's surface behind the grid's lines, such as the thickness of the grid's"
+        " plate. Default: the value in the run file, otherwise 0.",
+        default=None,
+        expected="a number of mm",
+        remedy="give --plate-mm 1.0",
+        example="1.0",
+    )
 
 
 @settings_class(CorrelationError)

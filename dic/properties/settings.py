@@ -51,6 +51,7 @@ class PropertySettings:
         expected="plastic strains above 0 % and below 10 %",
         remedy="give --offset-percent 0.2",
         option="--offset-percent",
+        several=True,
         check=lambda offsets: bool(offsets) and all(0.0 < offset < 10.0 for offset in offsets),
     )
     window_mpa: Pair | None = setting(

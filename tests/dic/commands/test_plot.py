@@ -128,7 +128,7 @@ def test_gaps_are_said_and_give_status_1(folder, tmp_path, speckle):
         (["cuts", "{r}", "{g}", "--images", "9"], "expected numbers from 1 to 4, got 9"),
         (["cuts", "{r}", "--gauge", "a=extensometer start=90,35 end=90,125 patch=30"], "expected a line cut"),
         (["animation", "{r}", "--load", "Force:kN"], "--load: expected --record beside it, got none"),
-        (["animation", "{r}", "--limits", "eyy=1"], "give for example --limits eyy=0,2000"),
+        (["animation", "{r}", "--limits", "eyy=1"], "give for example eyy=0,2000"),
         (["animation", "{r}", "--kind", "calibrated"], "a calibration, got none"),
         (["animation", "{r}", "--on", "paper"], "image under maps: expected one of reference, deformed"),
     ],

@@ -71,9 +71,9 @@ def test_all_mistakes_of_a_file_are_reported_together(images, tmp_path):
         "[step]: expected one of the tables: correlation, strain, correction, got step",
         "correlation.subset: expected one of the keys of [correlation]: subset_px,",
         "did you mean subset_px",
-        "correlation.shape: expected text, got 2",
+        "correlation.shape: expected affine or quadratic, got 2",
         "[strane]: expected",
-        "correction.tilt_axis_mm: expected two numbers [X, Y], got '0'",
+        "correction.tilt_axis_mm: expected X and Y of the grips' hinge in mm, at most 10000 mm away, got '0'",
     ):
         assert part in said
     assert "no such file" in refusal("process", "run.h5", "--settings", tmp_path / "none.toml")
