@@ -189,6 +189,7 @@ def _of_run(
         outputs.decimal_comma,
         outputs.json_file,
         outputs.force,
+        None,
     )
     places.require_places(read, outputs.output)
     with progress("computing strain") as bar:

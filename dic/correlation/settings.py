@@ -1,13 +1,15 @@
 """Settings of the correlation, which are checked before any image is read."""
 
 from dic.errors import CorrelationError, is_number
-from dic.image.spline import ORDERS
 from dic.settings import Number, Whole, either, number_or_text, setting, settings_class
 
 AUTO = "auto"
 """Value of `CorrelationSettings.smoothing_px` with which the program chooses the smoothing."""
 
 _WIDEST_SMOOTHING_PX = 5.0
+
+ORDERS = (3, 5)
+"""Degrees of the spline that interpolates the images."""
 
 SHAPES = {"affine": 6, "quadratic": 12}
 """Shape functions and the number of their parameters."""

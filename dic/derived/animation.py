@@ -3,27 +3,23 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dic.derived.deformed_images import deformed_of_run, deformed_of_series
+from dic.derived.deformed_images import deformed_image
 from dic.derived.export import ExportSource, sources_of
-from dic.errors import CorrelationError, RunFileError
-from dic.image.read import read_image
+from dic.errors import CorrelationError
 from dic.pictures.animation import Frame, animation_writer, colours_of
 from dic.pictures.background import view_of
 from dic.pictures.contact_sheet import shortened
 from dic.pictures.maps import draw_maps
 from dic.pictures.panels import Maps, Scale, finished, maps_of, widened
 from dic.pictures.settings import MapSettings
-from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
-from dic.pipeline.result import RunResult, SeriesResult
-from dic.pipeline.result_file import use_results
+from dic.pipeline.measured_images import CameraView, MeasuredImage, only_camera
+from dic.pipeline.result_file import Loaded, Results, with_results
 from dic.typing import Grey, PathLike
 
-Results = PathLike | MeasuredSeries | SeriesResult | RunResult
 _DEFAULT = MapSettings(quantities=("eyy",), width_mm=120.0)
 
 
@@ -90,9 +86,7 @@ def write_animation(
     """
     how = _How(settings or _DEFAULT, frames_per_s, known, on_image)
     work = partial(_write, path=path, camera=camera, how=how)
-    if isinstance(results, str | Path):
-        return use_results(results, work, local_strain=True)
-    return work(results)
+    return with_results(results, work, local_strain=True)
 
 
 @dataclass(frozen=True)
@@ -105,11 +99,11 @@ class _How:
     on_image: Callable[[int], None]
 
 
-def _write(
-    results: MeasuredSeries | SeriesResult | RunResult, path: PathLike, camera: str | None, how: _How
-) -> Animation:
-    settings, source = how.settings, _with_known(_only_source(results, camera), how.known)
-    reference, image_of = _images_of(results, source, settings)
+def _write(results: Loaded, path: PathLike, camera: str | None, how: _How) -> Animation:
+    view = only_camera(results.views, camera, "results")
+    (source,) = sources_of(results, view.camera or None)
+    settings, source = how.settings, _with_known(source, how.known)
+    reference, image_of = _images_of(results, view, settings)
     total = 2 * len(source.images)
     with animation_writer(path, how.per_s, colours_of(settings)) as add:
         whole = _whole(source, settings, lambda: how.on_image(total))
@@ -137,31 +131,14 @@ def _with_known(source: ExportSource, known: Sequence[Mapping[str, Any]]) -> Exp
     return replace(source, known=[dict(each) for each in known])
 
 
-def _only_source(results: MeasuredSeries | SeriesResult | RunResult, camera: str | None) -> ExportSource:
-    sources = sources_of(results, camera)
-    if len(sources) > 1:
-        names = [source.camera for source in sources]
-        remedy = f"give --camera {names[0]}"
-        raise RunFileError("results", "choose a camera", f"one of {', '.join(names)}", "none", remedy)
-    return sources[0]
-
-
 def _images_of(
-    results: MeasuredSeries | SeriesResult | RunResult, source: ExportSource, settings: MapSettings
+    results: Loaded, view: CameraView, settings: MapSettings
 ) -> tuple[Grey, Callable[[int], Grey]]:
     """Return the reference image, and a function that returns the image under the k-th map."""
-    if isinstance(results, RunResult):
-        reference = results.series(source.camera).reference
-    else:
-        reference = (results if isinstance(results, MeasuredSeries) else results.series).reference
+    reference = view.series.reference
     if settings.on == "reference":
         return reference, lambda k: reference
-    if isinstance(results, RunResult):
-        steps = next(one.steps for one in results.cameras if one.camera == source.camera)
-        return reference, partial(deformed_of_run, results, source.camera, steps)
-    if isinstance(results, SeriesResult):
-        return reference, partial(deformed_of_series, results)
-    return reference, lambda k: read_image(source.images[k].label)
+    return reference, partial(deformed_image, results, view)
 
 
 @dataclass

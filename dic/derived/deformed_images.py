@@ -7,7 +7,9 @@ from dic.errors import MeasurementError, RunFileError
 from dic.files.digest import file_sha256
 from dic.image.pages import page_name, split_page
 from dic.image.read import read_image
+from dic.pipeline.measured_images import CameraView
 from dic.pipeline.result import RunResult, SeriesResult
+from dic.pipeline.result_file import Loaded
 from dic.runfile.joined import open_run
 from dic.runfile.reader import RunStep
 from dic.typing import Grey
@@ -20,6 +22,21 @@ def beside(path: str, result_file: str) -> Path:
         return named
     other = Path(result_file).parent / named
     return other if other.exists() else Path(result_file).parent / named.name
+
+
+def deformed_image(results: Loaded, view: CameraView, place: int) -> Grey:
+    """Return a deformed image of a camera, read again from its file, or from the run file.
+
+    Raises
+    ------
+    MeasurementError
+        If the image is not at its place any more, or is another image than the measured one.
+    """
+    if isinstance(results, RunResult):
+        return deformed_of_run(results, view.camera, view.steps, place)
+    if isinstance(results, SeriesResult):
+        return deformed_of_series(results, place)
+    return read_image(view.series.images[place].label)
 
 
 def deformed_of_series(result: SeriesResult, place: int) -> Grey:

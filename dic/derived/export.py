@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from dic.errors import OutputError, RunFileError, require_kind
+from dic.errors import OutputError, RunFileError
 from dic.exports.formats import FORMATS, exporter_of
 from dic.exports.image import (
     Exporter,
@@ -19,17 +19,13 @@ from dic.exports.image import (
 )
 from dic.exports.tables import CsvExporter
 from dic.files.writing import reason
-from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
-from dic.pipeline.result import RunResult, SeriesResult
-from dic.pipeline.result_file import use_results
+from dic.pipeline.measured_images import CameraView, MeasuredImage, require_camera
+from dic.pipeline.result_file import Loaded, Results, with_results
 from dic.results.points import PointValues
 from dic.results.provenance import versions
 from dic.results.strain_table import STRAIN_FILE, write_strain_table
 from dic.strain.measurement import Measurement
 from dic.typing import PathLike
-
-Results = PathLike | MeasuredSeries | SeriesResult | RunResult
-_KINDS = MeasuredSeries | SeriesResult | RunResult
 
 
 @dataclass(frozen=True)
@@ -162,12 +158,10 @@ def export_results(
     _require_free(folders, replace=replace)
     choice = _Choice(folders, camera, raw_strain=raw_strain, comma=decimal_comma)
     work = partial(_export, choice=choice, on_image=on_image)
-    if isinstance(results, str | Path):
-        return use_results(results, work, local_strain=True)
-    return work(results)
+    return with_results(results, work, local_strain=True)
 
 
-def sources_of(results: MeasuredSeries | SeriesResult | RunResult, camera: str | None) -> list[ExportSource]:
+def sources_of(results: Loaded, camera: str | None) -> list[ExportSource]:
     """Return the series of images in results: one series, or one for each camera of a run.
 
     Raises
@@ -175,37 +169,24 @@ def sources_of(results: MeasuredSeries | SeriesResult | RunResult, camera: str |
     RunFileError
         If there is no such camera.
     """
-    require_kind("results", results, _KINDS, "give a result file, or dic.load_series_result(path)")
-    if isinstance(results, RunResult):
-        chosen = [one.camera for one in results.cameras] if camera is None else [camera]
-        return [_of_camera(results, name) for name in chosen]
-    if camera is not None:
-        remedy = "leave the camera out"
-        raise RunFileError("results", "choose a camera", "results of a run", "those of a series", remedy)
-    series = results if isinstance(results, MeasuredSeries) else results.series
-    outcomes = [] if isinstance(results, MeasuredSeries) else results.outcomes
-    labels = [each.label for each in outcomes] or [image.label for image in series.images]
-    names = unique_names([stem_of(label) for label in labels], [Path(STRAIN_FILE).stem])
-    about = {"source": "", "command": "", "versions": versions()}
-    if isinstance(results, SeriesResult):
-        origin = results.provenance
-        about = {"source": results.source, "command": origin.command, "versions": origin.versions}
-    return [ExportSource("", series.images, names, [], about)]
+    return [_source_of(results, view) for view in require_camera(results.views, camera, "results")]
 
 
-def _of_camera(result: RunResult, camera: str) -> ExportSource:
-    series = result.series(camera)
-    steps = next(one.steps for one in result.cameras if one.camera == camera)
-    names = [f"{camera}_{step.kind}_{step.index}" for step in steps]
-    known = [vars(step) | {"camera": camera, "step": f"{step.kind} {step.index}"} for step in steps]
-    origin = result.provenance
+def _source_of(results: Loaded, view: CameraView) -> ExportSource:
+    images, origin = view.series.images, getattr(results, "provenance", None)
     about = {
-        "source": result.file or result.source,
+        "source": results.result_file,
         "command": "" if origin is None else origin.command,
         "versions": versions() if origin is None else origin.versions,
-        "camera": camera,
     }
-    return ExportSource(camera, series.images, names, known, about)
+    if view.camera:
+        names = [f"{view.camera}_{step.kind}_{step.index}" for step in view.steps]
+        known = [view.known(k) for k in range(len(view.steps))]
+        return ExportSource(view.camera, images, names, known, about | {"camera": view.camera})
+    outcomes = getattr(results, "outcomes", ())
+    labels = [each.label for each in outcomes] or [image.label for image in images]
+    names = unique_names([stem_of(label) for label in labels], [Path(STRAIN_FILE).stem])
+    return ExportSource("", images, names, [], about)
 
 
 @dataclass(frozen=True)
@@ -253,9 +234,7 @@ class _Work:
         return exporter_of(name)(folder, series)
 
 
-def _export(
-    results: MeasuredSeries | SeriesResult | RunResult, choice: _Choice, on_image: Callable[[int], None]
-) -> Export:
+def _export(results: Loaded, choice: _Choice, on_image: Callable[[int], None]) -> Export:
     folders = choice.folders
     export, rows = Export(folders), list[Mapping[str, Any]]()
     sources = sources_of(results, choice.camera)

@@ -1,18 +1,16 @@
 """Results as a table of pandas or a dataset of xarray, for users of Python."""
 
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.derived.export import ExportSource, Results, sources_of
+from dic.derived.export import ExportSource, sources_of
 from dic.errors import OutputError, RunFileError
 from dic.exports.image import FIXED, ExportImage, long_name, unit_of, units
-from dic.pipeline.measured_images import MeasuredSeries
-from dic.pipeline.result import RunResult, SeriesResult
-from dic.pipeline.result_file import use_results
+from dic.pipeline.measured_images import only_camera
+from dic.pipeline.result_file import Loaded, Results, with_results
 
 if TYPE_CHECKING:
     import pandas
@@ -116,21 +114,17 @@ _Found = list[tuple[ExportSource, ExportImage]]
 def _images(results: Results, camera: str | None, *, raw_strain: bool, of_one_camera: bool = False) -> _Found:
     """Return all images that could be measured, with the series to which each belongs."""
 
-    def collect(loaded: MeasuredSeries | SeriesResult | RunResult) -> _Found:
+    def collect(loaded: Loaded) -> _Found:
+        if of_one_camera:
+            only_camera(loaded.views, camera, "results")
         sources = sources_of(loaded, camera)
-        if of_one_camera and len(sources) > 1:
-            names = [source.camera for source in sources]
-            expected, remedy = f"one of {', '.join(names)}", f"give camera={names[0]!r}"
-            raise RunFileError("results", "choose a camera", expected, "none", remedy)
         found = [(source, image) for source in sources for image in source.exported(raw_strain=raw_strain)]
         if not found:
             remedy = "measure the images again"
             raise RunFileError("results", "read images", "at least one that was measured", "none", remedy)
         return found
 
-    if isinstance(results, str | Path):
-        return use_results(results, collect, local_strain=True)
-    return collect(results)
+    return with_results(results, collect, local_strain=True)
 
 
 def _masked(image: ExportImage, name: str, shape: tuple[int, ...]) -> NDArray[Any]:

@@ -2,28 +2,27 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from dic.calibration.calibration import Calibration
-from dic.errors import GaugeError, RunFileError, require_kind
+from dic.errors import GaugeError, RunFileError
 from dic.files.reading import opened
 from dic.files.writing import write_figure
 from dic.gauges.declared import Gauge
 from dic.gauges.picture import draw_gauges
 from dic.gauges.placed import PlacedGauges
 from dic.gauges.series import GaugeImage, GaugeSeries
-from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
-from dic.pipeline.result import RunResult, SeriesResult
-from dic.pipeline.result_file import use_results
+from dic.pipeline.measured_images import CameraView, MeasuredImage, require_camera
+from dic.pipeline.result import SeriesResult
+from dic.pipeline.result_file import Loaded, Results, with_results
 from dic.pipeline.series_image import of_page
 from dic.results.job import Outcome, content_of
 from dic.typing import PathLike
 
 _DPI = 130
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
-
-Results = PathLike | MeasuredSeries | SeriesResult | RunResult
 
 
 class GaugeReader:
@@ -85,24 +84,19 @@ def measure_gauges(results: Results, gauges: Sequence[Gauge], *, camera: str | N
     RunFileError
         If the result file cannot be read.
     """
-    if isinstance(results, str | Path):
-        found = use_results(results, lambda loaded: measure_gauges(loaded, gauges, camera=camera))
-        return replace(found, source=str(results))
-    kinds = MeasuredSeries | SeriesResult | RunResult
-    require_kind("results", results, kinds, "give a result file, or dic.measure_images(…)")
-    gauges = tuple(gauges)
-    if not isinstance(results, RunResult) and camera is not None:
-        remedy = "leave the camera out"
-        raise GaugeError("results", "choose a camera", "results of a run", "those of a series", remedy)
+    found = with_results(results, partial(_read_all, gauges=tuple(gauges), camera=camera))
+    return replace(found, source=str(results)) if isinstance(results, str | Path) else found
+
+
+def _read_all(results: Loaded, gauges: Sequence[Gauge], camera: str | None) -> GaugeSeries:
     images = tuple(_images(results, gauges, camera))
-    source = "" if isinstance(results, MeasuredSeries) else results.source
-    in_order = not isinstance(results, SeriesResult) or bool(results.outcomes)
-    run = results.info if isinstance(results, RunResult) else None
-    found = GaugeSeries(source, gauges, images, in_order, run)
-    if isinstance(results, SeriesResult):
-        reference = results.provenance.inputs.get(results.reference_name, "")
-        return replace(found, reference_digest=reference, contents=_contents(images, results.outcomes))
-    return found
+    source, run = getattr(results, "source", ""), getattr(results, "info", None)
+    outcomes: Sequence[Outcome] | None = getattr(results, "outcomes", None)
+    found = GaugeSeries(source, tuple(gauges), images, outcomes is None or bool(outcomes), run)
+    if not isinstance(results, SeriesResult):
+        return found
+    reference = results.provenance.inputs.get(results.reference_name, "")
+    return replace(found, reference_digest=reference, contents=_contents(images, results.outcomes))
 
 
 def write_gauge_picture(
@@ -124,18 +118,19 @@ def write_gauge_picture(
     OSError
         If the picture cannot be written.
     """
-    if isinstance(results, str | Path):
-        use_results(results, lambda loaded: write_gauge_picture(loaded, gauges, path, camera=camera))
-        return
-    _, series, reader, _ = next(reader_of(results, tuple(gauges), camera))
-    for image in series.images:
+    with_results(results, partial(_draw, gauges=tuple(gauges), path=path, camera=camera))
+
+
+def _draw(results: Loaded, gauges: Sequence[Gauge], path: PathLike, camera: str | None) -> None:
+    view, reader = next(reader_of(results, gauges, camera))
+    for image in view.series.images:
         if image.measurement is not None:
             reader.read(image)
             break
     if reader.placed is None or image.measurement is None:
         remedy = "measure at least one image"
         raise GaugeError("gauges", "draw", "an image that could be measured", "none", remedy)
-    write_figure(draw_gauges(reader.placed, image.measurement, series.reference), path, _DPI)
+    write_figure(draw_gauges(reader.placed, image.measurement, view.series.reference), path, _DPI)
 
 
 def is_results(path: PathLike) -> bool:
@@ -154,34 +149,28 @@ def is_results(path: PathLike) -> bool:
         raise RunFileError(str(path), "read", "a table or a result file", got, remedy) from error
 
 
+_KNOWN = ("camera", "step", "load_n", "displacement_mm", "angle_deg", "time_s")
+
+
 def reader_of(
-    results: MeasuredSeries | SeriesResult | RunResult, gauges: Sequence[Gauge], camera: str | None
-) -> Iterator[tuple[str, MeasuredSeries, GaugeReader, list[dict[str, Any]]]]:
-    """Yield for each camera its name, its series, a gauge reader, and the known values of each image."""
-    if isinstance(results, MeasuredSeries):
-        yield "", results, GaugeReader(gauges, None, results.reference.shape), []
-    elif isinstance(results, SeriesResult):
-        series = results.series
-        yield "", series, GaugeReader(gauges, results.calibration, series.reference.shape), []
-    else:
-        for name in _cameras(results, gauges, camera):
-            series = results.series(name)
-            found = next(one for one in results.cameras if one.camera == name)
-            known = [
-                {"camera": name, "step": f"{step.kind} {step.index}"}
-                | {key: getattr(step, key) for key in ("load_n", "displacement_mm", "angle_deg", "time_s")}
-                for step in found.steps
-            ]
-            yield name, series, GaugeReader(gauges, found.calibration, series.reference.shape), known
+    results: Loaded, gauges: Sequence[Gauge], camera: str | None
+) -> Iterator[tuple[CameraView, GaugeReader]]:
+    """Yield the results of each camera, and a reader of the gauges in its images."""
+    views = results.views
+    if camera is not None and not views[0].camera:
+        remedy = "leave the camera out"
+        raise GaugeError("results", "choose a camera", "results of a run", "those of a series", remedy)
+    if camera is None:
+        _require_one_in_px(views, gauges)
+    for view in require_camera(views, camera, getattr(results, "source", "")):
+        yield view, GaugeReader(gauges, view.calibration, view.series.reference.shape)
 
 
-def _images(
-    results: MeasuredSeries | SeriesResult | RunResult, gauges: Sequence[Gauge], camera: str | None
-) -> Iterator[GaugeImage]:
-    for name, series, reader, known in reader_of(results, gauges, camera):
-        for k, image in enumerate(series.images):
-            about = known[k] if k < len(known) else ({"camera": name} if name else {})
-            yield reader.read(image, **about)
+def _images(results: Loaded, gauges: Sequence[Gauge], camera: str | None) -> Iterator[GaugeImage]:
+    for view, reader in reader_of(results, gauges, camera):
+        for k, image in enumerate(view.series.images):
+            known = view.known(k) if view.camera else {}
+            yield reader.read(image, **{name: known[name] for name in _KNOWN if name in known})
 
 
 def _contents(images: Sequence[GaugeImage], outcomes: Sequence[Outcome]) -> tuple[str, ...]:
@@ -197,12 +186,9 @@ def _contents(images: Sequence[GaugeImage], outcomes: Sequence[Outcome]) -> tupl
     )
 
 
-def _cameras(result: RunResult, gauges: Sequence[Gauge], camera: str | None) -> list[str]:
-    names = [one.camera for one in result.cameras]
-    if camera is not None:
-        result.series(camera)
-        return [camera]
-    in_px = [gauge.name for gauge in gauges if gauge.unit == "px"]
+def _require_one_in_px(views: Sequence[CameraView], gauges: Sequence[Gauge]) -> None:
+    """Raise an error if there are several cameras and a gauge in pixels, which belongs to one of them."""
+    names, in_px = [view.camera for view in views], [gauge.name for gauge in gauges if gauge.unit == "px"]
     if len(names) > 1 and in_px:
         raise GaugeError(
             f"gauge {in_px[0]!r}",
@@ -211,4 +197,3 @@ def _cameras(result: RunResult, gauges: Sequence[Gauge], camera: str | None) -> 
             "none",
             f'give --camera {names[0]}, or declare the gauges in millimetres with unit = "mm"',
         )
-    return names

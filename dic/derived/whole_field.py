@@ -1,14 +1,10 @@
 """Gauges over the whole measured field, for a test without declared gauges."""
 
-from pathlib import Path
-
 import numpy as np
 
-from dic.derived.gauge_series import Results
 from dic.errors import GaugeError
 from dic.gauges.declared import StrainGauge
-from dic.pipeline.result import RunResult, SeriesResult
-from dic.pipeline.result_file import use_results
+from dic.pipeline.result_file import Loaded, Results, with_results
 from dic.strain.measurement import Measurement
 from dic.typing import Float
 
@@ -33,16 +29,17 @@ def whole_field_gauges(results: Results) -> tuple[StrainGauge, StrainGauge]:
     RunFileError
         If the result file cannot be read.
     """
-    if isinstance(results, str | Path):
-        return use_results(results, whole_field_gauges)
-    if isinstance(results, RunResult):
-        unit = "mm"
-        boxes = [_box_mm(camera.measurements[0]) for camera in results.cameras if camera.measurements]
-    else:
-        unit = "px"
-        series = results.series if isinstance(results, SeriesResult) else results
-        found = next((image.measurement for image in series.images if image.measurement is not None), None)
-        boxes = [] if found is None else [_box_px(found)]
+    return with_results(results, _gauges_over)
+
+
+def _gauges_over(results: Loaded) -> tuple[StrainGauge, StrainGauge]:
+    views = results.views
+    unit, box = ("mm", _box_mm) if views[0].camera else ("px", _box_px)
+    first = (
+        next((image.measurement for image in view.series.images if image.measurement is not None), None)
+        for view in views
+    )
+    boxes = [box(measurement) for measurement in first if measurement is not None]
     low = np.max([box[0] for box in boxes], axis=0) if boxes else np.zeros(2)
     high = np.min([box[1] for box in boxes], axis=0) if boxes else np.zeros(2)
     if not (high > low).all():

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from dic.image.stored import StoredImage
 from dic.image.threads import bands_of, in_parallel
 
-ORDERS = (3, 5)
 MARGIN = 3
 """Number of coefficients beyond each image edge, which is the number that the quintic spline needs."""
 
@@ -214,8 +213,8 @@ def _slopes(order: int) -> NDArray[np.float64]:
 @cache
 def _inverse_filter(order: int) -> NDArray[np.float64]:
     """Return the impulse response of the filter that computes B-spline coefficients from grey levels."""
-    if order not in ORDERS:
-        raise ValueError(f"spline order: expected one of {ORDERS}, got {order}")
+    if order not in (3, 5):
+        raise ValueError(f"spline order: expected 3 or 5, got {order}")
     length = 512
     samples = _samples(order)
     ring = np.zeros(length)

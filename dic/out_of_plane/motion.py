@@ -1,12 +1,33 @@
 """The assumed motion of a specimen, used to correct calibrated strain for out-of-plane motion."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dic.errors import CorrelationError, require_all
-from dic.out_of_plane.alignment import Alignment
-from dic.out_of_plane.shift import FARTHEST_MM, HINGE_STD_UM, SHIFT_STD_UM, Shift
 from dic.settings import Number, Pair, one_of, place_of, setting, settings_class
+
+if TYPE_CHECKING:
+    from dic.out_of_plane.alignment import Alignment
+    from dic.out_of_plane.shift import Shift
+else:
+    # The options of commands are made from this class, and NumPy would delay their help.
+    Alignment = Any
+
+SHIFT_STD_UM = 30.0
+"""Default standard deviation of the specimen's shift towards the camera since the reference, µm.
+
+One camera cannot see the shift. Grips and load trains move specimens by tens of micrometres.
+"""
+
+HINGE_STD_UM = 5.0
+"""Default standard deviation of the shift that a tilt about a known hinge does not explain, µm.
+
+The play of a loaded pin is a few micrometres. If the position of the hinge is wrong by 2 mm, the computed
+shift for a tilt of 0.1° is wrong by 3.5 µm.
+"""
+
+FARTHEST_MM = 1e4
+"""Largest distance of the hinge from the grid's centre."""
 
 MOTIONS = ("free", "rigid", "tension")
 """Kinds of motion: unknown motion, rotation without strain, and uniform tension with some bending."""
@@ -86,8 +107,10 @@ class Motion:
         require_all(CorrelationError, "settings", checks)
 
     @property
-    def shift(self) -> Shift:
+    def shift(self) -> "Shift":
         """Knowledge about the specimen's shift towards the camera."""
+        from dic.out_of_plane.shift import Shift
+
         return Shift.of(self.shift_std_um, self.tilt_axis_mm)
 
     def as_dict(self) -> dict[str, Any]:
@@ -97,6 +120,8 @@ class Motion:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> "Motion":
         """Return the motion from the values that `as_dict` returned."""
+        from dic.out_of_plane.alignment import Alignment
+
         alignment, hinge_mm = values["alignment"], values["tilt_axis_mm"]
         return cls(
             values["kind"],

@@ -3,13 +3,19 @@
 import json
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import field, replace
+from typing import TYPE_CHECKING, Any
 
 from dic.errors import CorrelationError
-from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.motion import POISSON_RATIO, SHIFT_STD, TILT_AXIS, Motion
-from dic.out_of_plane.shift import Shift
-from dic.runfile.mounting import RunMounting
 from dic.settings import Number, Pair, setting, settings_class
+
+if TYPE_CHECKING:
+    from dic.out_of_plane.alignment import Alignment
+    from dic.out_of_plane.shift import Shift
+    from dic.runfile.mounting import RunMounting
+else:
+    # The options of commands are made from these classes, and NumPy would delay their help.
+    Alignment = Any
 
 
 @settings_class(CorrelationError)
@@ -41,11 +47,13 @@ class CorrectionSettings:
     tilt_axis_mm: Pair | None = TILT_AXIS
 
     @property
-    def shift(self) -> Shift:
+    def shift(self) -> "Shift":
         """The assumed uncertainty of the specimen's shift towards the camera."""
+        from dic.out_of_plane.shift import Shift
+
         return Shift.of(self.shift_std_um, self.tilt_axis_mm)
 
-    def completed(self, mounting: RunMounting) -> "CorrectionSettings":
+    def completed(self, mounting: "RunMounting") -> "CorrectionSettings":
         """Return the settings; a setting that is not given has the value that the run file declares."""
         shift_std_um = mounting.shift_std_um if self.shift_std_um is None else self.shift_std_um
         hinge_mm = mounting.tilt_axis_mm if self.tilt_axis_mm is None else self.tilt_axis_mm
@@ -93,6 +101,8 @@ class CorrectionSettings:
     @classmethod
     def from_text(cls, text: str) -> "CorrectionSettings":
         """Return the settings from the JSON text that `as_text` returned; older texts have no hinge."""
+        from dic.out_of_plane.alignment import Alignment
+
         content = json.loads(text)
         alignments = {name: Alignment.from_lists(lists) for name, lists in content["alignments"].items()}
         hinge_mm = content.get("tilt_axis_mm")

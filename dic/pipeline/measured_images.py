@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from dic.errors import CorrelationError
+from dic.calibration.calibration import Calibration
+from dic.errors import CorrelationError, RunFileError
 from dic.image.times import ImageTime
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import Correction
 from dic.out_of_plane.diagnosis import Sensitivity
+from dic.runfile.reader import RunStep
 from dic.strain.measurement import Measurement
 from dic.strain.strain import MeanStrain, StrainField
 from dic.typing import Grey
@@ -125,3 +127,76 @@ class MeasuredSeries:
     def failures(self) -> tuple[str, ...]:
         """One sentence for each image that could not be measured."""
         return tuple(image.failure for image in self.images if image.failure is not None)
+
+    @property
+    def result_file(self) -> str:
+        """Path of the result file: "", because there is none."""
+        return ""
+
+    @property
+    def views(self) -> "list[CameraView]":
+        """The only camera, as in a result file."""
+        return [CameraView("", self)]
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """The results of one camera: what tables, pictures and gauges need to know of it.
+
+    Attributes
+    ----------
+    camera : str
+        Name of the camera; "" for a series of image files.
+    series : MeasuredSeries
+    calibration : Calibration or None
+    steps : sequence of RunStep
+        The steps of the images that could be measured, which are the first ones; empty for a series of image
+        files.
+    """
+
+    camera: str
+    series: MeasuredSeries
+    calibration: Calibration | None = None
+    steps: Sequence[RunStep] = ()
+
+    def known(self, place: int) -> dict[str, Any]:
+        """Return what is known of an image: camera, step and readings, or the time of its file."""
+        if not self.camera:
+            return self.series.images[place].time.as_dict()
+        if place >= len(self.steps):
+            return {"camera": self.camera}
+        step = self.steps[place]
+        return vars(step) | {"camera": self.camera, "step": f"{step.kind} {step.index}"}
+
+
+def require_camera(views: Sequence[CameraView], camera: str | None, source: str) -> list[CameraView]:
+    """Return the view of the named camera, or all views without a name.
+
+    Raises
+    ------
+    RunFileError
+        If there is no such camera.
+    """
+    names = [view.camera for view in views]
+    if camera is None or camera in names:
+        return [view for view in views if camera in (None, view.camera)]
+    if names == [""]:
+        expected, got, remedy = "results of a run", "those of a series", "leave the camera out"
+        raise RunFileError(source, "choose a camera", expected, got, remedy)
+    raise RunFileError(source, "choose a camera", " or ".join(names), str(camera), f"give {names[0]}")
+
+
+def only_camera(views: Sequence[CameraView], camera: str | None, source: str) -> CameraView:
+    """Return the view of the named camera, or the only view.
+
+    Raises
+    ------
+    RunFileError
+        If there is no such camera, or if there are several and no name.
+    """
+    chosen = require_camera(views, camera, source)
+    if len(chosen) != 1:
+        names = [view.camera for view in chosen]
+        expected, remedy = f"one of {', '.join(names)}", f"give --camera {names[0]}"
+        raise RunFileError(source, "choose a camera", expected, "none", remedy)
+    return chosen[0]

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import RunFileError
 from dic.files.lazy import Computed
 from dic.out_of_plane.diagnosis import Sensitivity
-from dic.pipeline.correction_settings import CorrectionSettings
-from dic.pipeline.corrections import RunCorrections
-from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
+from dic.pipeline.correction_settings import CorrectionSettings, motion_of
+from dic.pipeline.corrections import Corrector, RunCorrections
+from dic.pipeline.measured_images import CameraView, MeasuredImage, MeasuredSeries, require_camera
 from dic.results.fields import StoredFields
 from dic.results.finished import FinishedImage
 from dic.results.job import Outcome
@@ -115,6 +114,16 @@ class SeriesResult:
         return self.series.images
 
     @property
+    def result_file(self) -> str:
+        """Path of the result file."""
+        return self.source
+
+    @property
+    def views(self) -> list[CameraView]:
+        """The results of the only camera."""
+        return [CameraView("", self.series, self.calibration)]
+
+    @property
     def cameras(self) -> list[CameraResult]:
         """The only camera, in a list as that of a run."""
         return [self.camera]
@@ -198,11 +207,24 @@ class RunResult:
         RunFileError
             If the run has no such camera.
         """
-        cameras = {found.camera: found for found in self.cameras}
-        if camera not in cameras:
-            expected, remedy = " or ".join(cameras), f"give {next(iter(cameras), 'a camera of the run')}"
-            raise RunFileError(self.source, "choose a camera", expected, str(camera), remedy)
-        found, steps = cameras[camera], len(cameras[camera].steps)
+        (view,) = require_camera(self.views, camera, self.source)
+        return view.series
+
+    @property
+    def result_file(self) -> str:
+        """Path of the result file; that of the run file if there is none."""
+        return self.file or self.source
+
+    @property
+    def views(self) -> list[CameraView]:
+        """The results of all cameras; each step has its best correction."""
+        return [
+            CameraView(found.camera, self._series(found), found.calibration, found.steps)
+            for found in self.cameras
+        ]
+
+    def _series(self, found: CameraResult) -> MeasuredSeries:
+        camera, steps = found.camera, len(found.steps)
 
         def image(k: int) -> MeasuredImage:
             if k >= steps:
@@ -227,3 +249,19 @@ def measured_steps(cameras: Sequence[CameraResult]) -> Iterator[tuple[RunStep, d
     places = {c.camera: {step.index: place for place, step in enumerate(c.steps)} for c in cameras}
     for index, step in sorted(steps.items()):
         yield step, {name: own[index] for name, own in places.items() if index in own}
+
+
+def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -> RunCorrections:
+    """Correct the strains of all measurements of a run for out-of-plane motion."""
+    kind = motion_of({step.kind for camera in cameras for step in camera.steps})
+    motions = {camera.camera: settings.motion(kind, camera.camera) for camera in cameras}
+    corrector = Corrector.of(cameras, motions)
+    for camera in cameras:
+        corrector.solve(camera.camera, camera.measurements)
+    own = {camera.camera: camera.measurements for camera in cameras}
+    steps = []
+    for number, (step, places) in enumerate(measured_steps(cameras)):
+        measured = {name: own[name][place] for name, place in places.items()}
+        images = {name: MeasuredImage(each.label, each) for name, each in measured.items()}
+        steps.append(corrector.corrected(number, step, images, places))
+    return corrector.corrections(steps)

@@ -15,17 +15,17 @@ import h5py
 
 from dic.calibration.file import read_calibration
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import RunFileError
+from dic.errors import RunFileError, require_kind
 from dic.files.lazy import Computed, ComputedMapping
 from dic.hdf5.open import NotReadable, open_hdf5
 from dic.image.memory import give_back_memory
 from dic.image.times import ImageTime
 from dic.out_of_plane.correct import Corrections
 from dic.out_of_plane.correction import Correction
-from dic.pipeline.correction_settings import CorrectionSettings, motion_of
-from dic.pipeline.corrections import Corrector, JointCorrections, RunCorrections
+from dic.pipeline.correction_settings import CorrectionSettings
+from dic.pipeline.corrections import JointCorrections, RunCorrections
 from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
-from dic.pipeline.result import CameraResult, RunResult, SeriesResult, measured_steps, sensitivity_of
+from dic.pipeline.result import CameraResult, RunResult, SeriesResult, correct_run, sensitivity_of
 from dic.pipeline.result_writer import steps_of
 from dic.results.alignment import read_alignment
 from dic.results.fields import NOT_SMOOTHED, StoredFields, plain, read_reference
@@ -41,6 +41,9 @@ from dic.typing import PathLike
 
 _SERIES, _CAMERAS = Layout.of("").place, "cameras"
 AnyResult = SeriesResult | RunResult
+Loaded = MeasuredSeries | SeriesResult | RunResult
+Results = PathLike | Loaded
+"""A result file, or the results that were measured or read from a file."""
 
 
 def load_run_result(path: PathLike) -> RunResult:
@@ -116,6 +119,24 @@ def use_results(path: PathLike, use: Callable[[AnyResult], Result], *, local_str
     return use_result(path, lambda file: use(read(path, file, local_strain=local_strain)), refusal)
 
 
+def with_results(results: Results, use: Callable[[Loaded], Result], *, local_strain: bool = False) -> Result:
+    """Call `use` with results; those of a file are read, and the file is closed afterwards.
+
+    Without `local_strain`, the local strains of a file are not read, and must not be used.
+
+    Raises
+    ------
+    CorrelationError
+        If the argument is neither a path nor results.
+    RunFileError
+        As for `use_results`.
+    """
+    if isinstance(results, str | Path):
+        return use_results(results, use, local_strain=local_strain)
+    require_kind("results", results, Loaded, "give a result file, or dic.load_series_result(path)")
+    return use(results)
+
+
 def load_results(path: PathLike) -> AnyResult:
     """Read a result file of `dic correlate` or of `dic process`.
 
@@ -166,12 +187,7 @@ def require_fields(result: AnyResult) -> None:
             deque(camera.finished_images, maxlen=0)
     except Exception as error:
         got = f"a result file that lacks some of its data ({type(error).__name__})"
-        raise _refusal("correlate` or `dic process", Path(file_of(result)), got) from error
-
-
-def file_of(result: AnyResult) -> str:
-    """Return the path of a result file."""
-    return result.file if isinstance(result, RunResult) else result.source
+        raise _refusal("correlate` or `dic process", Path(result.result_file), got) from error
 
 
 def is_series_result(path: PathLike) -> bool:
@@ -198,22 +214,6 @@ def is_series_result(path: PathLike) -> bool:
             got, remedy = "a run file", f"measure it with `dic process {path}`"
     expected = "a result file of `dic correlate -o` or `dic process`"
     raise RunFileError(str(path), "read results", expected, got, remedy)
-
-
-def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -> RunCorrections:
-    """Correct the strains of all measurements of a run for out-of-plane motion."""
-    kind = motion_of({step.kind for camera in cameras for step in camera.steps})
-    motions = {camera.camera: settings.motion(kind, camera.camera) for camera in cameras}
-    corrector = Corrector.of(cameras, motions)
-    for camera in cameras:
-        corrector.solve(camera.camera, camera.measurements)
-    own = {camera.camera: camera.measurements for camera in cameras}
-    steps = []
-    for number, (step, places) in enumerate(measured_steps(cameras)):
-        measured = {name: own[name][place] for name, place in places.items()}
-        images = {name: MeasuredImage(each.label, each) for name, each in measured.items()}
-        steps.append(corrector.corrected(number, step, images, places))
-    return corrector.corrections(steps)
 
 
 def _read_run(path: Path, file: h5py.File, *, local_strain: bool = True) -> RunResult:

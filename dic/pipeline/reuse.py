@@ -9,7 +9,7 @@ from typing import Any
 
 from dic.errors import OutputError, RunFileError
 from dic.pipeline.result import RunResult, SeriesResult
-from dic.pipeline.result_file import file_of, load_fields, load_results, require_fields
+from dic.pipeline.result_file import load_fields, load_results, require_fields
 from dic.results.finished import FinishedImage
 from dic.results.job import Job, Outcome
 from dic.results.loading import use_result
@@ -147,7 +147,7 @@ def _used(found: SeriesResult | RunResult, wanted: Outcomes, place: ResultPlace,
         [each.label for each in camera.outcomes] == [each.label for each in wanted[camera.camera]]
         for camera in found.cameras
     )
-    name, known = file_of(found), used == count
+    name, known = found.result_file, used == count
     if at_place and found.finished and known and named and strains == job.strains:
         return Earlier(known=True, same=load_results(place.path), note=f"{name}: {SAME}")
     if at_place and found.finished and (known or strains != job.strains):
@@ -164,7 +164,7 @@ def _used(found: SeriesResult | RunResult, wanted: Outcomes, place: ResultPlace,
 
 
 def _is_at(found: SeriesResult | RunResult, path: Path) -> bool:
-    return Path(file_of(found)) == path
+    return Path(found.result_file) == path
 
 
 def _of_other_fields(file: Path, different: Sequence[str]) -> RunFileError:

@@ -1,8 +1,7 @@
 """The user's data on a tensile test that its record does not contain: area, uncertainties, choices."""
 
+from math import hypot, inf
 from typing import Any
-
-import numpy as np
 
 from dic.errors import CurveError
 from dic.settings import Number, Numbers, Pair, setting, settings_class
@@ -61,7 +60,7 @@ class PropertySettings:
         expected="a lower and a higher stress in MPa",
         remedy="give the lower and the upper stress, such as 40 160",
         metavar="LOW HIGH",
-        check=lambda window: window is None or -1.0 < window[0] < window[1] < np.inf,
+        check=lambda window: window is None or -1.0 < window[0] < window[1] < inf,
     )
     hardening_percent: Pair = setting(
         "range of hardening",
@@ -77,7 +76,7 @@ class PropertySettings:
     def stress_share(self) -> float:
         """Standard deviation of the relative error that is common to all stresses."""
         load = (self.load_std_percent or 0.0) / 100.0
-        return float(np.hypot(load, (self.area_std_mm2 or 0.0) / self.area_mm2))
+        return hypot(load, (self.area_std_mm2 or 0.0) / self.area_mm2)
 
     @property
     def strain_share(self) -> float:

@@ -3,13 +3,28 @@
 A new measure is a module with a `MEASURE`, and its name in `_MODULES`.
 """
 
+from collections.abc import Iterator, Mapping
 from importlib import import_module
+from typing import TYPE_CHECKING
 
-from dic.strain.measures.measure import Measure
+if TYPE_CHECKING:
+    from dic.strain.measures.measure import Measure
 
-_MODULES = ("green_lagrange", "small", "hencky")
+_MODULES = {"green-lagrange": "green_lagrange", "small": "small", "hencky": "hencky"}
 
-MEASURES: dict[str, Measure] = {
-    found.name: found for found in (import_module(f"{__name__}.{module}").MEASURE for module in _MODULES)
-}
-"""Each strain measure by its name."""
+
+class _Measures(Mapping[str, "Measure"]):
+    """Each strain measure by its name; its module is imported when the measure is used."""
+
+    def __getitem__(self, name: str) -> "Measure":
+        found: Measure = import_module(f"{__name__}.{_MODULES[name]}").MEASURE
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_MODULES)
+
+    def __len__(self) -> int:
+        return len(_MODULES)
+
+
+MEASURES = _Measures()

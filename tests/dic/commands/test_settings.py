@@ -78,6 +78,6 @@ def test_all_mistakes_of_a_file_are_reported_together(images, tmp_path):
         assert part in said
     assert "no such file" in refusal("process", "run.h5", "--settings", tmp_path / "none.toml")
     file.write_text("[correlation]\nsubset_px = 20\n")
-    assert "subset: expected an odd number" in refusal("correlate", images, "--settings", file)
+    assert "correlation.subset_px: expected an odd number" in refusal("correlate", images, "--settings", file)
     file.write_text("[correlation")
     assert "a file that cannot be read (" in refusal("correlate", images, "--settings", file)

@@ -6,8 +6,7 @@ import numpy as np
 
 from dic.out_of_plane.correction import stated
 from dic.pipeline.correction_settings import CorrectionSettings
-from dic.pipeline.result import CameraResult, RunResult
-from dic.pipeline.result_file import correct_run
+from dic.pipeline.result import CameraResult, RunResult, correct_run
 from dic.runfile.reader import RunStep
 from simulators.scene.optics import PinholeCamera
 from tests.dic.out_of_plane.exact_views import State, View

@@ -6,8 +6,7 @@ import pytest
 from dic.errors import CorrelationError
 from dic.out_of_plane.alignment import Alignment
 from dic.pipeline.correction_settings import CorrectionSettings
-from dic.pipeline.result import CameraResult
-from dic.pipeline.result_file import correct_run
+from dic.pipeline.result import CameraResult, correct_run
 from dic.runfile.reader import RunStep
 from simulators.scene.optics import PinholeCamera
 from tests.dic.out_of_plane.exact_views import State, View

@@ -18,8 +18,8 @@ from dic.errors import RunFileError
 from dic.pictures.panels import maps_of
 from dic.pictures.settings import MapSettings
 from dic.pipeline.correction_settings import CorrectionSettings
-from dic.pipeline.result import CameraResult, RunResult
-from dic.pipeline.result_file import correct_run, load_run_result
+from dic.pipeline.result import CameraResult, RunResult, correct_run
+from dic.pipeline.result_file import load_run_result
 from dic.pipeline.result_writer import save_run_result
 from dic.runfile.reader import RunStep
 from dic.strain.strain import STRAIN_KEYS

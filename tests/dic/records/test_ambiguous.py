@@ -118,8 +118,8 @@ def test_values_that_contradict_are_refused():
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"offsets_percent": 0.1}, "offsets: expected plastic strains"),
-        ({"offsets_percent": ()}, "offsets: expected plastic strains"),
+        ({"offsets_percent": 0.1}, "offset: expected plastic strains"),
+        ({"offsets_percent": ()}, "offset: expected plastic strains"),
         ({"window_mpa": ("a", "b")}, "window: expected a lower and a higher stress"),
         ({"hardening_percent": None}, "range of hardening: expected two strains"),
     ],

@@ -7,9 +7,6 @@ import pytest
 
 from benchmarks.choice import Choice, Wave, star_noise
 from benchmarks.speckle import Speckle, noisy
-from dic.commands.correlate import correlate
-from dic.commands.process import process
-from dic.commands.quality import quality
 from dic.correlation.settings import CorrelationSettings
 from dic.quality.quality import assess_quality
 from dic.specimen.find import find_specimen
@@ -32,24 +29,6 @@ def test_noise_times_resolution_squared_of_strain_is_small_at_defaults():
     assert resolution_px == pytest.approx(
         strain_resolution_px(choice.correlation, StrainSettings()), rel=0.05
     )
-
-
-@pytest.mark.parametrize("command", [correlate, process, quality])
-def test_commands_have_the_defaults_of_python(command):
-    correlation, strain = CorrelationSettings(), StrainSettings()
-    values = {
-        "subset": correlation.subset_px,
-        "step": correlation.step_px,
-        "shape": correlation.shape,
-        "smoothing": correlation.smoothing_px,
-        "strain_measure": strain.measure,
-        "strain_window": strain.window_points,
-        "strain_from": strain.source,
-    }
-    options = {option.name: option.default for option in command.params}
-    same = {name: value for name, value in values.items() if name in options}
-    assert {name: options[name] for name in same} == same
-    assert {"subset", "shape", "smoothing"} <= same.keys()
 
 
 def test_the_specimen_is_found_for_the_default_subset():
