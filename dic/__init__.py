@@ -84,8 +84,7 @@ if TYPE_CHECKING:
     from dic.pictures.contact_sheet import write_contact_sheet
     from dic.pictures.maps import write_maps
     from dic.pictures.panels import map_scale
-    from dic.pictures.plots import PlotSettings
-    from dic.pictures.settings import MapSettings
+    from dic.pictures.settings import MapSettings, PlotSettings
     from dic.pipeline.correction_settings import CorrectionSettings, SurfaceSettings
     from dic.pipeline.corrections import JointCorrections, RunCorrections, corrected_rotation
     from dic.pipeline.images import measure_images, measure_series
@@ -240,8 +239,7 @@ _NAMES_OF = {
     "dic.pictures.contact_sheet": ("write_contact_sheet",),
     "dic.pictures.maps": ("write_maps",),
     "dic.pictures.panels": ("map_scale",),
-    "dic.pictures.plots": ("PlotSettings",),
-    "dic.pictures.settings": ("MapSettings",),
+    "dic.pictures.settings": ("MapSettings", "PlotSettings"),
     "dic.derived.animation": ("Animation", "write_animation"),
     "dic.derived.compared": ("compare_results",),
     "dic.derived.export": ("Export", "export_results"),

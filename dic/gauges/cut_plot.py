@@ -15,7 +15,6 @@ from dic.pictures.contact_sheet import evenly_spaced, shortened
 from dic.pictures.plots import (
     BAND_TEXT,
     DASHES,
-    PlotSettings,
     draw_banded,
     legend_below,
     new_plot,
@@ -23,6 +22,7 @@ from dic.pictures.plots import (
     strain_unit,
     write_plot,
 )
+from dic.pictures.settings import PlotSettings
 from dic.typing import PathLike
 
 QUANTITIES = {

@@ -14,7 +14,6 @@ from dic.pictures.plots import (
     COLOURS,
     DASHES,
     MARKERS,
-    PlotSettings,
     draw_banded,
     legend_below,
     new_plot,
@@ -22,6 +21,7 @@ from dic.pictures.plots import (
     strain_unit,
     write_plot,
 )
+from dic.pictures.settings import PlotSettings
 from dic.typing import Float, PathLike
 
 AGAINST = {"image": "number of the image", "time": "time, s", "load": "load, {}"}

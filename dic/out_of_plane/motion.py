@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from dic.errors import CorrelationError, require_all
+from dic.out_of_plane.expected_shift import FARTHEST_MM, HINGE_STD_UM, SHIFT_STD_UM
 from dic.settings import Number, Pair, one_of, place_of, setting, settings_class
 
 if TYPE_CHECKING:
@@ -12,22 +13,6 @@ if TYPE_CHECKING:
 else:
     # The options of commands are made from this class, and NumPy would delay their help.
     Alignment = Any
-
-SHIFT_STD_UM = 30.0
-"""Default standard deviation of the specimen's shift towards the camera since the reference, µm.
-
-One camera cannot see the shift. Grips and load trains move specimens by tens of micrometres.
-"""
-
-HINGE_STD_UM = 5.0
-"""Default standard deviation of the shift that a tilt about a known hinge does not explain, µm.
-
-The play of a loaded pin is a few micrometres. If the position of the hinge is wrong by 2 mm, the computed
-shift for a tilt of 0.1° is wrong by 3.5 µm.
-"""
-
-FARTHEST_MM = 1e4
-"""Largest distance of the hinge from the grid's centre."""
 
 MOTIONS = ("free", "rigid", "tension")
 """Kinds of motion: unknown motion, rotation without strain, and uniform tension with some bending."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dic.out_of_plane.motion import HINGE_STD_UM, SHIFT_STD_UM
+from dic.out_of_plane.expected_shift import HINGE_STD_UM, SHIFT_STD_UM
 from dic.out_of_plane.plane import Plane
 from dic.typing import Float
 

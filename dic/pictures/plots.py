@@ -4,11 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from dic.errors import CorrelationError, require_all
 from dic.files.writing import write_figure
 from dic.pictures.layout import MM_PER_IN
-from dic.pictures.settings import dpi, pixels_check, require_format, width_mm
-from dic.settings import Number, setting, settings_class
+from dic.pictures.settings import PlotSettings, require_format
 from dic.typing import Float, PathLike
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
@@ -22,7 +20,6 @@ HALF_BAND = 1.959964
 """Half width of the 95 % interval of a normal distribution, in standard deviations."""
 BAND_TEXT = "band: 95 % interval (± 1.96 standard deviations)"
 
-_HEIGHTS_MM = (20.0, 2000.0)
 _MICRO_BELOW = 0.01
 """Strains are drawn in µε if all are below this bound, otherwise in %."""
 _RC: Any = {
@@ -45,26 +42,6 @@ _RC: Any = {
     "pdf.fonttype": 42,
     "svg.hashsalt": "offaxis",
 }
-
-
-@settings_class(CorrelationError)
-class PlotSettings:
-    """Size and resolution of a picture of lines; the height is that of one panel."""
-
-    width_mm: Number = width_mm(160.0, "plots")
-    height_mm: Number = setting(
-        "height of plots",
-        "Height of each panel on paper.",
-        default=100.0,
-        expected=f"{_HEIGHTS_MM[0]:g} to {_HEIGHTS_MM[1]:g} mm",
-        remedy="give 100",
-        ge=_HEIGHTS_MM[0],
-        le=_HEIGHTS_MM[1],
-    )
-    dpi: Number = dpi(200, "plots")
-
-    def __post_init__(self) -> None:
-        require_all(CorrelationError, "settings", [pixels_check("plots", self.width_mm, self.dpi)])
 
 
 def plot_style() -> Any:

@@ -32,7 +32,7 @@ ON = ("reference", "deformed")
 AXES = ("auto", "mm", "px", "off")
 SCALES = ("series", "image")
 KINDS = ("best", "corrected", "calibrated", "raw")
-_WIDTHS_MM = (20.0, 2000.0)
+_WIDTHS_MM = _HEIGHTS_MM = (20.0, 2000.0)
 _DPI = (20, 1200)
 _MOST_WIDTH_PX = 12_000
 """A wider picture takes gigabytes of memory while it is drawn."""
@@ -182,6 +182,26 @@ class MapSettings:
                 "none",
                 "give --calibration FILE, or --map-axes px",
             )
+
+
+@settings_class(CorrelationError)
+class PlotSettings:
+    """Size and resolution of a picture of lines; the height is that of one panel."""
+
+    width_mm: Number = width_mm(160.0, "plots")
+    height_mm: Number = setting(
+        "height of plots",
+        "Height of each panel on paper.",
+        default=100.0,
+        expected=f"{_HEIGHTS_MM[0]:g} to {_HEIGHTS_MM[1]:g} mm",
+        remedy="give 100",
+        ge=_HEIGHTS_MM[0],
+        le=_HEIGHTS_MM[1],
+    )
+    dpi: Number = dpi(200, "plots")
+
+    def __post_init__(self) -> None:
+        require_all(CorrelationError, "settings", [pixels_check("plots", self.width_mm, self.dpi)])
 
 
 def pixels_check(pictures: str, width_mm: float, dpi: float) -> Check:
