@@ -1,5 +1,8 @@
 """The measurement of a series of images, given as files, arrays or steps of a run."""
 
+# The types in the help of these functions are then as short as they are written here.
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator
 from operator import attrgetter
 from pathlib import Path
@@ -42,6 +45,10 @@ def measure_images(
     motion: Motion | str = "free",
 ) -> MeasuredSeries:
     """Measure displacement and strain in images relative to a reference image.
+
+    >>> series = dic.measure_images("reference.tif", "deformed/*.tif", calibration="calibration.h5")
+    >>> series.images[0].mean.exx
+    >>> series.images[0].strain.exx, series.images[0].strain.x_mm
 
     If an image cannot be measured, the function continues with the next image, and `failures` of the result
     lists this image. For series that do not fit into memory use `measure_series`.

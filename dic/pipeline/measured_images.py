@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from dic.calibration.calibration import Calibration
 from dic.errors import CorrelationError, RunFileError
 from dic.image.times import ImageTime
@@ -13,7 +15,7 @@ from dic.out_of_plane.diagnosis import Sensitivity
 from dic.runfile.reader import RunStep
 from dic.strain.measurement import Measurement
 from dic.strain.strain import MeanStrain, StrainField
-from dic.typing import Grey
+from dic.typing import Float, Grey, Indices
 
 
 @dataclass(frozen=True)
@@ -57,15 +59,24 @@ class MeasuredImage:
         return self._measured.mean if self._corrected is None else self._corrected.mean
 
     @property
-    def strain(self) -> StrainField:
-        """Local strain of the image: the corrected strain if it exists, else the calibrated or raw strain.
+    def strain(self) -> "PlacedStrain":
+        """Local strain of the image with the positions of the points.
+
+        The strain is the corrected strain if it exists, else the calibrated or raw strain.
 
         Raises
         ------
         CorrelationError
             If the image could not be measured.
         """
-        return self._measured.strain if self._corrected is None else self._corrected.strain
+        measured, corrected = self._measured, self._corrected
+        strain, displacement = measured.strain, measured.calibrated
+        if corrected is not None:
+            strain, displacement = corrected.strain, corrected.displacement
+        x_px, y_px = np.meshgrid(measured.field.x_px, measured.field.y_px)
+        place_mm = None if displacement is None else np.moveaxis(displacement.position, -1, 0)
+        x_mm, y_mm = (None, None) if place_mm is None else place_mm
+        return PlacedStrain(**vars(strain), x_px=x_px, y_px=y_px, x_mm=x_mm, y_mm=y_mm)
 
     def row(self) -> dict[str, Any]:
         """Return the results as a dict for `write_strain_table`; `docs/results.md` explains the values."""
@@ -86,6 +97,28 @@ class MeasuredImage:
         raise CorrelationError(
             self.label, "give strain", "an image that could be measured", f"{self.failure}", "mend that first"
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlacedStrain(StrainField):
+    """Local strain with the positions of the points in the reference.
+
+    Attributes
+    ----------
+    x_px, y_px : ndarray of int, shape (rows, columns)
+        Positions in the image: x to the right, y downwards.
+    x_mm, y_mm : ndarray, shape (rows, columns), or None
+        Positions in the grid's axes: X to the right, Y upwards; NaN where they are not known. None without a
+        calibration.
+    """
+
+    x_px: Indices
+    y_px: Indices
+    x_mm: Float | None = None
+    y_mm: Float | None = None
+
+    def __repr__(self) -> str:
+        return super().__repr__().replace("StrainField", type(self).__name__, 1)
 
 
 @dataclass(frozen=True)
