@@ -17,6 +17,7 @@ class RegionOptions:
 
     rois: tuple[str, ...] = option(
         "--roi",
+        common=True,
         multiple=True,
         metavar="CAMERA=FILE",
         help="Region to measure in a camera's images: mask image, white in the region, or region file: TOML,"

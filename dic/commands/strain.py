@@ -22,7 +22,9 @@ _FILE = click.Path(path_type=Path)
 class AnewOptions:
     """Options for calibration, plate, motion and corrections; None means the value in RESULTS."""
 
-    calibration_file: Path | None = option("--calibration", help="Calibration file, for a series of images.")
+    calibration_file: Path | None = option(
+        "--calibration", help="Calibration file, for a series of images.", common=True
+    )
     plate_mm: float | None = option(
         "--plate-mm", help="Distance of the surface behind the grid's lines, for a run."
     )
@@ -76,7 +78,7 @@ class AnewOptions:
 class OutputOptions:
     """Options that name the output files of `dic strain`."""
 
-    output: Path | None = option("-o", "--output", help="New result file, HDF5.")
+    output: Path | None = option("-o", "--output", help="New result file, HDF5.", common=True)
     csv_folder: Path | None = csv()
     decimal_comma: bool = comma()
     json_file: Path | None = json_file()
@@ -87,8 +89,14 @@ class OutputOptions:
 @click.argument("results", type=_FILE)
 @settings_option
 @strain_options
-@use("anew", AnewOptions)
-@use("assumed", Motion, title="Motion", only=("kind", "poisson_ratio", "shift_std_um", "tilt_axis_mm"))
+@use("anew", AnewOptions, title="Motion")
+@use(
+    "assumed",
+    Motion,
+    title="Motion",
+    only=("kind", "poisson_ratio", "shift_std_um", "tilt_axis_mm"),
+    common=("kind",),
+)
 @use("outputs", OutputOptions, needs=COMMA_NEEDS)
 def strain(
     results: Path,
