@@ -136,14 +136,15 @@ if TYPE_CHECKING:
     from dic.study.study import study_settings
     from dic.study.sweep import Sweep
     from dic.study.wave import Wave
-    from dic.targets.find import (
+    from dic.targets.find import find_target
+    from dic.targets.kinds import (
+        TARGETS,
         AsymmetricDotTarget,
         CharucoTarget,
         CheckerboardTarget,
         DotTarget,
         LineGridTarget,
         Target,
-        find_target,
     )
     from dic.targets.points import GridPoints
     from dic.targets.sheet.draw import draw_target
@@ -153,8 +154,8 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "AboutTest", "Alignment", "Animation", "Assessment", "AsymmetricDotTarget", "BicubicMap", "Calibration",
-    "CalibrationError", "CameraResult", "Campaign", "CampaignSpecimen", "CharucoTarget",
+    "TARGETS", "AboutTest", "Alignment", "Animation", "Assessment", "AsymmetricDotTarget", "BicubicMap",
+    "Calibration", "CalibrationError", "CameraResult", "Campaign", "CampaignSpecimen", "CharucoTarget",
     "CheckerboardTarget", "ClusterWorkers", "Comparison", "Correction", "CorrectionSettings", "Corrections",
     "CorrelationError", "CorrelationSettings", "Correlator", "Curve", "CurveColumns", "CurveError",
     "Difference", "Displacement", "DotTarget", "Export", "Extensometer", "Field", "Gauge", "GaugeChoice",
@@ -299,9 +300,10 @@ _NAMES_OF = {
     "dic.study.study": ("study_settings",),
     "dic.study.sweep": ("Sweep",),
     "dic.study.wave": ("Wave",),
-    "dic.targets.find": (
-        "AsymmetricDotTarget", "CharucoTarget", "CheckerboardTarget", "DotTarget", "LineGridTarget",
-        "Target", "find_target",
+    "dic.targets.find": ("find_target",),
+    "dic.targets.kinds": (
+        "TARGETS", "AsymmetricDotTarget", "CharucoTarget", "CheckerboardTarget", "DotTarget",
+        "LineGridTarget", "Target",
     ),
     "dic.targets.points": ("GridPoints",),
     "dic.targets.sheet.draw": ("draw_target",),
