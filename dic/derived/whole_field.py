@@ -6,7 +6,7 @@ import numpy as np
 
 from dic.derived.gauge_series import Results
 from dic.errors import GaugeError
-from dic.gauges.declared import StrainGauge
+from dic.gauges.kinds import StrainGauge
 from dic.pipeline.result import RunResult, SeriesResult
 from dic.pipeline.result_file import use_results
 from dic.strain.measurement import Measurement
