@@ -56,6 +56,7 @@ if TYPE_CHECKING:
         WorkerError,
     )
     from dic.example.copy import write_example
+    from dic.exports.formats import EXPORTS
     from dic.exports.tensile_ontology import AboutTest, write_tensile_ontology
     from dic.gauges.cut_plot import plot_cuts
     from dic.gauges.declared import Gauge
@@ -155,9 +156,9 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "GAUGES", "TARGETS", "AboutTest", "Alignment", "Animation", "Assessment", "AsymmetricDotTarget",
-    "BicubicMap", "Calibration", "CalibrationError", "CameraResult", "Campaign", "CampaignSpecimen",
-    "CharucoTarget", "CheckerboardTarget", "ClusterWorkers", "Comparison", "Correction",
+    "EXPORTS", "GAUGES", "TARGETS", "AboutTest", "Alignment", "Animation", "Assessment",
+    "AsymmetricDotTarget", "BicubicMap", "Calibration", "CalibrationError", "CameraResult", "Campaign",
+    "CampaignSpecimen", "CharucoTarget", "CheckerboardTarget", "ClusterWorkers", "Comparison", "Correction",
     "CorrectionSettings", "Corrections", "CorrelationError", "CorrelationSettings", "Correlator", "Curve",
     "CurveColumns", "CurveError", "Difference", "Displacement", "DotTarget", "Export", "Extensometer",
     "Field", "Gauge", "GaugeChoice", "GaugeCurve", "GaugeError", "GaugeImage", "GaugeSeries", "GridPoints",
@@ -217,6 +218,7 @@ _NAMES_OF = {
         "MeasurementError", "OutputError", "RunFileError", "WorkerError",
     ),
     "dic.example.copy": ("write_example",),
+    "dic.exports.formats": ("EXPORTS",),
     "dic.exports.tensile_ontology": ("AboutTest", "write_tensile_ontology"),
     "dic.gauges.cut_plot": ("plot_cuts",),
     "dic.gauges.declared": ("Gauge",),
