@@ -102,17 +102,7 @@ class Gauge(ABC):
         return self.declared_places()
 
     def require_inside(self, image_shape: tuple[int, ...]) -> None:
-        """Raise an error if a gauge in px has a place outside the image; a gauge in mm is not checked.
-
-        Parameters
-        ----------
-        image_shape : tuple of int
-            Height and width of the image, px.
-
-        Raises
-        ------
-        GaugeError
-        """
+        """Raise a GaugeError if a place in px is outside the image (height, width); mm are not checked."""
         if self.unit != "px":
             return
         corners = self.outline * (1.0, -1.0)

@@ -44,17 +44,7 @@ class PlacedLines:
 
     @classmethod
     def of(cls, gauge: Gauge, patch: float, offsets: Float, places: GridPlaces) -> "PlacedLines":
-        """Find the points of each patch.
-
-        Parameters
-        ----------
-        gauge : Gauge
-            A gauge with two places, the ends of its line.
-        patch : float
-            Side length of the patches.
-        offsets : ndarray, shape (lines,)
-            Distances of the lines from the line of the gauge.
-        places : GridPlaces
+        """Find the points of each patch, with the side length `patch`, of lines beside the gauge's own line.
 
         Raises
         ------

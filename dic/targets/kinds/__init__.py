@@ -33,12 +33,7 @@ TARGETS: Mapping[str, type[Target]] = {kind.name: kind for kind in _KINDS}
 
 
 def require_target(target: Target, source: str, remedy: str) -> None:
-    """Raise an error if an argument is no target, or a target that cannot be.
-
-    Raises
-    ------
-    MeasurementError
-    """
+    """Raise a MeasurementError if an argument is no target, or a target that cannot be."""
     known: Any = Union[_KINDS]  # noqa: UP007  # the message names each kind
     require_kind("target", target, known, remedy)
     target.require_possible(source)

@@ -73,10 +73,10 @@ class Target(ABC):
         """
         made: Any = cls
         pitch_mm = values["pitch_mm"]
-        further = {name: values[name] for name in cls.further()}
-        for name, each in cls.further().items():
-            if further[name] is None:
-                further[name] = each.metadata["in_pitches"] * pitch_mm
+        further = {
+            name: each.metadata["in_pitches"] * pitch_mm if values[name] is None else values[name]
+            for name, each in cls.further().items()
+        }
         return cast(Target, made(counts, pitch_mm, **further))
 
     @classmethod
@@ -121,12 +121,7 @@ class Target(ABC):
         return seen.kind is type(self) and sorted(seen.counts) == sorted(self.counts)
 
     def require_possible(self, source: str) -> None:
-        """Raise an error if there is no such target; the message names all mistakes.
-
-        Raises
-        ------
-        CalibrationError
-        """
+        """Raise a CalibrationError if there is no such target; the message names all mistakes."""
         self._require_numbers(source)
         least_mm, most_mm = _PITCHES_MM
         pitch: Check = (
