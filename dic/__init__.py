@@ -56,17 +56,19 @@ if TYPE_CHECKING:
         WorkerError,
     )
     from dic.example.copy import write_example
+    from dic.exports.formats import EXPORTS
     from dic.exports.tensile_ontology import AboutTest, write_tensile_ontology
     from dic.gauges.cut_plot import plot_cuts
-    from dic.gauges.declared import (
+    from dic.gauges.declared import Gauge
+    from dic.gauges.file import read_gauges
+    from dic.gauges.kinds import (
+        GAUGES,
         Extensometer,
-        Gauge,
         LineCut,
         PointGauge,
         StrainGauge,
         TransverseExtensometer,
     )
-    from dic.gauges.file import read_gauges
     from dic.gauges.plot import plot_gauges
     from dic.gauges.reading import Profile, Reading
     from dic.gauges.series import GaugeImage, GaugeSeries
@@ -135,14 +137,15 @@ if TYPE_CHECKING:
     from dic.study.study import study_settings
     from dic.study.sweep import Sweep
     from dic.study.wave import Wave
-    from dic.targets.find import (
+    from dic.targets.find import find_target
+    from dic.targets.kinds import (
+        TARGETS,
         AsymmetricDotTarget,
         CharucoTarget,
         CheckerboardTarget,
         DotTarget,
         LineGridTarget,
         Target,
-        find_target,
     )
     from dic.targets.points import GridPoints
     from dic.targets.sheet.draw import draw_target
@@ -152,39 +155,37 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "AboutTest", "Alignment", "Animation", "Assessment", "AsymmetricDotTarget", "BicubicMap", "Calibration",
-    "CalibrationError", "CameraResult", "Campaign", "CampaignSpecimen", "CharucoTarget",
-    "CheckerboardTarget", "ClusterWorkers", "Comparison", "Correction", "CorrectionSettings", "Corrections",
-    "CorrelationError", "CorrelationSettings", "Correlator", "Curve", "CurveColumns", "CurveError",
-    "Difference", "Displacement", "DotTarget", "Export", "Extensometer", "Field", "Gauge", "GaugeChoice",
-    "GaugeCurve", "GaugeError", "GaugeImage", "GaugeSeries", "GridPoints", "ImageClock", "ImageError",
-    "JoinedRecord", "JointCorrections", "KnownCamera", "LineCut", "LineGridTarget", "LocalWorkers",
-    "MachineRecord", "MapSettings", "MeanStrain", "MeasuredImage", "MeasuredSeries", "Measurement",
-    "MeasurementError", "Motion", "Noise", "OutputError", "PeerField", "Pinhole", "Plane", "PlotSettings",
-    "PointGauge", "Profile", "Properties", "PropertySettings", "PropertyValue", "Quality", "Reading",
-    "ReferenceSettings",
-    "RegionFiles", "ReportDetails", "Residuals", "ResultPlace", "RunCorrections", "RunFileError", "RunInfo",
-    "RunReference", "RunResult", "RunSource", "RunStep", "Sensitivity", "Series", "SeriesImage",
-    "SeriesResult", "Specimen", "SpecimenTest", "StatedFacts", "Status", "StrainField", "StrainGauge",
-    "StrainSettings",
-    "StudiedSettings", "Study", "SurfaceSettings",
-    "Sweep", "Target", "TensileTest", "TransverseExtensometer", "TwoCameraStep",
-    "Wave", "WorkerError", "__version__", "assess_method", "assess_quality", "calibrate_images",
-    "compare_results", "compare_specimens", "corrected_rotation", "draw_target", "export_results",
-    "find_specimen", "find_target", "gauge_curve", "gauge_table_files", "gauge_text", "join_record",
-    "list_images", "list_specimens", "load_alignment", "load_calibration", "load_run_result",
-    "load_series_result", "map_scale", "material_properties", "measure", "measure_campaign",
-    "measure_gauges", "measure_images", "measure_series", "planar_anisotropy", "plot_assessment",
-    "plot_calibration", "plot_campaign", "plot_cuts", "plot_gauges", "plot_properties", "plot_quality",
-    "plot_study", "process_run", "quality_findings", "read_campaign", "read_curve", "read_gauges",
-    "read_image", "read_image_times", "read_machine_record", "read_peer", "read_region", "read_stated_facts",
-    "region_files", "rigid_motion", "run_reference", "save_alignment", "save_calibration",
-    "save_run_result", "strain_of_run", "strain_of_series", "strain_resolution_px", "study_settings",
-    "tables_of_test", "tensile_test", "to_pandas", "to_xarray", "whole_field_gauges",
-    "with_shared_error", "write_animation", "write_campaign_report",
-    "write_campaign_table", "write_contact_sheet", "write_csv", "write_drawing_page", "write_example",
-    "write_gauge_picture", "write_gauge_table", "write_maps", "write_region", "write_report",
-    "write_series_report", "write_strain_table", "write_tensile_ontology", "write_test_ontology",
+    "EXPORTS", "GAUGES", "TARGETS", "AboutTest", "Alignment", "Animation", "Assessment",
+    "AsymmetricDotTarget", "BicubicMap", "Calibration", "CalibrationError", "CameraResult", "Campaign",
+    "CampaignSpecimen", "CharucoTarget", "CheckerboardTarget", "ClusterWorkers", "Comparison", "Correction",
+    "CorrectionSettings", "Corrections", "CorrelationError", "CorrelationSettings", "Correlator", "Curve",
+    "CurveColumns", "CurveError", "Difference", "Displacement", "DotTarget", "Export", "Extensometer",
+    "Field", "Gauge", "GaugeChoice", "GaugeCurve", "GaugeError", "GaugeImage", "GaugeSeries", "GridPoints",
+    "ImageClock", "ImageError", "JoinedRecord", "JointCorrections", "KnownCamera", "LineCut",
+    "LineGridTarget", "LocalWorkers", "MachineRecord", "MapSettings", "MeanStrain", "MeasuredImage",
+    "MeasuredSeries", "Measurement", "MeasurementError", "Motion", "Noise", "OutputError", "PeerField",
+    "Pinhole", "Plane", "PlotSettings", "PointGauge", "Profile", "Properties", "PropertySettings",
+    "PropertyValue", "Quality", "Reading", "ReferenceSettings", "RegionFiles", "ReportDetails", "Residuals",
+    "ResultPlace", "RunCorrections", "RunFileError", "RunInfo", "RunReference", "RunResult", "RunSource",
+    "RunStep", "Sensitivity", "Series", "SeriesImage", "SeriesResult", "Specimen", "SpecimenTest",
+    "StatedFacts", "Status", "StrainField", "StrainGauge", "StrainSettings", "StudiedSettings", "Study",
+    "SurfaceSettings", "Sweep", "Target", "TensileTest", "TransverseExtensometer", "TwoCameraStep", "Wave",
+    "WorkerError", "__version__", "assess_method", "assess_quality", "calibrate_images", "compare_results",
+    "compare_specimens", "corrected_rotation", "draw_target", "export_results", "find_specimen",
+    "find_target", "gauge_curve", "gauge_table_files", "gauge_text", "join_record", "list_images",
+    "list_specimens", "load_alignment", "load_calibration", "load_run_result", "load_series_result",
+    "map_scale", "material_properties", "measure", "measure_campaign", "measure_gauges", "measure_images",
+    "measure_series", "planar_anisotropy", "plot_assessment", "plot_calibration", "plot_campaign",
+    "plot_cuts", "plot_gauges", "plot_properties", "plot_quality", "plot_study", "process_run",
+    "quality_findings", "read_campaign", "read_curve", "read_gauges", "read_image", "read_image_times",
+    "read_machine_record", "read_peer", "read_region", "read_stated_facts", "region_files", "rigid_motion",
+    "run_reference", "save_alignment", "save_calibration", "save_run_result", "strain_of_run",
+    "strain_of_series", "strain_resolution_px", "study_settings", "tables_of_test", "tensile_test",
+    "to_pandas", "to_xarray", "whole_field_gauges", "with_shared_error", "write_animation",
+    "write_campaign_report", "write_campaign_table", "write_contact_sheet", "write_csv",
+    "write_drawing_page", "write_example", "write_gauge_picture", "write_gauge_table", "write_maps",
+    "write_region", "write_report", "write_series_report", "write_strain_table", "write_tensile_ontology",
+    "write_test_ontology",
 ]  # fmt: skip
 
 _NAMES_OF = {
@@ -216,12 +217,14 @@ _NAMES_OF = {
         "MeasurementError", "OutputError", "RunFileError", "WorkerError",
     ),
     "dic.example.copy": ("write_example",),
+    "dic.exports.formats": ("EXPORTS",),
     "dic.exports.tensile_ontology": ("AboutTest", "write_tensile_ontology"),
     "dic.gauges.cut_plot": ("plot_cuts",),
-    "dic.gauges.declared": (
-        "Extensometer", "Gauge", "LineCut", "PointGauge", "StrainGauge", "TransverseExtensometer",
-    ),
+    "dic.gauges.declared": ("Gauge",),
     "dic.gauges.file": ("read_gauges",),
+    "dic.gauges.kinds": (
+        "GAUGES", "Extensometer", "LineCut", "PointGauge", "StrainGauge", "TransverseExtensometer",
+    ),
     "dic.gauges.plot": ("plot_gauges",),
     "dic.gauges.reading": ("Profile", "Reading"),
     "dic.gauges.series": ("GaugeImage", "GaugeSeries"),
@@ -297,9 +300,10 @@ _NAMES_OF = {
     "dic.study.study": ("study_settings",),
     "dic.study.sweep": ("Sweep",),
     "dic.study.wave": ("Wave",),
-    "dic.targets.find": (
-        "AsymmetricDotTarget", "CharucoTarget", "CheckerboardTarget", "DotTarget", "LineGridTarget",
-        "Target", "find_target",
+    "dic.targets.find": ("find_target",),
+    "dic.targets.kinds": (
+        "TARGETS", "AsymmetricDotTarget", "CharucoTarget", "CheckerboardTarget", "DotTarget",
+        "LineGridTarget", "Target",
     ),
     "dic.targets.points": ("GridPoints",),
     "dic.targets.sheet.draw": ("draw_target",),

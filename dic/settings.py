@@ -157,8 +157,13 @@ def one_of(names: Iterable[str]) -> str:
 
 def either(names: Iterable[Any]) -> str:
     """Return the names as text for a sentence: "a, b or c"."""
+    return enumerated(names, "or")
+
+
+def enumerated(names: Iterable[Any], word: str = "and") -> str:
+    """Return the names as text for a sentence: "a, b and c"."""
     *others, last = map(str, names)
-    return f"{', '.join(others)} or {last}" if others else last
+    return f"{', '.join(others)} {word} {last}" if others else last
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(setting,))

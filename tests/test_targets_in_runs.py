@@ -1,11 +1,15 @@
 """Runs on the virtual rig with calibration targets other than the line grid give the right strains."""
 
+from typing import get_args
+
 import pytest
 
+import dic
 from dic.correlation.settings import CorrelationSettings
 from dic.pipeline.run import process_run
 from dic.runfile.reader import RunFile
-from dic.targets.find import CharucoTarget
+from dic.targets.kinds import CharucoTarget
+from rig.protocol.grid import AnyGrid
 from rig.run import run_protocol
 from tests.dic.targets.drawings import asymmetric_dots, charuco, checkerboard, dots
 from tests.places import example, small_cameras
@@ -61,3 +65,8 @@ def test_the_target_of_the_protocol_calibrates_the_run(tmp_path, monkeypatch, ki
         # the paper's false strain of the leaning axis, no more: the scale is that of the target
         assert abs(measurement.mean.exx) < 3e-3
         assert abs(measurement.mean.eyy) < 3e-3
+
+
+def test_a_protocol_can_name_every_kind_of_target() -> None:
+    tables = [get_args(table.model_fields["target"].annotation) for table in get_args(AnyGrid)]
+    assert tables == [(name,) for name in dic.TARGETS]

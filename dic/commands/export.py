@@ -5,6 +5,8 @@ from pathlib import Path
 
 import click
 
+from dic import EXPORTS
+from dic.commands.options import telling
 from dic.files.writing import write_text
 from dic.shell.console import fail, say
 from dic.shell.output_paths import FORCE, require_places
@@ -29,6 +31,7 @@ _PATH = click.Path(path_type=Path)
 )
 @click.option("--json", "json_file", type=_PATH, help="JSON file of the list of written images.")
 @FORCE
+@telling(formats=", ".join(f"{name} ({each.about})" for name, each in EXPORTS.items()))
 def export(
     results: Path,
     formats: tuple[str, ...],
@@ -42,8 +45,7 @@ def export(
     """Write the fields of all images in RESULTS for other programs: ParaView, MATLAB, a spreadsheet, Python.
 
     RESULTS is a result file of `dic correlate` or `dic process`. Only one image at a time is in memory. Each
-    FORMAT is one of: csv (tables), tiff (one picture of floating point per value and image), vtk (ParaView),
-    mat (MATLAB), npz (NumPy), netcdf (xarray), dice (text in the columns of DICe).
+    FORMAT is one of: {formats}.
 
     Exit status: 0 if everything that was measured is written, 2 if not.
     """

@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dic.commands.options import option, options, use
+from dic import GAUGES
+from dic.commands.options import option, options, telling, use
 from dic.commands.record_options import RecordOptions, record_options
-from dic.commands.shared_options import comma, force
+from dic.commands.shared_options import A_GAUGE, comma, force
 from dic.files.writing import write_text
+from dic.settings import enumerated
 from dic.shell.console import fail, say
 from dic.shell.output_paths import require_places
 
@@ -45,13 +47,14 @@ class GaugeOutputs:
     "texts",
     multiple=True,
     metavar="TEXT",
-    help='A gauge, such as "axial=extensometer start=400,200 end=400,800 patch=40". May be repeated.',
+    help=A_GAUGE,
 )
 @click.option("--camera", help="Camera of a run. Default: all, if all gauges are in millimetres.")
 @click.option("--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record.")
 @click.option("--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record.")
 @record_options
 @use("outputs", GaugeOutputs, needs={"--decimal-comma": ("-o", "--output")})
+@telling(kinds=enumerated(dict.fromkeys(kind.plural for kind in GAUGES.values())))
 def gauges(
     results: Path,
     gauges_file: Path | None,
@@ -62,7 +65,7 @@ def gauges(
     record: RecordOptions,
     outputs: GaugeOutputs,
 ) -> None:
-    """Read extensometers, strain-gauge areas, line cuts and points in all images of RESULTS.
+    """Read {kinds} in all images of RESULTS.
 
     RESULTS is a result file of `dic correlate` or `dic process`. GAUGES is a TOML file that declares gauges
     by name. No image is correlated again. For each gauge the command prints the best strain: corrected strain

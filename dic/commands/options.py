@@ -142,6 +142,16 @@ def use(
     return add
 
 
+def telling(**texts: str) -> Callable[[Command], Command]:
+    """Return a decorator that puts texts, such as the names of a registry, into a command's help text."""
+
+    def add(command: Command) -> Command:
+        command.__doc__ = (command.__doc__ or "").format(**texts)
+        return command
+
+    return add
+
+
 class Grouped(click.Command):
     """A command whose `--help` lists the options that most people need; `--help-all` lists all in groups."""
 

@@ -11,7 +11,7 @@ from dic import PlotSettings
 from dic.commands.options import Chosen, Command, gather, option, options, use
 from dic.commands.plot_animation import animation
 from dic.commands.record_options import RecordOptions, record_options
-from dic.commands.shared_options import force
+from dic.commands.shared_options import A_GAUGE, force
 from dic.pictures.settings import require_format
 from dic.shell.console import say
 from dic.shell.output_paths import require_places
@@ -42,7 +42,7 @@ class SourceOptions:
         "--gauge",
         multiple=True,
         metavar="TEXT",
-        help='A gauge, such as "axial=extensometer start=400,200 end=400,800 patch=40". May be repeated.',
+        help=A_GAUGE,
     )
     camera: str | None = option(
         "--camera", help="Camera of a run. Default: all, if all gauges are in millimetres."

@@ -2,8 +2,9 @@
 
 from typing import Any
 
-from dic import CorrelationSettings, ReferenceSettings, StrainSettings
+from dic import GAUGES, CorrelationSettings, ReferenceSettings, StrainSettings
 from dic.commands.options import option, use
+from dic.settings import either
 
 correlation_options = use(
     "correlation", CorrelationSettings, title="Correlation", common=("subset_px", "step_px")
@@ -11,6 +12,11 @@ correlation_options = use(
 reference_options = use("references", ReferenceSettings, title="Correlation")
 strain_options = use("strain", StrainSettings, common=("measure", "window_points"))
 
+A_GAUGE = (
+    f"A gauge of the kind {either(GAUGES)},"
+    ' such as "axial=extensometer start=400,200 end=400,800 patch=40". May be repeated.'
+)
+"""Help text of the options that declare a gauge."""
 COMMA_NEEDS = {"--decimal-comma": ["--csv"]}
 """Argument `needs` of `use`: `comma` has an effect only with one of these options."""
 

@@ -1,10 +1,13 @@
-"""Command-line options that describe the target in a calibration image."""
+"""Command-line options that describe a calibration target, derived from the kinds of targets."""
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import MISSING, make_dataclass
+from typing import TYPE_CHECKING, Any, get_type_hints
 
 import click
 
+from dic import TARGETS
 from dic.commands.options import option, options, use
+from dic.errors import CalibrationError
 
 if TYPE_CHECKING:
     from dic import Target
@@ -40,31 +43,50 @@ class _Direction(click.ParamType[str | float]):
 
 
 COUNT = _Count()
+PITCH = "Spacing of lines, corners, or dots in a row."
+
+Field = tuple[str, Any, Any]
+"""Name, type and option of a field of a group of options."""
+
+
+def further_fields(*, drawn: bool = False) -> list[Field]:
+    """Return the options that only some kinds of targets have, such as --marker-mm.
+
+    If the target is drawn, an option has a default in pitches where the kind has one.
+    """
+    found: dict[str, Field] = {}
+    for kind in TARGETS.values():
+        for name, each in kind.further().items():
+            pitches = each.metadata.get("in_pitches") if drawn else None
+            sentence = each.metadata["help"] + (f"  [default: {pitches:g} pitches]" if pitches else "")
+            default = None if each.default is MISSING else each.default
+            declared = option(_option(name), help=sentence, default=default)
+            found.setdefault(name, (name, get_type_hints(kind)[name], declared))
+    return list(found.values())
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+_Described: Any = make_dataclass(
+    "_Described",
+    [
+        *(
+            (name.replace("-", "_"), tuple[int, int], option(_option(name), type=COUNT, help=sentence))
+            for name, sentence in {kind.option: kind.option_help for kind in TARGETS.values()}.items()
+        ),
+        ("pitch_mm", float, option("--pitch-mm", default=0.5, help=PITCH)),
+        *further_fields(),
+    ],
+    frozen=True,
+)
 
 
 @options
-class TargetOptions:
+class TargetOptions(_Described):  # type: ignore[misc]  # its fields are those of the kinds of targets
     """Options for the target in the image, and for the direction of its axes."""
 
-    lines: tuple[int, int] | None = option(
-        "--lines", type=COUNT, help="Numbers of lines of a line grid.  [default: 21x21]"
-    )
-    squares: tuple[int, int] | None = option(
-        "--squares", type=COUNT, help="Numbers of squares of a checkerboard or ChArUco board, if used."
-    )
-    dots: tuple[int, int] | None = option(
-        "--dots", type=COUNT, help="Numbers of dots of a dot target, if used."
-    )
-    asymmetric_dots: tuple[int, int] | None = option(
-        "--asymmetric-dots",
-        type=COUNT,
-        help="Dots in a row and rows of an asymmetric grid of dots, such as 4x11, if used.",
-    )
-    pitch_mm: float = option("--pitch-mm", default=0.5, help="Spacing of lines, corners, or dots in a row.")
-    marker_mm: float | None = option("--marker-mm", help="Side of the markers, only for a ChArUco board.")
-    dictionary: str = option(
-        "--dictionary", default="DICT_5X5_100", help="OpenCV's name for the dictionary of the markers."
-    )
     x_axis: str | float | None = option(
         "--x-axis",
         type=_Direction(),
@@ -89,34 +111,33 @@ class TargetOptions:
         Raises
         ------
         CalibrationError
-            If the options name several kinds of target, or if `--marker-mm` is given without `--squares`.
+            If the options name several kinds of target, or if an option such as `--marker-mm` is given
+            without the numbers of its kind.
         """
-        from dic import (
-            AsymmetricDotTarget,
-            CalibrationError,
-            CharucoTarget,
-            CheckerboardTarget,
-            DotTarget,
-            LineGridTarget,
-        )
+        from dic import LineGridTarget
 
-        kinds = ("lines", "squares", "dots", "asymmetric_dots")
-        named = [f"--{name.replace('_', '-')}" for name in kinds if getattr(self, name)]
+        given: dict[str, Any] = {name: value for name, value in vars(self).items() if value is not None}
+        numbers = {kind.option: given.get(kind.option.replace("-", "_")) for kind in TARGETS.values()}
+        named = [option for option, counts in numbers.items() if counts]
         if len(named) > 1:
-            got, remedy = " and ".join(named), f"leave out {named[-1]}"
+            got, remedy = " and ".join(map(_option, named)), f"leave out {_option(named[-1])}"
             raise CalibrationError("settings", "target", "one kind of target", got, remedy)
-        if self.marker_mm is not None and self.squares is None:
-            expected, remedy = "--squares with --marker-mm", "name the board's squares: --squares 10x9"
-            raise CalibrationError("settings", "target", expected, "no squares", remedy)
-        if self.squares is not None and self.marker_mm is not None:
-            return CharucoTarget(self.squares, self.pitch_mm, self.marker_mm, self.dictionary)
-        if self.squares is not None:
-            return CheckerboardTarget(self.squares, self.pitch_mm)
-        if self.dots is not None:
-            return DotTarget(self.dots, self.pitch_mm)
-        if self.asymmetric_dots is not None:
-            return AsymmetricDotTarget(self.asymmetric_dots, self.pitch_mm)
-        return LineGridTarget(self.lines or (21, 21), self.pitch_mm)
+        for kind in TARGETS.values():
+            for name in given.keys() & set(kind.needed()):
+                if kind.option not in named:
+                    expected, noun = f"--{kind.option} with {_option(name)}", kind.title.rpartition(" ")[2]
+                    remedy = f"name the {noun}'s {kind.counted}: --{kind.option} 10x9"
+                    raise CalibrationError("settings", "target", expected, f"no {kind.counted}", remedy)
+        if not named:
+            return LineGridTarget(pitch_mm=self.pitch_mm)
+        # Kinds with the same option for their numbers differ in the further options that they need.
+        kinds = [
+            each
+            for each in TARGETS.values()
+            if each.option == named[0] and given.keys() >= set(each.needed())
+        ]
+        counts: Any = numbers[named[0]]
+        return max(kinds, key=lambda kind: len(kind.needed())).of(counts, given)
 
 
 target_options = use("target", TargetOptions)

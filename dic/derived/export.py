@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.errors import OutputError, RunFileError
-from dic.exports.formats import FORMATS, exporter_of
+from dic.exports.formats import EXPORTS, exporter_of
 from dic.exports.image import (
     Exporter,
     ExportImage,
@@ -127,7 +127,7 @@ def export_results(
     folder : path
         Each format gets a folder of its own in this folder.
     formats : sequence of str
-        Some of "csv", "tiff", "vtk", "mat", "npz", "netcdf", "dice".
+        Some of the names in `dic.EXPORTS`, such as "csv" or "netcdf".
     camera : str, optional
         Camera of a run. Default: all cameras.
     raw_strain : bool
@@ -148,8 +148,8 @@ def export_results(
         If the results cannot be read, or a run has no such camera.
     """
     for name in formats:
-        if name not in FORMATS:
-            expected, remedy = f"some of {', '.join(FORMATS)}", "give for example csv"
+        if name not in EXPORTS:
+            expected, remedy = f"some of {', '.join(EXPORTS)}", "give for example csv"
             raise OutputError("settings", "format of the export", expected, str(name), remedy)
     if decimal_comma and "csv" not in formats:
         expected, remedy = "the format csv beside it", "give csv, or leave out --decimal-comma"

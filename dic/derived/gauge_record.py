@@ -361,7 +361,7 @@ def _require_joinable(series: GaugeSeries, record: MachineRecord, join: str) -> 
 
 def _first_along(series: GaugeSeries, record: MachineRecord) -> str:
     """Return the first gauge whose strain can rise with the load."""
-    names = [gauge.name for gauge in series.gauges if gauge.kind not in ("cut", "transverse")]
+    names = [gauge.name for gauge in series.gauges if gauge.is_axial]
     if not names:
         expected = "an extensometer, an area or a point along the specimen"
         got = f"{', '.join(sorted({gauge.kind for gauge in series.gauges}))} only"

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dic.errors import GaugeError
-from dic.gauges.declared import StrainGauge
+from dic.gauges.kinds import StrainGauge
 from dic.pipeline.result_file import Loaded, Results, with_results
 from dic.strain.measurement import Measurement
 from dic.typing import Float

@@ -7,16 +7,8 @@ import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.errors import GaugeError, MeasurementError, joined
-from dic.gauges.declared import (
-    Extensometer,
-    Gauge,
-    LineCut,
-    PointGauge,
-    StrainGauge,
-    TransverseExtensometer,
-)
+from dic.gauges.declared import Gauge
 from dic.gauges.file import gauge_text
-from dic.gauges.outlines import outlines_of, require_inside
 from dic.image.given import checked_region
 from dic.regions.drawn import DrawnRegion
 from dic.regions.read import is_region_file, read_drawn_region
@@ -97,7 +89,7 @@ def gauge_shapes(gauges: Sequence[Gauge], image_shape: tuple[int, ...]) -> list[
     errors: list[MeasurementError] = []
     for gauge in gauges:
         try:
-            require_inside(gauge, image_shape)
+            gauge.require_inside(image_shape)
         except GaugeError as error:
             errors.append(error)
     if errors:
@@ -116,7 +108,7 @@ def kept_gauges(gauges: Sequence[Gauge], calibration: Calibration | None) -> lis
     for gauge in gauges:
         if gauge.unit == "px":
             continue
-        lines = [] if homography is None else [_mapped(homography, line) for line in outlines_of(gauge)]
+        lines = [] if homography is None else [_mapped(homography, line) for line in gauge.drawn_lines()]
         note = "saved without a change" if lines else "not shown without --calibration"
         shown = [np.round(line, 1).tolist() for line in lines]
         found.append(
@@ -126,26 +118,8 @@ def kept_gauges(gauges: Sequence[Gauge], calibration: Calibration | None) -> lis
 
 
 def _gauge_shape(gauge: Gauge) -> Shape:
-    match gauge:
-        case TransverseExtensometer():
-            values = {"patch": gauge.patch, "spread": gauge.spread, "lines": gauge.lines}
-            return _shape(gauge.kind, [gauge.start, gauge.end], gauge.name, **values)
-        case Extensometer():
-            return _shape(gauge.kind, [gauge.start, gauge.end], gauge.name, patch=gauge.patch)
-        case StrainGauge() if gauge.corners is not None:
-            return _shape("polygon", gauge.corners, gauge.name, direction_deg=gauge.direction_deg)
-        case StrainGauge() if gauge.size is not None:
-            width_px, height_px = gauge.size
-            sizes = {"width_px": width_px, "height_px": height_px}
-            angles = {"angle_deg": gauge.angle_deg, "direction_deg": gauge.direction_deg}
-            return _shape("rectangle", [gauge.centre], gauge.name, **sizes, **angles)
-        case LineCut():
-            ends = [gauge.start, gauge.end]
-            return _shape(gauge.kind, ends, gauge.name, places=gauge.places, width=gauge.width)
-        case PointGauge():
-            direction_deg = gauge.direction_deg
-            return _shape(gauge.kind, [gauge.at], gauge.name, width=gauge.width, direction_deg=direction_deg)
-    raise TypeError(f"{type(gauge).__name__} is no kind of gauge")
+    kind, places, values = gauge.drawn_shape()
+    return _shape(kind, places, gauge.name, **values)
 
 
 def _shape(kind: str, points: Any, name: str = "", **values: float | None) -> Shape:

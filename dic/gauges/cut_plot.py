@@ -123,7 +123,7 @@ def plot_cuts(
 def _panels(
     series: GaugeSeries, quantity: str, images: Sequence[int], kinds: tuple[str, ...], left_out: list[str]
 ) -> Iterator[_Panel]:
-    cuts = [gauge for gauge in series.gauges if gauge.kind == "cut"]
+    cuts = [gauge for gauge in series.gauges if gauge.is_profile]
     if not cuts:
         kinds_given = ", ".join(sorted({gauge.kind for gauge in series.gauges}))
         remedy = 'declare a cut, such as --gauge "middle=cut start=100,200 end=300,200"'

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dic.gauges.declared import LineCut
+from dic.gauges.declared import Gauge
 from dic.gauges.field import GaugeField
 from dic.gauges.fits import GRADIENT, LEAST_POINTS, LEAST_SHARE, MOVED, without_points
 from dic.gauges.planes import flat_sets, lie_on_one_line, sums_at, sums_at_places
@@ -26,7 +26,8 @@ class PlacedCut:
 
     Attributes
     ----------
-    gauge : LineCut
+    length, unit : float, str
+        Length of the cut and its unit.
     rows, columns : ndarray of int, shape (places, m)
         Row and column indices of the points in the grid of points.
     member : ndarray of bool, shape (places, m)
@@ -35,24 +36,29 @@ class PlacedCut:
         Weights of the points. The weighted sum of the points' positions is the place, in any unit.
     """
 
-    gauge: LineCut
+    length: float
+    unit: str
     rows: Indices
     columns: Indices
     member: Mask
     place: Float
 
     @classmethod
-    def of(cls, gauge: LineCut, places: GridPlaces, window_points: int) -> "PlacedCut":
-        """Find the points around each place; without a width, in a square of `window_points` points a side.
+    def of(
+        cls, gauge: Gauge, count: int, width: float | None, places: GridPlaces, window_points: int
+    ) -> "PlacedCut":
+        """Find the points around `count` places between the two ends of a gauge.
+
+        The points lie in a square of the given width; without a width, of `window_points` points a side.
 
         Raises
         ------
         GaugeError
             If no place has three points.
         """
-        start, end = gauge.upwards(gauge.start), gauge.upwards(gauge.end)
-        ways = start + np.linspace(0.0, 1.0, gauge.places)[:, None] * (end - start)
-        chosen = [places.around(at, gauge.width, window_points) for at in ways]
+        start, end = gauge.declared_places()
+        ways = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
+        chosen = [places.around(at, width, window_points) for at in ways]
         most = max(map(len, chosen))
         if most < LEAST_POINTS:
             raise without_points(gauge, most, places, "enlarge its width")
@@ -64,7 +70,11 @@ class PlacedCut:
             member[k, own] = True
             if not lie_on_one_line(places.position[points]):
                 place[k, own] = sums_at(places.position[points], at)[0]
-        return cls(gauge, rows, columns, member, place)
+        return cls(float(np.linalg.norm(end - start)), gauge.unit, rows, columns, member, place)
+
+    def points(self) -> tuple[Indices, Indices]:
+        """Return the row and column indices of the points of all places."""
+        return self.rows[self.member], self.columns[self.member]
 
     def read(self, field: GaugeField) -> Profile:
         """Return displacement and strain at each place of the cut, in one displacement field."""
@@ -79,11 +89,10 @@ class PlacedCut:
             some = np.flatnonzero(good)[first : first + size]
             for name, found in self._fitted(field, some, valid[some]).items():
                 values[name][some] = found
-        length = float(np.linalg.norm(np.subtract(self.gauge.end, self.gauge.start)))
         return Profile(
             displacement.unit,
-            np.linspace(0.0, length, len(counts)),
-            self.gauge.unit,
+            np.linspace(0.0, self.length, len(counts)),
+            self.unit,
             values,
             counts,
             declared,

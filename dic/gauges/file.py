@@ -7,7 +7,8 @@ from typing import Any
 
 from dic.errors import GaugeError, MeasurementError, joined
 from dic.files.toml import read_toml
-from dic.gauges.declared import KINDS, Gauge
+from dic.gauges.declared import Gauge
+from dic.gauges.kinds import GAUGES
 from dic.typing import PathLike
 
 _EXAMPLE = 'write [[gauge]], name = "axial", kind = "extensometer", start, end and patch'
@@ -113,10 +114,10 @@ def _all_of(
 
 def _gauge(place: str, table: Mapping[str, Any]) -> Gauge:
     kind = table.get("kind")
-    if not isinstance(kind, str) or kind not in KINDS:
+    if not isinstance(kind, str) or kind not in GAUGES:
         got = "none" if kind is None else repr(kind)
-        raise GaugeError(place, "kind", f"one of {', '.join(KINDS)}", got, 'give kind = "extensometer"')
-    made = KINDS[kind]
+        raise GaugeError(place, "kind", f"one of {', '.join(GAUGES)}", got, 'give kind = "extensometer"')
+    made = GAUGES[kind]
     known = {item.name: item for item in fields(made)}
     values = {key: value for key, value in table.items() if key != "kind"}
     errors: list[MeasurementError] = [

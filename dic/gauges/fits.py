@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dic.errors import GaugeError
-from dic.gauges.declared import Gauge, PointGauge, StrainGauge
+from dic.gauges.declared import Gauge
 from dic.gauges.field import GaugeField
 from dic.gauges.planes import lie_on_one_line, sums_at
 from dic.gauges.points import GridPlaces
@@ -58,6 +58,10 @@ class PlacedFit:
         reason = reason or _objection(position, 0)
         place = np.zeros(len(chosen)) if reason else sums_at(position, at)[0]
         return cls(places.rows[chosen], places.columns[chosen], place, direction, reason)
+
+    def points(self) -> tuple[Indices, Indices]:
+        """Return the row and column indices of the points."""
+        return self.rows, self.columns
 
     def read(self, field: GaugeField) -> Reading:
         """Return the gauge's reading in one displacement field."""
@@ -121,39 +125,6 @@ class PlacedFit:
             values=values,
             shared=SharedPart(field.shared, np.sqrt(size) * along_weights(self.direction), field.mounting),
         )
-
-
-def place_area(gauge: StrainGauge, places: GridPlaces) -> PlacedFit:
-    """Find the points of a strain-gauge area.
-
-    Raises
-    ------
-    GaugeError
-        If fewer than three points lie inside.
-    """
-    chosen = places.in_polygon(gauge.outline)
-    if len(chosen) < LEAST_POINTS:
-        raise without_points(gauge, len(chosen), places, "enlarge the area")
-    pieces = places.pieces(chosen)
-    reason = ""
-    if pieces > 1:
-        reason = f"a crack or a gap divides the area into {pieces} pieces, and its opening is not strain"
-    return PlacedFit.of(chosen, places, gauge.middle, gauge.direction_deg, reason)
-
-
-def place_point(gauge: PointGauge, places: GridPlaces, window_points: int) -> PlacedFit:
-    """Find the points around a point gauge; without a width, in a square of `window_points` points a side.
-
-    Raises
-    ------
-    GaugeError
-        If fewer than three points lie around the place.
-    """
-    at = gauge.upwards(gauge.at)
-    chosen = places.around(at, gauge.width, window_points)
-    if len(chosen) < LEAST_POINTS:
-        raise without_points(gauge, len(chosen), places, "enlarge its width")
-    return PlacedFit.of(chosen, places, at, gauge.direction_deg)
 
 
 def without_points(gauge: Gauge, found: int, places: GridPlaces, remedy: str) -> GaugeError:

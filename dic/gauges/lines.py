@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dic.errors import GaugeError
-from dic.gauges.declared import LEAST_LINES, Extensometer, TransverseExtensometer
+from dic.gauges.declared import LEAST_LINES, Gauge
 from dic.gauges.field import GaugeField
 from dic.gauges.planes import flat_sets, lie_on_one_line, sums_at, sums_at_places
 from dic.gauges.points import GridPlaces
@@ -25,7 +25,6 @@ class PlacedLines:
 
     Attributes
     ----------
-    gauge : Extensometer or TransverseExtensometer
     rows, columns : ndarray of int, shape (n,)
         Row and column indices of all points of the patches in the grid of points.
     members : ndarray of int, shape (2, lines, m)
@@ -37,7 +36,6 @@ class PlacedLines:
         unit.
     """
 
-    gauge: Extensometer | TransverseExtensometer
     rows: Indices
     columns: Indices
     members: Indices
@@ -45,26 +43,25 @@ class PlacedLines:
     place: Float
 
     @classmethod
-    def of(cls, gauge: Extensometer | TransverseExtensometer, places: GridPlaces) -> "PlacedLines":
-        """Find the points of each patch.
+    def of(cls, gauge: Gauge, patch: float, offsets: Float, places: GridPlaces) -> "PlacedLines":
+        """Find the points of each patch, with the side length `patch`, of lines beside the gauge's own line.
 
         Raises
         ------
         GaugeError
             If a patch has no point.
         """
-        start, end = gauge.upwards(gauge.start), gauge.upwards(gauge.end)
+        start, end = gauge.declared_places()
         direction = (end - start) / np.linalg.norm(end - start)
         across = np.array([-direction[1], direction[0]])
-        offsets = np.zeros(1)
-        if isinstance(gauge, TransverseExtensometer):
-            offsets = np.linspace(-0.5 * gauge.spread, 0.5 * gauge.spread, gauge.lines)
         middles = np.array([[at + offset * across for offset in offsets] for at in (start, end)])
-        found = [[places.in_patch(at, direction, gauge.patch) for at in side] for side in middles]
+        found = [[places.in_patch(at, direction, patch) for at in side] for side in middles]
         whole = sum(all(points.size for points in both) for both in zip(*found, strict=True))
         if whole < (LEAST_LINES if len(offsets) > 1 else 1):
             ends = [name for side, name in zip(found, ("start", "end"), strict=True) if not side[0].size]
-            raise _without_points(gauge, whole, ends, places)
+            raise _without_points(
+                gauge, f"{whole} of {len(offsets)}" if len(offsets) > 1 else "", ends, places
+            )
         every = np.unique(np.concatenate([points for side in found for points in side]))
         shape = (2, len(offsets), max(len(points) for side in found for points in side))
         members, patches, place = np.zeros(shape, np.int64), np.zeros(shape, np.bool_), np.zeros(shape)
@@ -74,7 +71,11 @@ class PlacedLines:
             place[side, line, own] = 1.0 / max(1, len(points))
             if not lie_on_one_line(places.position[points]):
                 place[side, line, own] = sums_at(places.position[points], middles[side, line])[0]
-        return cls(gauge, places.rows[every], places.columns[every], members, patches, place)
+        return cls(places.rows[every], places.columns[every], members, patches, place)
+
+    def points(self) -> tuple[Indices, Indices]:
+        """Return the row and column indices of the points."""
+        return self.rows, self.columns
 
     def read(self, field: GaugeField) -> Reading:
         """Return the extensometer's reading in one displacement field.
@@ -85,7 +86,7 @@ class PlacedLines:
         valid = field.displacement.valid[self.rows, self.columns]
         counts = (self.patches & valid[self.members]).sum(axis=2)
         good = (counts >= np.maximum(1.0, _LEAST_SHARE * self.patches.sum(axis=2))).all(axis=0)
-        single = not isinstance(self.gauge, TransverseExtensometer)
+        single = len(good) == 1
         read = Reading(field.displacement.unit, reason=self._reason(counts, good))
         if int(good.sum()) >= (1 if single else LEAST_LINES):
             read = self._read(field, good, valid)
@@ -157,14 +158,11 @@ class PlacedLines:
         )
 
 
-def _without_points(
-    gauge: Extensometer | TransverseExtensometer, whole: int, ends: list[str], places: GridPlaces
-) -> GaugeError:
+def _without_points(gauge: Gauge, lines: str, ends: list[str], places: GridPlaces) -> GaugeError:
     expected = "measured points in both patches"
     got = f"none at the {' and the '.join(ends)}"
-    if isinstance(gauge, TransverseExtensometer):
-        expected = f"at least {LEAST_LINES} lines with measured points at both ends"
-        got = f"{whole} of {gauge.lines}"
+    if lines:
+        expected, got = f"at least {LEAST_LINES} lines with measured points at both ends", lines
     return GaugeError(
         f"gauge {gauge.name!r}",
         "find its points",

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from dic.gauges.outlines import outlines_of
 from dic.gauges.placed import PlacedGauges
 from dic.strain.measurement import Measurement
 from dic.typing import Float, Grey
@@ -38,7 +37,7 @@ def draw_gauges(placed: PlacedGauges, measurement: Measurement, reference: Grey)
     homography = _to_px(measurement) if any(gauge.unit == "mm" for gauge in placed.gauges) else np.eye(3)
     shown = zip(placed.gauges, placed.points_of(measurement), strict=True)
     for number, (gauge, points) in enumerate(shown):
-        lines = [_in_px(line, gauge.unit, homography) for line in outlines_of(gauge)]
+        lines = [_in_px(line, gauge.unit, homography) for line in gauge.drawn_lines()]
         kept = points[:: 1 + len(points) // _MOST_POINTS]
         _draw(axes, f"{gauge.name} ({gauge.kind})", lines, kept, _COLOURS[number % len(_COLOURS)])
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x, px", ylabel="y, px")

@@ -7,20 +7,9 @@ import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.errors import GaugeError, MeasurementError, joined
-from dic.gauges.cuts import PlacedCut
-from dic.gauges.declared import (
-    Extensometer,
-    Gauge,
-    LineCut,
-    PointGauge,
-    StrainGauge,
-    TransverseExtensometer,
-)
+from dic.gauges.declared import Gauge, Placed
 from dic.gauges.field import fields_of
 from dic.gauges.file import require_names
-from dic.gauges.fits import PlacedFit, place_area, place_point
-from dic.gauges.lines import PlacedLines
-from dic.gauges.outlines import require_inside
 from dic.gauges.points import GridPlaces
 from dic.gauges.reading import Profile, Reading
 from dic.out_of_plane.correction import Correction
@@ -28,7 +17,6 @@ from dic.strain.displacement import sight_of
 from dic.strain.measurement import Measurement
 from dic.typing import Float
 
-Placed = PlacedLines | PlacedFit | PlacedCut
 Readings = Mapping[str, Mapping[str, Reading | Profile]]
 """Readings in one image, keyed by the gauge's name, then by kind: "raw", "calibrated" or "corrected"."""
 
@@ -91,9 +79,9 @@ class PlacedGauges:
         for gauge in gauges:
             try:
                 _require_unit(gauge, calibrated is not None)
-                require_inside(gauge, image_shape)
+                gauge.require_inside(image_shape)
                 window = measurement.strain_settings.window_points
-                placed.append(_placed(gauge, places[gauge.unit], window))
+                placed.append(gauge.placed(places[gauge.unit], window))
             except MeasurementError as error:
                 errors.append(error)
         if errors:
@@ -113,25 +101,10 @@ class PlacedGauges:
         field = measurement.field
         found = []
         for placed in self.placed:
-            rows, columns = placed.rows, placed.columns
-            if isinstance(placed, PlacedCut):
-                rows, columns = rows[placed.member], columns[placed.member]
+            rows, columns = placed.points()
             points = np.column_stack([field.x_px[columns], field.y_px[rows]])
             found.append(np.unique(points, axis=0).astype(np.float64))
         return found
-
-
-def _placed(gauge: Gauge, places: GridPlaces, window_points: int) -> Placed:
-    match gauge:
-        case Extensometer() | TransverseExtensometer():
-            return PlacedLines.of(gauge, places)
-        case StrainGauge():
-            return place_area(gauge, places)
-        case PointGauge():
-            return place_point(gauge, places, window_points)
-        case LineCut():
-            return PlacedCut.of(gauge, places, window_points)
-    raise TypeError(f"{type(gauge).__name__} is no kind of gauge")
 
 
 def _require_unit(gauge: Gauge, calibrated: bool) -> None:

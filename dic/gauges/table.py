@@ -27,7 +27,7 @@ def cut_file(path: PathLike, gauge: str) -> Path:
 
 def gauge_table_files(path: PathLike, gauges: Sequence[Gauge]) -> list[Path]:
     """Return the paths of all tables that `write_gauge_table` writes for these gauges."""
-    return [Path(path), *(cut_file(path, gauge.name) for gauge in gauges if gauge.kind == "cut")]
+    return [Path(path), *(cut_file(path, gauge.name) for gauge in gauges if gauge.is_profile)]
 
 
 def write_gauge_table(series: GaugeSeries, path: PathLike, *, decimal_comma: bool = False) -> None:
@@ -44,7 +44,7 @@ def write_gauge_table(series: GaugeSeries, path: PathLike, *, decimal_comma: boo
         True for numbers with a decimal comma and semicolons between cells.
     """
     require_kind("series", series, GaugeSeries, "read gauges first: dic.measure_gauges(results, gauges)")
-    cuts = {gauge.name for gauge in series.gauges if gauge.kind == "cut"}
+    cuts = {gauge.name for gauge in series.gauges if gauge.is_profile}
     _write(path, [dict(_cells(image, cuts)) for image in series.images], decimal_comma)
     for name in sorted(cuts):
         rows = [row for image in series.images for row in _cut_rows(image, name)]

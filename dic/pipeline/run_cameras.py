@@ -22,16 +22,10 @@ from dic.pipeline.series_image import UNREADABLE, SeriesImage
 from dic.results.finished import FinishedImage
 from dic.results.job import Outcome, content_of
 from dic.runfile.reader import RunFile, RunStep
+from dic.settings import either
 from dic.specimen.find import SpecimenNotFound
-from dic.targets.find import (
-    AsymmetricDotTarget,
-    CharucoTarget,
-    CheckerboardTarget,
-    DotTarget,
-    LineGridTarget,
-    Target,
-    find_target,
-)
+from dic.targets.find import find_target
+from dic.targets.kinds import TARGETS, Target
 from dic.typing import Float, ImageLike, Mask
 from dic.workers.workers import Workers
 
@@ -157,25 +151,15 @@ def calibrate_camera(run: RunFile, camera: str) -> Calibration:
 
 
 def _target(run: RunFile) -> Target:
-    counts, pitch_mm = run.grid_lines, run.grid_pitch_mm
-    match run.grid_target:
-        case "lines":
-            return LineGridTarget(counts, pitch_mm)
-        case "checkerboard":
-            return CheckerboardTarget(counts, pitch_mm)
-        case "charuco":
-            return CharucoTarget(counts, pitch_mm, run.grid_marker_mm, run.grid_dictionary)
-        case "dots":
-            return DotTarget(counts, pitch_mm)
-        case "asymmetric-dots":
-            return AsymmetricDotTarget(counts, pitch_mm)
-    raise CalibrationError(
-        str(run.path),
-        "find target",
-        "lines, checkerboard, charuco, dots or asymmetric-dots",
-        repr(run.grid_target),
-        "process the run with the version of offaxis that recorded it, or a newer one",
-    )
+    if run.grid_target not in TARGETS:
+        raise CalibrationError(
+            str(run.path),
+            "find target",
+            either(TARGETS),
+            repr(run.grid_target),
+            "process the run with the version of offaxis that recorded it, or a newer one",
+        )
+    return TARGETS[run.grid_target].of(run.grid_lines, run.grid_values)
 
 
 def _calibrated_region(calibration: Calibration, shape: tuple[int, ...]) -> Mask:

@@ -9,7 +9,8 @@ from dic.calibration.plate import behind
 from dic.errors import CalibrationError
 from dic.image.given import grey_image, name_of, one_by_one
 from dic.targets.axes import XAxis
-from dic.targets.find import Target, find_target
+from dic.targets.find import find_target
+from dic.targets.kinds import Target
 from dic.targets.region import Region
 from dic.typing import Grey, ImageLike
 

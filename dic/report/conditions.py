@@ -5,9 +5,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-import numpy as np
-
-from dic.gauges.declared import Extensometer, TransverseExtensometer
 from dic.pipeline.result import RunResult, SeriesResult
 from dic.report.analysis import analysis_table
 from dic.report.camera_images import CameraImages, Results, images_of
@@ -175,7 +172,4 @@ def _doubts(facts: StatedFacts, result: Results, area_mm2: float) -> list[str]:
 def _direction_deg(test: TensileTest) -> float:
     """Return the direction of the gauge along the specimen, degrees from x right to y up."""
     gauge = next(gauge for gauge in test.series.gauges if gauge.name == test.gauge)
-    if isinstance(gauge, Extensometer | TransverseExtensometer):
-        x, y = gauge.upwards(gauge.end) - gauge.upwards(gauge.start)
-        return float(np.degrees(np.arctan2(y, x)))
     return float(getattr(gauge, "direction_deg", 0.0))

@@ -272,7 +272,7 @@ def _gauge_rows(images: CameraImages, test: TensileTest, places: Sequence[int]) 
             for one, image in zip(found, series.images, strict=True)
             if isinstance(one, Reading)
         ]
-        if gauge.kind == "cut" or not readings:
+        if not readings:
             continue
         stds = [
             (one.strain_std_images, label) for one, label in readings if np.isfinite(one.strain_std_images)

@@ -58,7 +58,7 @@ def gauges_figure(test: TensileTest) -> Any:
     series = test.series_of(test.main.camera)
     load_n = np.array([float(image.known.get("load_n", np.nan)) for image in series.images])
     stress = load_n / test.settings.area_mm2
-    gauges = [gauge for gauge in series.gauges if gauge.kind != "cut"]
+    gauges = [gauge for gauge in series.gauges if not gauge.is_profile]
     for order, gauge in enumerate(gauges):
         strain, std = series.strain(gauge.name, test.main.read.kind)
         colour, marker = OFF_AXIS_COLOURS[order % len(OFF_AXIS_COLOURS)], MARKERS[order % len(MARKERS)]

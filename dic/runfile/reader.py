@@ -65,15 +65,14 @@ class RunFile:
     info : RunInfo
     grid_lines : tuple of int
         Numbers of lines of the calibration grid along X and along Y.
-    grid_pitch_mm : float
-        Distance between neighbouring lines of the calibration grid.
     continues : dict or None
         The earlier run that this run continues; None for a run that begins anew.
     grid_target : str
         Kind of the calibration target: "lines", "checkerboard", "charuco", "dots" or "asymmetric-dots". For a
         target without lines, `grid_lines` are the numbers of squares or dots.
-    grid_marker_mm, grid_dictionary : float, str
-        Length of a marker's side, and OpenCV's dictionary of the markers, for a ChArUco board.
+    grid_values : dict of str to float or str
+        The further values of the target: `pitch_mm`, and `marker_mm` and `dictionary`, which only a ChArUco
+        board uses. A line grid of an earlier version has only the pitch.
     mounting : RunMounting
         The declared mounting of grid and specimen.
     cameras : list of str
@@ -90,8 +89,6 @@ class RunFile:
     """
 
     grid_target = "lines"
-    grid_marker_mm = np.nan
-    grid_dictionary = ""
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
@@ -334,14 +331,15 @@ class RunFile:
             raise Unlike(f"the status {self.info.status!r}")
         lines = entry["grid"]["lines"][:]
         self.grid_lines = int(lines[0]), int(lines[1])
-        self.grid_pitch_mm = float(entry["grid"]["pitch_mm"][()])
-        if not (min(lines) > 0 and max(lines) <= _LINES_MAX and 0.0 < self.grid_pitch_mm < np.inf):
-            raise Unlike(f"a grid of {lines[0]} x {lines[1]} lines every {self.grid_pitch_mm:g} mm")
+        pitch_mm = float(entry["grid"]["pitch_mm"][()])
+        if not (min(lines) > 0 and max(lines) <= _LINES_MAX and 0.0 < pitch_mm < np.inf):
+            raise Unlike(f"a grid of {lines[0]} x {lines[1]} lines every {pitch_mm:g} mm")
+        self.grid_values: dict[str, Any] = {"pitch_mm": pitch_mm}
         # Files of earlier versions have line grids only.
         if schema.TARGET[0].name in entry["grid"]:
             self.grid_target = read_text(entry["grid"]["target"])
-            self.grid_marker_mm = float(entry["grid"]["marker_mm"][()])
-            self.grid_dictionary = read_text(entry["grid"]["dictionary"])
+            self.grid_values["marker_mm"] = float(entry["grid"]["marker_mm"][()])
+            self.grid_values["dictionary"] = read_text(entry["grid"]["dictionary"])
         self.mounting = read_mounting(self._file)
         self._detectors = entry["instrument"]
         self.cameras = camera_names(self._file)

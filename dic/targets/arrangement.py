@@ -66,25 +66,15 @@ class Arrangement:
         return self.asymmetric and self.box[0] % 2 == 1 and self.box[1] % 2 == 1
 
     @property
-    def name(self) -> str:
-        """Name of the arrangement for messages, in which the numbers of dots follow the name."""
-        return "an asymmetric grid" if self.asymmetric else "a lattice"
-
-    @property
-    def option(self) -> str:
-        """Name of the option of the commands that describes the arrangement."""
-        return "asymmetric-dots" if self.asymmetric else "dots"
-
-    @property
     def options(self) -> str:
-        """The option of the commands, with its value."""
-        return f"--{self.option} {self.counts[0]}x{self.counts[1]}"
+        """The option of the commands that describes the arrangement."""
+        return f"--{'asymmetric-' if self.asymmetric else ''}dots {self.counts[0]}x{self.counts[1]}"
 
     def __str__(self) -> str:
         first, second = self.counts
         if self.in_turn:
             return f"{second} rows of {first} and {first - 1} dots in turn"
-        return f"{self.name} of {first} × {second} dots"
+        return f"{'an asymmetric grid' if self.asymmetric else 'a lattice'} of {first} × {second} dots"
 
 
 def half_pitches(index: Indices) -> Indices:

@@ -4,14 +4,20 @@ The search takes little time: it uses a reduced image, and it counts lines, squa
 them.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.targets.charuco import fit_one_plane, markers_seen
 from dic.targets.checkerboard import board_seen
 from dic.targets.dots import dots_seen
+from dic.targets.kinds import (
+    AsymmetricDotTarget,
+    CharucoTarget,
+    CheckerboardTarget,
+    DotTarget,
+    LineGridTarget,
+)
+from dic.targets.kinds.target import SeenTarget
 from dic.targets.line_grid.find import lines_seen
 from dic.targets.sampled_image import as_bytes
 from dic.typing import Float, Grey, Indices
@@ -27,40 +33,6 @@ _OTHER_DICTIONARIES = ("DICT_ARUCO_ORIGINAL", "DICT_APRILTAG_36h11")
 # `_FITTING` of the markers must fit it. The side of a marker is assumed to be `_MARKER_SIDE` pitches, which
 # is usual.
 _FEWEST_MARKERS, _FITTING, _MOST_COLUMNS, _MARKER_SIDE = 4, 0.8, 40, 0.75
-
-
-@dataclass(frozen=True)
-class SeenTarget:
-    """A target that an image shows.
-
-    Attributes
-    ----------
-    kind : str
-        The kind of the target, such as "a checkerboard".
-    option : str
-        Name of the option for the target: "lines", "squares", "dots" or "asymmetric-dots".
-    counts : tuple of int
-        Numbers of lines, squares or dots along both directions. For an asymmetric grid of dots: number of
-        dots in a row, and number of rows.
-    dictionary : str
-        Smallest of OpenCV's dictionaries that has all markers of a ChArUco board; empty for other targets.
-    """
-
-    kind: str
-    option: str
-    counts: tuple[int, int]
-    dictionary: str = ""
-
-    def __str__(self) -> str:
-        first, second = self.counts
-        numbers = f"{self.kind} of {first} × {second} {self.option.rpartition('-')[2]}"
-        return f"{numbers} with markers of {self.dictionary}" if self.dictionary else numbers
-
-    @property
-    def options(self) -> str:
-        """The options of the commands that describe the target, except for its lengths in mm."""
-        numbers = f"--{self.option} {self.counts[0]}x{self.counts[1]}"
-        return f"{numbers} --marker-mm … --dictionary {self.dictionary}" if self.dictionary else numbers
 
 
 def target_seen(grey: Grey) -> SeenTarget | None:
@@ -82,12 +54,14 @@ def target_seen(grey: Grey) -> SeenTarget | None:
     if with_markers is not None:
         return with_markers
     if board is not None:
-        return SeenTarget("a checkerboard", "squares", board.squares)
+        return SeenTarget(CheckerboardTarget, board.squares)
     lines = lines_seen(grey)
     if lines is not None:
-        return SeenTarget("a line grid", "lines", lines)
+        return SeenTarget(LineGridTarget, lines)
     dots = dots_seen(grey)
-    return None if dots is None else SeenTarget(dots.name, dots.option, dots.counts)
+    if dots is None:
+        return None
+    return SeenTarget(AsymmetricDotTarget if dots.asymmetric else DotTarget, dots.counts)
 
 
 def _board_with_markers_seen(image: NDArray[np.uint8]) -> SeenTarget | None:
@@ -105,7 +79,7 @@ def _board_with_markers_seen(image: NDArray[np.uint8]) -> SeenTarget | None:
         return None
     if family in _FAMILIES:
         name = f"{family}_{next(size for size in _SIZES if size > number.max())}"
-    return SeenTarget("a ChArUco board", "squares", squares, name)
+    return SeenTarget(CharucoTarget, squares, name)
 
 
 def _squares_of_board(number: Indices, corners: Float) -> tuple[int, int] | None:

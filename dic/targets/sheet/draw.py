@@ -5,18 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from dic.errors import CalibrationError, require_kind
+from dic.errors import CalibrationError
 from dic.files.writing import write_figure
-from dic.targets.find import (
-    AsymmetricDotTarget,
-    CharucoTarget,
-    DotTarget,
-    LineGridTarget,
-    Target,
-    require_possible,
-)
-from dic.targets.line_grid.find import FEWEST_LINES
-from dic.targets.sheet.shapes import Shapes, shapes_of
+from dic.targets.kinds import Target, require_target
+from dic.targets.sheet.shapes import Shapes
 from dic.typing import PathLike
 
 _INCH_MM = 25.4
@@ -63,8 +55,7 @@ def draw_target(target: Target, path: PathLike, dpi: float = 600.0) -> tuple[flo
     OSError
         If the file cannot be written.
     """
-    require_kind("target", target, Target, "give dic.DotTarget((14, 10), pitch_mm=5)")
-    require_possible(target, "target")
+    require_target(target, "target", "give dic.DotTarget((14, 10), pitch_mm=5)")
     _require_drawable(target)
     suffix = Path(path).suffix.lower()
     if suffix not in _SUFFIXES:
@@ -72,7 +63,7 @@ def draw_target(target: Target, path: PathLike, dpi: float = 600.0) -> tuple[flo
         raise CalibrationError("target", "draw", expected, got, "name a file such as target.pdf")
     if not _DPI[0] <= dpi <= _DPI[1]:
         raise CalibrationError("target", "draw", "72 to 2400 pixels per inch", f"{dpi:g}", "give --dpi 600")
-    shapes = shapes_of(target)
+    shapes = target.shapes()
     sheet_mm = _sheet_mm(shapes)
     pixels = sheet_mm[0] * sheet_mm[1] * (dpi / _INCH_MM) ** 2
     if suffix == ".png" and pixels > _MOST_PX:
@@ -85,19 +76,15 @@ def draw_target(target: Target, path: PathLike, dpi: float = 600.0) -> tuple[flo
 
 def _require_drawable(target: Target) -> None:
     """Raise an error if the target is longer than any sheet, or has too few lines to be found again."""
-    counts = (
-        target.lines
-        if isinstance(target, LineGridTarget)
-        else (target.dots if isinstance(target, DotTarget | AsymmetricDotTarget) else target.squares)
-    )
+    counts, fewest = target.counts, target.fewest
     longest_mm = max(counts) * target.pitch_mm
     if longest_mm > _LONGEST_MM:
         remedy = "give a smaller --pitch-mm or --count"
         expected = f"a target of at most {_LONGEST_MM:.0f} mm"
         raise CalibrationError("target", "draw", expected, f"{longest_mm:.0f} mm", remedy)
-    if isinstance(target, LineGridTarget) and min(counts) < FEWEST_LINES:
-        expected, got = f"at least {FEWEST_LINES} lines along X and along Y", f"{counts[0]} × {counts[1]}"
-        raise CalibrationError("target", "draw", expected, got, "give --count 21x21")
+    if min(counts) < fewest:
+        expected = f"at least {fewest} {target.counted} along X and along Y"
+        raise CalibrationError("target", "draw", expected, f"{counts[0]} × {counts[1]}", "give --count 21x21")
 
 
 def _sheet_mm(shapes: Shapes) -> tuple[float, float]:
@@ -138,7 +125,7 @@ def _figure(target: Target, shapes: Shapes, sheet_mm: tuple[float, float], dpi: 
         drawn.set_snap(False)
         axes.add_collection(drawn, autolim=False)
     _draw_rulers(axes, shapes)
-    title = f"offaxis   {_description(target)}   Check that both rulers measure what they say."
+    title = f"offaxis   {target.description}   Check that both rulers measure what they say."
     axes.text(0, shapes.size_mm()[1] / 2 + _RULER_FROM_TARGET_MM, title, ha="center", fontsize=7)
     return figure
 
@@ -163,17 +150,3 @@ def _draw_rulers(axes: Any, shapes: Shapes) -> None:
             x, y = place if along_x else place[::-1]
             turned = {} if along_x else {"rotation": 90}
             axes.text(x, y, text, ha="center", va="top" if along_x else "center", fontsize=6, **turned)
-
-
-def _description(target: Target) -> str:
-    if isinstance(target, LineGridTarget):
-        return f"line grid, {target.lines[0]} × {target.lines[1]} lines, pitch {target.pitch_mm:g} mm."
-    if isinstance(target, DotTarget):
-        return f"dots, {target.dots[0]} × {target.dots[1]}, pitch {target.pitch_mm:g} mm."
-    if isinstance(target, AsymmetricDotTarget):
-        in_row, rows = target.dots
-        return f"asymmetric dots, {in_row} in each of {rows} rows, pitch {target.pitch_mm:g} mm along a row."
-    squares = f"{target.squares[0]} × {target.squares[1]} squares of {target.pitch_mm:g} mm"
-    if isinstance(target, CharucoTarget):
-        return f"ChArUco board, {squares}, markers of {target.marker_mm:g} mm, {target.dictionary}."
-    return f"checkerboard, {squares}."

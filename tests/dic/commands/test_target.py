@@ -4,6 +4,9 @@ from pathlib import Path
 
 import pytest
 
+import dic
+from dic.commands.calibrate import calibrate
+from dic.commands.target_options import TargetOptions
 from tests.command_line import refusal, run_dic
 
 KINDS = {"lines": "11x9", "checkerboard": "10x7", "charuco": "7x5", "dots": "12x9", "asymmetric-dots": "5x11"}
@@ -18,6 +21,24 @@ def test_the_printed_options_find_the_target(kind: str, tmp_path: Path) -> None:
     assert done.status == 0
     options = done.out.split("dic calibrate IMAGE ")[1].split()
     assert run_dic("calibrate", sheet, *options).status == 0
+
+
+@pytest.mark.parametrize("name", dic.TARGETS)
+def test_the_options_of_a_target_describe_this_target(name: str) -> None:
+    values = {"pitch_mm": 2.5, "marker_mm": None, "dictionary": "DICT_4X4_100"}
+    target = dic.TARGETS[name].of((12, 11), values)
+    given = calibrate.make_context("calibrate", ["image.png", *target.options.split()]).params
+    options = {name.removeprefix("target_"): given[name] for name in given if name.startswith("target_")}
+
+    assert TargetOptions(**options).read() == target
+
+
+@pytest.mark.parametrize("command", ["target", "gauges", "export"])
+def test_the_help_names_every_kind_of_the_registry(command: str) -> None:
+    registry = {"target": dic.TARGETS, "gauges": dic.GAUGES, "export": dic.EXPORTS}[command]
+    text = run_dic(command, "--help").out
+
+    assert [name for name in registry if name not in text] == []
 
 
 def test_an_impossible_target_is_refused(tmp_path: Path) -> None:

@@ -356,7 +356,7 @@ def test_an_error_of_the_program_is_no_sentence_about_the_results(folder, tmp_pa
     def broken(*_, **__):
         raise TypeError("a mistake of the program")
 
-    monkeypatch.setattr("dic.write_series_report", broken, raising=False)
+    monkeypatch.setattr("dic.write_series_report", broken)
     with pytest.raises(TypeError, match="a mistake of the program"):
         run_dic("report", folder / "r.h5", "-o", tmp_path / "report.html")
 

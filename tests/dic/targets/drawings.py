@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import cv2
 import numpy as np
 
-from dic.targets.find import CharucoTarget
+from dic.targets.kinds import CharucoTarget
 from dic.targets.points import GridPoints
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from dic.errors import CalibrationError
-from dic.targets.find import AsymmetricDotTarget, CheckerboardTarget, DotTarget, Target, find_target
+from dic.targets.find import find_target
+from dic.targets.kinds import AsymmetricDotTarget, CheckerboardTarget, DotTarget, Target
 from dic.targets.points import GridPoints
 from dic.targets.seen import target_seen
 from tests.dic.targets.drawings import View, asymmetric_dots, asymmetric_places, bound_px, checkerboard, dots

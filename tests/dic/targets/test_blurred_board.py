@@ -5,7 +5,8 @@ import pytest
 from scipy.special import erf
 
 from dic.errors import CalibrationError
-from dic.targets.find import CheckerboardTarget, find_target
+from dic.targets.find import find_target
+from dic.targets.kinds import CheckerboardTarget
 
 SQUARES = (9, 7)
 

@@ -6,7 +6,8 @@ import pytest
 from dic.calibration.pinhole.prior import KnownCamera
 from dic.errors import CalibrationError
 from dic.pipeline.target_images import calibrate_images
-from dic.targets.find import CharucoTarget, LineGridTarget, find_target
+from dic.targets.find import find_target
+from dic.targets.kinds import CharucoTarget, LineGridTarget
 from tests.dic.targets.drawings import FOCAL_PX, View, charuco
 
 SMALLEST = CharucoTarget((3, 3), 2.0, 1.5)

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from dic.errors import CalibrationError
-from dic.targets.find import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget, Target, find_target
+from dic.targets.find import find_target
+from dic.targets.kinds import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget, Target
 from dic.targets.points import GridPoints
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose

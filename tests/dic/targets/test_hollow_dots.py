@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from dic.errors import CalibrationError
-from dic.targets.find import DotTarget, find_target
+from dic.targets.find import find_target
+from dic.targets.kinds import DotTarget
 from tests.dic.targets.drawings import HollowDots, View, bound_px
 
 PLATE = HollowDots((-8, -8), (17, 13), pitch_mm=1.0, radius_mm=0.28, hole_mm=0.14)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from dic.errors import CalibrationError
-from dic.targets.find import CharucoTarget, CheckerboardTarget, DotTarget, Target, find_target
+from dic.targets.find import find_target
+from dic.targets.kinds import CharucoTarget, CheckerboardTarget, DotTarget, Target
 from tests.dic.targets.drawings import Drawing, View, charuco, checkerboard, dots
 
 CHARUCO = CharucoTarget((6, 5), 1.2, 0.9)

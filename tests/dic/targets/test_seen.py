@@ -8,14 +8,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from dic.errors import CalibrationError
-from dic.targets.find import (
-    CharucoTarget,
-    CheckerboardTarget,
-    DotTarget,
-    LineGridTarget,
-    Target,
-    find_target,
-)
+from dic.targets.find import find_target
+from dic.targets.kinds import CharucoTarget, CheckerboardTarget, DotTarget, LineGridTarget, Target
 from dic.targets.seen import target_seen
 from simulators.scene.texture import LineGrid
 from tests.dic.targets.drawings import HollowDots, View, charuco, checkerboard, dots

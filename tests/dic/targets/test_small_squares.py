@@ -6,7 +6,8 @@ import pytest
 from scipy.spatial import KDTree
 
 from dic.errors import CalibrationError
-from dic.targets.find import CheckerboardTarget, find_target
+from dic.targets.find import find_target
+from dic.targets.kinds import CheckerboardTarget
 from tests.dic.targets.drawings import View, checkerboard
 
 SQUARES = (12, 9)

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from dic.errors import CalibrationError
-from dic.targets.find import (
+from dic.targets.find import find_target
+from dic.targets.kinds import (
     AsymmetricDotTarget,
     CharucoTarget,
     CheckerboardTarget,
     DotTarget,
     LineGridTarget,
     Target,
-    find_target,
 )
 from dic.targets.sheet.draw import draw_target
 from tests.dic.targets.drawings import asymmetric_places
