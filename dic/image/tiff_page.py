@@ -25,6 +25,7 @@ _OF_PIXELS = {
 _DEFLATE = (8, 32946)
 _JPEG = (6, 7, 34892)
 _LONG, _LONG8 = 4, 16
+_SEPARATE = 2
 _IMAGEJ = re.compile(r"ImageJ=.*?^images=(\d+)", re.DOTALL | re.MULTILINE)
 
 
@@ -55,6 +56,11 @@ def read_tiff(content: FileContent, number: int = 1) -> Container:
         places = _places(page, len(content))
         bits = page.tags.valueof(258, default=1)
         all_bits = bits if isinstance(bits, tuple) else (bits,)
+        if page.planarconfig == _SEPARATE and page.samplesperpixel > 1 and max(all_bits) > 8:
+            # OpenCV takes pixels from memory that nobody has written.
+            raise Damage(
+                "a TIFF with separate planes for the colours", "save it with the colours of a pixel together"
+            )
         container = Container(
             b"",
             int(page.imagewidth),

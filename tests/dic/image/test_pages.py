@@ -174,6 +174,18 @@ def test_small_file_takes_neither_all_time_nor_all_memory_of_tifffile(tmp_path, 
         read_image(tmp_path / "a.tif")
 
 
+def test_separate_planes_of_16_bit_are_refused_because_opencv_fills_them_with_noise(tmp_path):
+    planes = np.stack(pictures(3, np.uint16))
+    tifffile.imwrite(tmp_path / "a.tif", planes, photometric="rgb", planarconfig="separate")
+    with pytest.raises(ImageError, match="separate planes for the colours; save it with the colours of a"):
+        read_image(tmp_path / "a.tif")
+    tifffile.imwrite(
+        tmp_path / "a.tif", (planes >> 8).astype("u1"), photometric="rgb", planarconfig="separate"
+    )
+    luma = np.tensordot([0.299, 0.587, 0.114], planes >> 8, 1)
+    assert np.allclose(read_image(tmp_path / "a.tif"), luma, rtol=0, atol=1e-3)
+
+
 def test_name_of_a_page_that_is_too_long_is_refused_like_any_file(tmp_path):
     with pytest.raises(ImageError, match="got File name too long; name an image file that exists"):
         read_image(tmp_path / f"{'x' * 300}#1")
