@@ -10,9 +10,8 @@ import re
 from math import prod
 
 from dic.files.reading import Content
-from dic.image.tiff_directory import read_entries
+from dic.image.tiff import opened_page
 
-_DESCRIPTION = 270
 _NAMES = {"C": "channels", "Z": "depths", "T": "times"}
 _IMAGEJ = re.compile(r"^(images|channels|slices|frames)=(\d{1,9})\s*$", re.MULTILINE)
 _OME = re.compile(r"<(?:\w+:)?Pixels\b[^>]*>")
@@ -41,12 +40,12 @@ def series_of_pages(content: Content, pages: list[int]) -> tuple[list[list[int]]
 
     Raises
     ------
-    Damage, struct.error
+    Damage
         If the first directory cannot be read.
     """
     whole = list(range(1, len(pages) + 1))
-    stored = [entry.stored for each in pages[:1] for entry in read_entries(content, each, (_DESCRIPTION,))]
-    sizes, order = _described(stored[0].decode("utf-8", "replace").rstrip("\0 ") if stored else "")
+    with opened_page(content) as first:
+        sizes, order = _described(first.description)
     apart = [name for name in ("C", "Z") if sizes.get(name, 1) > 1]
     if apart == ["Z"] and sizes.get("T", 1) < 2:
         apart = []

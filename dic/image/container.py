@@ -5,7 +5,6 @@ such grey areas. A file of a few kilobytes can also declare an image that fills 
 of PNG, TIFF and BMP files is checked first.
 """
 
-import struct
 import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -96,15 +95,3 @@ def inflated_bytes(pieces: Iterable[bytes], most_bytes: int) -> int:
             raise zlib.error("cut off")
         count += len(rest)
     return count
-
-
-def read_bmp(content: bytes) -> Container:
-    """Read the header of a BMP file; raise `Damage` or `struct.error` if the file was cut off."""
-    _, pixels, header, width, height, _, bits, compression = struct.unpack_from("<IxxxxIIiiHHI", content, 2)
-    row_bytes = (abs(width) * bits + 31) // 32 * 4
-    uncompressed = header >= 40 and compression in (0, 3)
-    needed = pixels + row_bytes * abs(height) if uncompressed else struct.unpack_from("<I", content, 2)[0]
-    if len(content) < needed:
-        raise Damage(f"a BMP that was cut off after {len(content)} bytes")
-    # OpenCV decodes at least 8 bits per channel, and decodes an image with a palette to three channels.
-    return Container(content, abs(width), abs(height), max(bits, 24))

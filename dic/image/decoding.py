@@ -52,7 +52,7 @@ def decode(container: Container) -> NDArray[Any]:
         try:
             image: NDArray[Any] | None = cv2.imdecode(
                 np.frombuffer(container.content, np.uint8),
-                cv2.IMREAD_GRAYSCALE if of_jpeg else cv2.IMREAD_UNCHANGED,
+                (cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION) if of_jpeg else cv2.IMREAD_UNCHANGED,
             )
         except cv2.error:
             image = None

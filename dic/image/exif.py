@@ -4,23 +4,12 @@ import struct
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from dic.files.reading import Content, FileContent, opened
+from dic.files.reading import Content, opened
 from dic.image.container import Damage
-from dic.image.jpeg import SIGNATURE as JPEG
-from dic.image.png import SIGNATURE as PNG
-from dic.image.tiff_directory import (
-    SIGNATURES,
-    byte_order,
-    first_directory,
-    integers,
-    pages_of_file,
-    read_entries,
-)
+from dic.image.headers import exif_block
+from dic.image.tiff import SIGNATURES, opened_page, pages_of_file
 
-_EXIF_DIRECTORY, _TAKEN, _FRACTION, _OFFSET = 34665, 36867, 37521, 36881
-_APP1, _START_OF_SCAN = 0xE1, 0xDA
-_MOST_BYTES = 1 << 20
-"""Largest size of an Exif block that is read; a block without preview images has some kilobytes."""
+_EXIF_DIRECTORY = 34665
 
 
 def taken_s(file: Path, page: int = 1) -> float | None:
@@ -39,64 +28,24 @@ def taken_s(file: Path, page: int = 1) -> float | None:
     """
     try:
         with opened(file) as content:
-            block, at = _block(content, page)
-            return None if block is None else _taken_s(block, at)
-    except (OSError, struct.error, Damage, ValueError):
+            if content[:4] in SIGNATURES:
+                pages = pages_of_file(content)
+                return _of_directory(content, pages[min(page, len(pages)) - 1])
+            block = exif_block(content)
+            return None if block is None else _of_directory(block)
+    except (OSError, Damage, IndexError, ValueError, struct.error):
         # A damaged file gives no time here. The reader of the image raises the error that names the damage.
         return None
 
 
-def _block(content: FileContent, page: int) -> tuple[Content | None, int]:
-    """Return the Exif block of a file, and the position of its first directory."""
-    if content[:4] in SIGNATURES:
-        return content, pages_of_file(content)[min(page, len(pages_of_file(content))) - 1]
-    block = None
-    if content[:3] == JPEG:
-        block = _of_jpeg(content)
-    elif content[:8] == PNG:
-        block = _of_png(content)
-    return (None, 0) if block is None else (block, first_directory(block))
-
-
-def _of_jpeg(content: FileContent) -> bytes | None:
-    at = 2
-    while at < len(content):
-        begin, marker, length = struct.unpack(">BBH", content[at : at + 4])
-        if begin != 0xFF:
-            return None
-        data = content[at + 4 : at + 2 + length] if marker == _APP1 else b""
-        if data.startswith(b"Exif\0\0"):
-            return data[6:]
-        if marker == _START_OF_SCAN:
-            return None
-        at += 2 + length
-    return None
-
-
-def _of_png(content: FileContent) -> bytes | None:
-    at = len(PNG)
-    while at < len(content):
-        length, kind = struct.unpack(">I4s", content[at : at + 8])
-        if kind == b"eXIf" and length <= _MOST_BYTES:
-            return content[at + 8 : at + 8 + length]
-        # Behind the end of the image, and in a damaged file, are no further blocks.
-        if kind == b"IEND" or not kind.isalpha():
-            return None
-        at += 12 + length
-    return None
-
-
-def _taken_s(block: Content, at: int) -> float | None:
-    place = integers(read_entries(block, at, (_EXIF_DIRECTORY,)), byte_order(block)).get(_EXIF_DIRECTORY)
-    if place is None:
+def _of_directory(content: Content, at: int | None = None) -> float | None:
+    with opened_page(content, at) as page:
+        tags = page.tags.valueof(_EXIF_DIRECTORY)
+    # Of a damaged directory, tifffile gives the position.
+    if not isinstance(tags, dict) or not tags.get("DateTimeOriginal"):
         return None
-    entries = read_entries(block, place[0], (_TAKEN, _FRACTION, _OFFSET))
-    texts = {entry.tag: entry.stored.split(b"\0")[0].decode("ascii").strip() for entry in entries}
-    if not texts.get(_TAKEN):
-        return None
-    taken = datetime.strptime(texts[_TAKEN], "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC)
-    fraction = texts.get(_FRACTION, "")
-    offset = texts.get(_OFFSET, "")
+    taken = datetime.strptime(tags["DateTimeOriginal"], "%Y:%m:%d %H:%M:%S").replace(tzinfo=UTC)
+    fraction, offset = tags.get("SubsecTimeOriginal", ""), tags.get("OffsetTimeOriginal", "")
     zone = timedelta()
     if offset:
         hours, minutes = offset[1:].split(":")

@@ -3,7 +3,6 @@
 import glob
 import os
 import re
-import struct
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from decimal import Decimal
@@ -14,8 +13,8 @@ from dic.files.reading import opened
 from dic.image.channels import series_of_pages
 from dic.image.container import Damage
 from dic.image.numbering import missing_numbers
-from dic.image.tiff_directory import SIGNATURES as TIFFS
-from dic.image.tiff_directory import pages_of_file
+from dic.image.tiff import SIGNATURES as TIFFS
+from dic.image.tiff import pages_of_file
 from dic.image.video import is_video, read_video
 from dic.typing import PathLike
 
@@ -192,7 +191,7 @@ def _pages(file: Path) -> Sequence[Path]:
     """Return the names of the pages or frames of a file; if the file cannot be read, return its own name."""
     try:
         number = _frames(file) if is_video(file) else _pages_of_tiff(file)
-    except (OSError, struct.error, Damage):
+    except (OSError, Damage):
         number = 1
     return [file] if number == 1 else [page_name(file, page) for page in range(1, number + 1)]
 

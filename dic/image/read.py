@@ -1,6 +1,5 @@
 """Read image files as grey levels, and refuse files that cannot be measured."""
 
-import struct
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, overload
@@ -9,20 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.errors import ImageError, require_kind, warn_of_image
-from dic.files.reading import FileContent, opened, read_bytes
-from dic.image.container import Container, Damage, read_bmp, require_bounded
+from dic.files.reading import opened, read_bytes
+from dic.image.container import Container, Damage
 from dic.image.decoding import decode, to_grey
-from dic.image.jpeg import SIGNATURE as JPEG
-from dic.image.jpeg import read_jpeg
+from dic.image.headers import read_header
 from dic.image.memory import give_back_memory, share_one_heap
-from dic.image.netpbm import SIGNATURES as NETPBM
-from dic.image.netpbm import read_netpbm
 from dic.image.pages import page_name, split_page
-from dic.image.png import SIGNATURE as PNG
-from dic.image.png import read_png
 from dic.image.stored import is_large
-from dic.image.tiff import read_tiff
-from dic.image.tiff_directory import SIGNATURES as TIFFS
+from dic.image.tiff import SIGNATURES as TIFFS
+from dic.image.tiff_page import read_tiff
 from dic.image.video import is_video, read_frame, read_video
 
 MINIMUM_SIDE_PX = 32
@@ -198,36 +192,12 @@ def _notes(container: Container, file: Path, page: int | None) -> Iterator[str]:
 def _contained(file: Path, page: int) -> Container:
     """Check a page of an image file; only a TIFF file has more than one."""
     with opened(file) as content:
-        beginning = content[:4]
-        if beginning in TIFFS:
-            return _undamaged(content, lambda: read_tiff(content, page))
+        if content[:4] in TIFFS:
+            return read_tiff(content, page)
     whole = read_bytes(file)
     if page > 1:
         raise Damage("a file with one page", "name it without a page")
-    return _undamaged(whole, lambda: _inspect(whole))
-
-
-def _undamaged(content: bytes | FileContent, read: Callable[[], Container]) -> Container:
-    try:
-        return read()
-    except struct.error as error:
-        raise Damage(f"a file that was cut off after {len(content)} bytes") from error
-
-
-def _inspect(content: bytes) -> Container:
-    if not content:
-        raise Damage("an empty file")
-    if content.startswith(PNG):
-        return read_png(content)
-    if content.startswith(JPEG):
-        return read_jpeg(content)
-    if content.startswith(NETPBM):
-        return read_netpbm(content)
-    if content.startswith(b"BM"):
-        bitmap = read_bmp(content)
-        require_bounded(bitmap, len(content))
-        return bitmap
-    raise Damage("another kind of file")
+    return read_header(whole)
 
 
 def _refusal(path: Path, got: str, remedy: str) -> ImageError:

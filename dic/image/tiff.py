@@ -1,130 +1,143 @@
-"""Check the pages of TIFF and BigTIFF files before decoding: strips, checksums, declared size (TIFF 6.0)."""
+"""Read the directories of TIFF and BigTIFF files with tifffile, within bounds (TIFF 6.0)."""
 
-import re
+import logging
 import struct
-import zlib
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from io import SEEK_CUR, SEEK_END, RawIOBase
+from typing import TYPE_CHECKING
 
-from dic.files.reading import MOST_IMAGE_BYTES, Content, FileContent
-from dic.image.container import Container, Damage, inflated_bytes, require_bounded
-from dic.image.tiff_directory import (
-    BITS,
-    COMPRESSION,
-    HEIGHT,
-    ORIENTATION,
-    SAMPLES,
-    STRIPS_AND_TILES,
-    WIDTH,
-    Entry,
-    byte_order,
-    first_directory,
-    integers,
-    pages_of_file,
-    read_entries,
-)
-from dic.image.tiff_page import single_page
+from dic.files.reading import Content, FileContent
+from dic.image.container import Damage
 
-_DESCRIPTION = 270
-_DEFLATE = (8, 32946)
-_JPEG = (6, 7, 34892)
-_IMAGEJ = re.compile(rb"ImageJ=.*?^images=(\d+)", re.DOTALL | re.MULTILINE)
+if TYPE_CHECKING:
+    from tifffile import TiffFile, TiffPage
 
-Tags = Mapping[int, tuple[int, ...]]
+SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_SMALLER_OR_MASK = 0b101
+"""Bits of the tag NewSubfileType that mark a page as a smaller copy or as a mask of another page."""
+_READINGS, _LEAST_BYTES, _MOST_BYTES = 4, 2**20, 2**28
+"""How much of a file tifffile may read: a multiple of its size, between these numbers of bytes."""
+
+# tifffile reports damage to its log, which Python would print.
+logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 
-def read_tiff(content: FileContent, page: int = 1) -> Container:
-    """Check a page of a TIFF file and read its tags; pages count from 1.
-
-    The container has only this page and the tags that the decoder needs, because decoders print messages
-    about other tags.
+@contextmanager
+def opened_tiff(content: Content) -> Iterator["TiffFile"]:
+    """Provide a TIFF file or Exif block whose first directory tifffile has read.
 
     Raises
     ------
     Damage
-        If the file does not have this page, if a strip or tile of pixels lies beyond the end of the file or
-        has a wrong checksum, if strips or tags overlap, or if the declared image is far too large.
-    struct.error
-        If the file was cut off within its directory of tags.
+        Here or within the `with` block, if the file is damaged or was cut off.
     """
-    pages = pages_of_file(content)
-    if page > len(pages):
-        if not pages:
-            raise Damage("a TIFF without pages, which was not written to its end", "save or copy it again")
-        raise Damage(f"a TIFF with {len(pages)} pages", f"name a page from 1 to {len(pages)}")
-    entries = read_entries(content, pages[page - 1])
-    order = byte_order(content)
-    tags = integers(entries, order)
-    _require_pages_of_imagej(entries, len(pages))
-    places = _places(content, tags)
-    bits = tags.get(BITS, (1,))
-    samples = max(tags.get(SAMPLES, (1,))[0], len(bits))
-    width, height = (tags.get(tag, (0,))[0] for tag in (WIDTH, HEIGHT))
-    compression = tags.get(COMPRESSION, (1,))[0]
-    container = Container(
-        b"",
-        width,
-        height,
-        max(max(bits), 8) * samples,
-        _orientation(tags),
-        len(pages),
-        lossy=compression in _JPEG,
-    )
-    require_bounded(container, len(content))
-    pieces = [content[start : start + size] for start, size in places]
-    if compression in _DEFLATE:
-        _require_inflatable(pieces, 2 * width * height * container.pixel_bits // 8 + 2**20)
-    return replace(container, content=single_page(order, entries, pieces))
+    from tifffile import TiffFile
 
-
-def orientation(content: Content) -> int:
-    """Return the orientation tag of a TIFF file or Exif block, 1 to 8, or 1 without a valid tag."""
     try:
-        entries = read_entries(content, first_directory(content), (ORIENTATION,))
-    except (struct.error, Damage):
-        return 1
-    return _orientation(integers(entries, byte_order(content)))
+        # tifffile would read further pages of files that it takes for those of certain microscopes.
+        with TiffFile(_Bounded(content), is_lsm=False, is_scanimage=False, is_ndpi=False) as opened:  # type: ignore[arg-type]
+            yield opened
+    except (Damage, OSError):
+        raise
+    except Exception as error:
+        # tifffile raises errors of many kinds for damaged files.
+        raise Damage(f"a file that was cut off after {len(content)} bytes") from error
 
 
-def _orientation(tags: Tags) -> int:
-    found = tags.get(ORIENTATION, (1,))[0]
-    return found if 1 <= found <= 8 else 1
+@contextmanager
+def opened_page(content: Content, at: int | None = None) -> Iterator["TiffPage"]:
+    """Provide the tags of the directory at a position, or of the first one; see `opened_tiff`."""
+    from tifffile import TiffPage
+
+    with opened_tiff(content) as tiff:
+        if at is None:
+            yield tiff.pages.first
+        else:
+            tiff.filehandle.seek(at)
+            yield TiffPage(tiff, 0)
 
 
-def _require_pages_of_imagej(entries: Sequence[Entry], pages: int) -> None:
-    """Raise an error for a large stack of ImageJ, in which only the first page has a directory."""
-    described = [entry.stored for entry in entries if entry.tag == _DESCRIPTION]
-    found = _IMAGEJ.match(described[0]) if described else None
-    if found is not None and int(found[1]) > pages:
-        raise Damage(
-            f"a stack of ImageJ with {int(found[1])} images and directories for {pages}",
-            "save its images one by one, by ImageJ's Image Sequence",
-        )
+def pages_of_file(content: FileContent) -> list[int]:
+    """Return the result of `page_directories`, which is computed once per file.
+
+    A series reads the pages of a stack one by one, and each search follows the chain of all directories. If
+    every page needed a search, the time of a series would grow with the square of its number of images.
+    """
+    found = _of_files(content.identity)
+    if not found:
+        # Two threads may do this at the same time.
+        found[:] = page_directories(content)
+    return found
 
 
-def _places(content: Content, tags: Tags) -> list[tuple[int, int]]:
-    """Return the position and the size of each strip or tile, in bytes."""
-    for offsets, counts in STRIPS_AND_TILES:
-        places = list(zip(tags.get(offsets, ()), tags.get(counts, ()), strict=False))
-        if any(start + size > len(content) for start, size in places):
-            raise Damage(f"a TIFF that was cut off after {len(content)} bytes")
-        total = sum(size for _, size in places)
-        # Strips that share their bytes would make a small file fill the memory.
-        if total > len(content):
-            raise Damage(f"a TIFF whose strips overlap: {total} bytes in a file of {len(content)} bytes")
-        if total > MOST_IMAGE_BYTES:
-            raise Damage(f"a page of {total / 2**20:.0f} MB, more than {MOST_IMAGE_BYTES // 2**20} MB")
-        if places:
-            return places
-    raise Damage("a TIFF without pixels")
+@lru_cache(maxsize=8)
+def _of_files(identity: tuple[int, ...]) -> list[int]:
+    return []
 
 
-def _require_inflatable(pieces: list[bytes], most_bytes: int) -> None:
-    """Check the checksum at the end of each deflated strip or tile; image decoders skip this check."""
-    try:
-        for piece in pieces:
-            most_bytes -= inflated_bytes([piece], most_bytes)
-            if most_bytes < 0:
-                raise Damage("a TIFF with more pixels than it declares")
-    except zlib.error as error:
-        raise Damage("a TIFF with damaged pixels") from error
+def page_directories(content: Content) -> list[int]:
+    """Return the positions of the directories of all pages, without smaller copies and masks of pages."""
+    from tifffile import TiffPage
+
+    pages: dict[int, bool] = {}
+    with opened_tiff(content) as tiff:
+        at = _unpack(tiff.tiff.offsetformat, content, 8 if tiff.is_bigtiff else 4)
+        while at and at not in pages:
+            pages[at] = True
+            tiff.filehandle.seek(at)
+            try:
+                page = TiffPage(tiff, 0)
+                at = _unpack(tiff.tiff.offsetformat, content, stored_tags(content, page)[1])
+            except Exception:
+                # The file ends before the end of the chain. The reader of this page tells of it.
+                break
+            pages[page.offset] = not page.subfiletype & _SMALLER_OR_MASK
+    # If the tags mark every page as a copy or a mask, the tags are wrong. Then return all pages.
+    return [place for place, whole in pages.items() if whole] or list(pages)
+
+
+def stored_tags(content: Content, page: "TiffPage") -> tuple[set[int], int]:
+    """Return all tags of a page, even those that tifffile left out, and the position behind its entries."""
+    layout = page.parent.tiff
+    first = page.offset + layout.tagnosize
+    end = first + layout.tagsize * _unpack(layout.tagnoformat, content, page.offset)
+    return {tag for tag, *_ in struct.iter_unpack(layout.tagheaderformat, content[first:end])}, end
+
+
+def _unpack(code: str, content: Content, at: int) -> int:
+    return int(struct.unpack(code, content[at : at + struct.calcsize(code)])[0])
+
+
+def orientation(page: "TiffPage") -> int:
+    """Return the orientation tag of a page or Exif block, 1 to 8, or 1 without a valid tag."""
+    found = page.tags.valueof(274)
+    return int(found) if found in range(1, 9) else 1
+
+
+class _Bounded(RawIOBase):
+    """The content of a file that can be read only a few times over.
+
+    tifffile follows a circle of directories without an end: a file of 4 kB keeps it busy for ever. It also
+    keeps the values of all entries, even of those that share their bytes: a file of 1 MB can take 6 GB.
+    """
+
+    def __init__(self, content: Content) -> None:
+        self._content, self._at = content, 0
+        self._left = min(_READINGS * len(content) + _LEAST_BYTES, _MOST_BYTES)
+
+    def read(self, size: int = -1) -> bytes:
+        data = self._content[self._at : len(self._content) if size < 0 else self._at + size]
+        self._at += len(data)
+        self._left -= len(data)
+        if self._left < 0:
+            raise Damage("a TIFF whose tags overlap")
+        return data
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        self._at = offset + {SEEK_CUR: self._at, SEEK_END: len(self._content)}.get(whence, 0)
+        return self._at
+
+    def tell(self) -> int:
+        return self._at

@@ -29,6 +29,7 @@ _SHOWN_BYTES, _SHOWN_CHARACTERS = 4096, 300
 """Length of the end of a process's standard error that is read, and of its last line that is shown."""
 
 
+# No ProcessPoolExecutor: one killed process breaks it, and a killed program leaves its processes behind.
 class LocalWorkers(Workers):
     """Worker processes on this computer, each of which runs one function at a time.
 

@@ -7,13 +7,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 
 from dic.errors import ImageError, ImageWarning
-from dic.image import tiff_directory
+from dic.image import tiff
 from dic.image.pages import in_natural_order, list_images, natural_key
 from dic.image.read import read_image
-from dic.image.tiff_directory import first_directory, page_directories, read_entries
+from dic.image.tiff import page_directories
 from tests.image_files import write_image
 
 
@@ -72,7 +73,7 @@ def test_chain_of_pages_is_followed_once_for_a_stack_and_anew_for_a_changed_one(
         followed.append(content)
         return page_directories(content)
 
-    monkeypatch.setattr(tiff_directory, "page_directories", follow)
+    monkeypatch.setattr(tiff, "page_directories", follow)
     for number in (5, 3):
         images = pictures(number)
         stack_by_pillow(tmp_path / "stack.tif", images)
@@ -130,11 +131,10 @@ def test_strips_that_share_their_bytes_are_refused_before_they_are_copied(tmp_pa
     Image.fromarray(image).save(path, tiffinfo={278: image.shape[0] // strips})
     content = bytearray(path.read_bytes())
     assert np.array_equal(read_image(path), image)
-    entries = {entry.tag: entry for entry in read_entries(content, first_directory(content))}
-    starts, sizes = (entries[tag].stored for tag in (273, 279))
-    for stored, value in ((starts, 8), (sizes, image.size)):
-        at = content.index(stored)
-        content[at : at + len(stored)] = struct.pack(f"<{len(stored) // 4}I", *[value] * (len(stored) // 4))
+    with tifffile.TiffFile(path) as file:
+        starts, sizes = (file.pages.first.tags[tag] for tag in (273, 279))
+    for tag, value in ((starts, 8), (sizes, image.size)):
+        struct.pack_into(f"<{tag.count}I", content, tag.valueoffset, *[value] * tag.count)
     path.write_bytes(content)
     with pytest.raises(ImageError, match=rf"a TIFF whose strips overlap: {strips * image.size} bytes in a"):
         read_image(path)
@@ -148,6 +148,42 @@ def test_tags_that_share_their_bytes_are_refused_before_they_are_copied(tmp_path
     assert list_images(tmp_path / "a.tif") == [tmp_path / "a.tif"]
     with pytest.raises(ImageError, match="got a TIFF whose tags overlap"):
         read_image(tmp_path / "a.tif")
+
+
+def circle_of_directories(tmp_path, number=200):
+    """Write directories of one tag each; the last one is followed by the first one."""
+    at = [8 + 18 * place for place in range(number)]
+    directories = (struct.pack("<HHHIII", 1, 256, 4, 1, 64, following) for following in [*at[1:], at[0]])
+    (tmp_path / "a.tif").write_bytes(struct.pack("<2sHI", b"II", 42, 8) + b"".join(directories))
+    return "got a TIFF without pixels"
+
+
+def tags_that_share_their_megabyte(tmp_path, tag=273, number=4000):
+    """Write tags of the places of strips, all of which have the same million of zeros."""
+    entries = struct.pack("<HHII", tag, 4, 250_000, 8) * number
+    head = struct.pack("<2sHI", b"II", 42, 8 + 10**6) + bytes(10**6)
+    (tmp_path / "a.tif").write_bytes(head + struct.pack("<H", number) + entries + bytes(4))
+    return "got a TIFF whose tags overlap"
+
+
+@pytest.mark.parametrize("write", [circle_of_directories, tags_that_share_their_megabyte])
+@pytest.mark.timeout(60)
+def test_small_file_takes_neither_all_time_nor_all_memory_of_tifffile(tmp_path, write):
+    said = write(tmp_path)
+    with pytest.raises(ImageError, match=said):
+        read_image(tmp_path / "a.tif")
+
+
+def test_separate_planes_of_16_bit_are_refused_because_opencv_fills_them_with_noise(tmp_path):
+    planes = np.stack(pictures(3, np.uint16))
+    tifffile.imwrite(tmp_path / "a.tif", planes, photometric="rgb", planarconfig="separate")
+    with pytest.raises(ImageError, match="separate planes for the colours; save it with the colours of a"):
+        read_image(tmp_path / "a.tif")
+    tifffile.imwrite(
+        tmp_path / "a.tif", (planes >> 8).astype("u1"), photometric="rgb", planarconfig="separate"
+    )
+    luma = np.tensordot([0.299, 0.587, 0.114], planes >> 8, 1)
+    assert np.allclose(read_image(tmp_path / "a.tif"), luma, rtol=0, atol=1e-3)
 
 
 def test_name_of_a_page_that_is_too_long_is_refused_like_any_file(tmp_path):
@@ -212,7 +248,6 @@ def test_channels_and_depths_of_a_stack_are_no_series_of_images(
     tmp_path, monkeypatch, description, channel_1
 ):
     monkeypatch.chdir(tmp_path)
-    tifffile = pytest.importorskip("tifffile")
     images = [picture.astype(np.uint8) for picture in pictures(6)]
     with tifffile.TiffWriter("a.tif") as file:
         for number, image in enumerate(images):

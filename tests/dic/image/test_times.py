@@ -1,5 +1,7 @@
 """Tests of the times of images: Exif tags that Pillow writes, times of files, and frames of videos."""
 
+import os
+
 import cv2
 import numpy as np
 import pytest
@@ -75,3 +77,14 @@ def test_damaged_and_missing_files_have_no_time_and_raise_no_error(tmp_path, end
         for size in range(0, min(len(whole), 600), 7):
             image.write_bytes(whole[:size])
             assert SeriesTimes(image).of(image).time_s == 0.0
+
+
+@pytest.mark.parametrize("ending", ["jpg", "png", "tif"])
+@pytest.mark.timeout(60)
+def test_huge_file_of_zeros_has_no_time_and_is_not_searched(tmp_path, ending):
+    image = write(tmp_path / f"a.{ending}")
+    image.write_bytes(image.read_bytes()[:64])
+    os.truncate(image, 2**42)
+    set_changed(image, 1_700_000_000)
+    found = SeriesTimes(image).of(image)
+    assert (found.time_s, found.source) == (0.0, "file")
