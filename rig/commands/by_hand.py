@@ -1,6 +1,5 @@
 """Look at a rig and move it by hand, for `rig status`, `rig hold`, `rig unload` and `rig jog`."""
 
-import math
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -44,7 +43,7 @@ def see(rig_path: Path) -> Seen:
         with machines_locked(rig_file), open_rig(_machines_of(rig_file), failed=failed) as rig:
             calls = Calls(rig.clock, lambda: None, rig.lost)
             with rig.clock.activity():
-                at_rest = look(called(rig, calls, lambda: None, math.inf), calls)
+                at_rest = look(called(rig, calls), calls)
                 calls.close()
     except MachineInUse as error:
         return Seen(AtRest(), f"{error.step} is in use by {error.got}")

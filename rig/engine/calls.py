@@ -158,6 +158,11 @@ class Calls:
         Receives for each lost device the name of the call that hangs.
     patience_s : float
         See `PATIENCE_S`.
+    meanwhile : callable, optional
+        Function that is called during each wait that is `watched`. An exception of this function or of
+        `check` ends the wait at once.
+    every_s : float
+        The time in s between two calls of `meanwhile`.
     """
 
     def __init__(
@@ -166,8 +171,12 @@ class Calls:
         check: Callable[[], None],
         lost: dict[str, str] | None = None,
         patience_s: float = PATIENCE_S,
+        meanwhile: Callable[[], object] = lambda: None,
+        every_s: float = math.inf,
     ) -> None:
         self.lost = {} if lost is None else lost
+        self._meanwhile = meanwhile
+        self._every_s = every_s
         self._patience_s = patience_s
         self._clock = clock
         self._check = check
@@ -222,23 +231,10 @@ class Calls:
         future.add_done_callback(ended)
         return call
 
-    def finish(
-        self,
-        call: Call[T],
-        *,
-        meanwhile: Callable[[], object] | None = None,
-        every_s: float = math.inf,
-    ) -> T:
+    def finish(self, call: Call[T], *, watched: bool = False) -> T:
         """Wait for the end of a call, and return its result.
 
-        Parameters
-        ----------
-        call : Call
-        meanwhile : callable, optional
-            Function that is called during the wait. An exception of this function or of `check` ends the wait
-            at once. Without the function nothing interrupts the wait, so leave it out for short calls only.
-        every_s : float
-            The time between two calls of `meanwhile`.
+        If the wait is not `watched`, nothing but the call's deadline ends it, so watch every long call.
 
         Raises
         ------
@@ -246,7 +242,7 @@ class Calls:
             If the call exceeds its deadline. The device of the call then counts as lost.
         """
         try:
-            return self._wait_for(call, meanwhile, every_s)
+            return self._wait_for(call, watched)
         finally:
             call.cancelled = True
             if not call.done and call.device in self._workers:
@@ -275,13 +271,14 @@ class Calls:
             if worker.is_alive():
                 self.lost[device] = f"{worker.action}, which has not returned at the end of the run"
 
-    def _wait_for(self, call: Call[T], meanwhile: Callable[[], object] | None, every_s: float) -> T:
+    def _wait_for(self, call: Call[T], watched: bool) -> T:
+        every_s = self._every_s if watched else math.inf
         next_s = self._clock.now_s() + every_s
         while True:
             # Clear the flag before checking the conditions, so that a change during the check sets the flag
             # again.
             self._news.clear()
-            if meanwhile is not None:
+            if watched:
                 self._check()
             if call.done:
                 return call.result()
@@ -289,8 +286,8 @@ class Calls:
                 raise self._overdue(call)
             left_s = min(call.left_s, next_s - self._clock.now_s())
             self._clock.wait(self._news, left_s, call.real_left_s)
-            if meanwhile is not None and not call.done and self._clock.now_s() >= next_s - _TICK_S:
-                meanwhile()
+            if watched and not call.done and self._clock.now_s() >= next_s - _TICK_S:
+                self._meanwhile()
                 next_s = self._clock.now_s() + every_s
 
     def _overdue(self, call: Call[Any]) -> DeviceError:

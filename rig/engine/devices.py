@@ -107,20 +107,12 @@ class CameraLost(Exception):
 class CalledCamera:
     """A camera that is called with deadlines. The engine monitors stage and load frame during each call.
 
-    Attributes
-    ----------
-    meanwhile : callable
-    every_s : float
-        These parameters are described for `Calls.finish`.
-    reopen : callable or None
-        Opens the camera again after it was closed.
+    `reopen` opens the camera again after it was closed.
     """
 
     name: str
     camera: Camera
     calls: Calls
-    meanwhile: Callable[[], object]
-    every_s: float
     reopen: Callable[[], Camera] | None = None
 
     @property
@@ -184,33 +176,25 @@ class CalledCamera:
                 return error
 
         call = self.calls.begin(f"cameras.{self.name}", action, value_or_error, deadline)
-        return self.calls.finish(call, meanwhile=self.meanwhile, every_s=self.every_s)
+        return self.calls.finish(call, watched=True)
 
 
 @dataclass(frozen=True)
 class CalledOperator:
     """The person at the rig, who has no deadline. While the person is asked, the engine monitors all devices.
 
-    Attributes
-    ----------
-    meanwhile : callable
-    every_s : float
-        These parameters are described for `Calls.finish`.
-    on_question : callable
-        Called on the operator's thread.
+    `on_question` is called on the operator's thread.
     """
 
     operator: Operator
     calls: Calls
-    meanwhile: Callable[[], object]
-    every_s: float
     on_question: OnQuestion = unannounced
 
     def perform(self, action: OperatorAction) -> None:
         """Ask for an action, and return when it is done. If the run ends before, withdraw the question."""
         call = self.calls.begin("operator", action.value, lambda: self._perform(action), NEVER)
         try:
-            self.calls.finish(call, meanwhile=self.meanwhile, every_s=self.every_s)
+            self.calls.finish(call, watched=True)
         finally:
             if not call.done and (close := getattr(self.operator, "close", None)):
                 Bounded("operator", "close", close).start()
@@ -250,25 +234,10 @@ class Devices:
     interlocks: tuple[CalledInterlock, ...] = ()
 
 
-def called(
-    rig: Rig,
-    calls: Calls,
-    meanwhile: Callable[[], object],
-    every_s: float,
-    on_question: OnQuestion = unannounced,
-) -> Devices:
+def called(rig: Rig, calls: Calls, on_question: OnQuestion = unannounced) -> Devices:
     """Return the devices of a rig, wrapped so that every call has a deadline.
 
-    Parameters
-    ----------
-    rig : Rig
-    calls : Calls
-    meanwhile : callable
-        Function that reads stage and load frame during the call of a camera or the operator.
-    every_s : float
-        The time between two calls of `meanwhile`.
-    on_question : callable, optional
-        This parameter is described for `CalledOperator`.
+    `on_question` is described for `CalledOperator`.
     """
     deadline = Deadline(
         rig.call_timeout_s,
@@ -276,11 +245,11 @@ def called(
         f"{rig.call_timeout_s:g}",
     )
     return Devices(
-        CalledOperator(rig.operator, calls, meanwhile, every_s, on_question),
+        CalledOperator(rig.operator, calls, on_question),
         None if rig.stage is None else CalledStage(rig.stage, calls, deadline),
         None if rig.load_frame is None else CalledLoadFrame(rig.load_frame, calls, deadline),
         {
-            name: CalledCamera(name, camera, calls, meanwhile, every_s, rig.reopen.get(name))
+            name: CalledCamera(name, camera, calls, rig.reopen.get(name))
             for name, camera in rig.cameras.items()
         },
         tuple(CalledInterlock(name, each, calls, deadline) for name, each in rig.interlocks.items()),

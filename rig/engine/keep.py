@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from rig.engine.context import RunContext
 from rig.errors import SettleTimeout
 from rig.protocol.step import ProtocolStep, Reading
 
@@ -13,37 +14,15 @@ class Keeper:
 
     Parameters
     ----------
+    run : RunContext
     begun_s : float
         The time of the reading at which the motion or the hold began.
-    read : callable
-        Takes a new reading. An exception of this function ends the wait at once.
-    pause : callable
-        Lets time pass between two readings.
-    timeout_s : float
-        Longest time for which the held load or displacement may be outside its tolerance.
-    poll_s : float
-        Time between two readings.
-    ended : callable
-        Returns True if an event has ended the motion.
     """
 
-    def __init__(
-        self,
-        begun_s: float,
-        read: Callable[[], Reading],
-        pause: Callable[[float], None],
-        *,
-        timeout_s: float,
-        poll_s: float,
-        ended: Callable[[], bool],
-    ) -> None:
-        self._begun_s = begun_s
-        self._read = read
-        self._pause = pause
-        self._timeout_s = timeout_s
-        self._poll_s = poll_s
-        self._ended = ended
-        self._kept_s = begun_s
+    def __init__(self, run: RunContext, begun_s: float) -> None:
+        self._run = run
+        self._begun_s = self._kept_s = begun_s
+        self._poll_s = run.watch.poll_s(run.settle.poll_s)
 
     def wait(self, step: ProtocolStep, correct: Callable[[], None]) -> Reading:
         """Read until the image time of a step, and return the last reading. The wait ends early with the
@@ -60,12 +39,12 @@ class Keeper:
         Raises
         ------
         SettleTimeout
-            If the held value is outside its tolerance for longer than `timeout_s`.
+            If the held value is outside its tolerance for longer than `settle.timeout_s`.
         """
         due_s = self._begun_s + step.at_s
         while True:
-            reading = self._read()
-            if self._ended():
+            reading = self._run.read()
+            if self._run.phase_ended:
                 return reading
             if step.is_reached(reading):
                 self._kept_s = reading.time_s
@@ -79,14 +58,15 @@ class Keeper:
             if left_s <= 0.0:
                 return reading
             # Wait at least a short time, because a remainder from rounding would let no time pass.
-            self._pause(min(self._poll_s, max(left_s, _PAUSE_MIN_S)))
+            self._run.calls.pause(min(self._poll_s, max(left_s, _PAUSE_MIN_S)))
 
     def _require_kept(self, step: ProtocolStep, reading: Reading) -> None:
-        if reading.time_s - self._kept_s > self._timeout_s:
+        timeout_s = self._run.settle.timeout_s
+        if reading.time_s - self._kept_s > timeout_s:
             raise SettleTimeout(
                 f"{step}, holding",
                 f"{step.target:.6g} ± {step.tolerance:g}",
-                f"{step.value(reading):.6g} for {self._timeout_s:g} s",
+                f"{step.value(reading):.6g} for {timeout_s:g} s",
                 "look at the specimen and the load frame; if both are sound, raise the tolerance or "
-                f"settle.timeout_s above {self._timeout_s:g}",
+                f"settle.timeout_s above {timeout_s:g}",
             )

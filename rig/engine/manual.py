@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, cast
 
 from drivers.errors import DeviceError
 from rig.devices import Rig
@@ -14,11 +13,9 @@ from rig.engine.monitor import Monitor
 from rig.engine.safety import SafeState
 from rig.engine.settle import settle
 from rig.engine.status import AtRest
-from rig.engine.watch import Watch
 from rig.errors import Aborted, LimitViolation, RigError
 from rig.limits.by_hand import HandAgreement, HandMotion
 from rig.protocol.step import Reading
-from rig.recorder import Recorder
 
 POLL_S, MOVING_POLL_S = 0.1, 0.05
 """Time between two readings, in s, at rest and during a motion."""
@@ -121,12 +118,10 @@ class Manual:
         self._rig = rig
         self._on_reading = on_reading
         self._on_progress = on_progress
-        self._calls = Calls(rig.clock, self._check_abort, rig.lost)
-        self._devices = called(rig, self._calls, self.read, POLL_S)
-        recorder = cast(Recorder, _Unrecorded())
+        self._calls = Calls(rig.clock, self._check_abort, rig.lost, meanwhile=self.read, every_s=POLL_S)
+        self._devices = called(rig, self._calls)
         # There is no protocol here. The permitted range of each motion replaces the protocol's limits.
-        watch = cast(Watch, _Unwatched())
-        self._monitor = Monitor(self._devices, self._calls, rig.clock, recorder, watch)
+        self._monitor = Monitor(self._devices, self._calls, rig.clock)
         self._safe_state = SafeState(rig)
         self._doing = "before the motion"
         self._motion: Motion | None = None
@@ -172,7 +167,7 @@ class Manual:
                 motion = plan(reading)
                 self._doing = motion.doing
                 question = self._calls.begin("operator", "confirm", lambda: confirm(motion, reading), NEVER)
-                self._calls.finish(question, meanwhile=self.read, every_s=POLL_S)
+                self._calls.finish(question, watched=True)
                 self._execute(motion)
             except (RigError, DeviceError) as error:
                 status = "failed" if self._abort_reason is None else "aborted"
@@ -240,23 +235,3 @@ class Manual:
     def _aborted(self, reason: str) -> Aborted:
         remedy = "start the command again to go on"
         return Aborted(self._doing, "the end of the motion", reason, remedy)
-
-
-class _Unwatched:
-    """Replaces the `Watch` of a run, because a motion by hand has no protocol."""
-
-    def check(self, reading: Reading, step: str) -> None:
-        pass
-
-
-class _Unrecorded:
-    """Replaces the recorder of a run, because motions by hand are not recorded."""
-
-    def load_frame_state(self, state: Any) -> None:
-        pass
-
-    def stage_state(self, state: Any) -> None:
-        pass
-
-    def interlock_state(self, name: str, state: Any) -> None:
-        pass

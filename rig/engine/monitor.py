@@ -20,13 +20,19 @@ class Monitor:
     devices : Devices
     calls : Calls
     clock : Clock
-    recorder : Recorder
-    watch : Watch
-        Checks every reading against the limits of the run.
+    recorder : Recorder or None
+        Records every reading. None for a motion by hand.
+    watch : Watch or None
+        Checks every reading against the limits of the run. None for a motion by hand, which has its own.
     """
 
     def __init__(
-        self, devices: Devices, calls: Calls, clock: Clock, recorder: Recorder, watch: Watch
+        self,
+        devices: Devices,
+        calls: Calls,
+        clock: Clock,
+        recorder: Recorder | None = None,
+        watch: Watch | None = None,
     ) -> None:
         self._devices = devices
         self._calls = calls
@@ -56,14 +62,16 @@ class Monitor:
         of_interlocks = [(each, each.begin_read()) for each in self._devices.interlocks]
         if of_frame is not None:
             state = self._calls.finish(of_frame)
-            self._recorder.load_frame_state(state)
+            if self._recorder is not None:
+                self._recorder.load_frame_state(state)
             _require_no_faults(state, step)
             load_n, displacement_mm, time_s = state.load_n, state.displacement_mm, state.time_s
             # At its target, a load frame may report small corrections by its controller as motion.
             moving = state.moving and not state.at_target
         if of_stage is not None:
             turned = self._calls.finish(of_stage)
-            self._recorder.stage_state(turned)
+            if self._recorder is not None:
+                self._recorder.stage_state(turned)
             angle_deg, time_s = turned.angle_deg, max(time_s, turned.time_s)
             moving = moving or turned.moving
             if self.homed and not turned.homed:
@@ -77,7 +85,8 @@ class Monitor:
             self.homed = turned.homed
         time_s = self._clock.now_s() if time_s == -math.inf else time_s
         reading = Reading(time_s, load_n, displacement_mm, angle_deg, moving)
-        self._watch.check(reading, step)
+        if self._watch is not None:
+            self._watch.check(reading, step)
         # Wait for the interlocks only after the limits were checked, because a slow interlock must not delay
         # this check. Record the values of all interlocks before one of them ends the run.
         values = [(interlock, self._record(interlock, call)) for interlock, call in of_interlocks]
@@ -87,7 +96,8 @@ class Monitor:
 
     def _record(self, interlock: CalledInterlock, call: Call[InterlockState]) -> InterlockState:
         state = self._calls.finish(call)
-        self._recorder.interlock_state(interlock.name, state)
+        if self._recorder is not None:
+            self._recorder.interlock_state(interlock.name, state)
         return state
 
 

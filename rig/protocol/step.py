@@ -131,6 +131,11 @@ class ProtocolStep:
         return not math.isnan(self.at_s)
 
     @property
+    def stands(self) -> bool:
+        """True if nothing may move while the step's images are taken. False during a motion."""
+        return self.holds or not self.timed
+
+    @property
     def holds(self) -> bool:
         """True if the step is a hold, during which nothing moves except to keep a load constant."""
         return self.kind in ("creep", "relaxation", "rest")

@@ -158,7 +158,7 @@ def _feed(script: Script, protocol: Protocol, place: Path) -> Outcome:
 class _ReplayEngine(Engine):
     def read_once(self) -> None:
         """Read the devices once more, as the engine did in the recorded run while it waited."""
-        self._read()
+        self._run.read()
 
 
 class _ReplayRecorder(Recorder):
