@@ -63,11 +63,11 @@ class Approach:
         span = place.of(self.move.quantity)
         start = commanded_or_measured(place, self.move, reading, _NEAR_START)
         steps = self._from(index, start, conditional=not span.is_known)
+        last = index + len(self.steps(index, place)) - 1
         if self._is_passed(start):
-            reading = self._pass(index + len(self.steps(index, place)) - 1, reading, start, execute)
+            reading = self._pass(last, reading, start, execute)
         if self.every_s < math.inf and steps:
             # Give the last step its number from the plan, even if fewer steps were needed before it.
-            last = index + len(self.steps(index, place)) - 1
             steps[-1] = replace(steps[-1], index=last)
         readings = [reading]
         arrived = False
@@ -131,18 +131,13 @@ class Approach:
         for number in range(1, count + 2):
             at_s = math.nan if number > count else number * self.every_s
             left = whole.travel - (number - 1) * self.every_s * self.move.rate
-            step = ProtocolStep(
-                index + number - 1,
-                whole.kind,
-                whole.target,
-                whole.tolerance,
-                whole.rate,
-                may_be_over,
-                at_s,
+            step = replace(
+                whole,
+                index=index + number - 1,
+                conditional=may_be_over,
+                at_s=at_s,
                 begins=number == 1,
                 travel=min(left, self.every_s * self.move.rate) if number <= count else left,
-                motion_s=whole.motion_s,
-                load_drop=whole.load_drop,
             )
             steps.append(step)
             may_be_over = may_be_over or self._can_end(number, step)

@@ -4,9 +4,6 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from pydantic import Field
-
-from drivers.settings import Settings
 from rig.protocol.plasticity import PlasticCriterion
 from rig.protocol.step import ProtocolStep, Reading
 
@@ -92,18 +89,3 @@ class LoadDropCriterion:
     def describe(self) -> str:
         """Return a description of this criterion for an error message."""
         return f"a drop of the load by {self._fraction:g} of the highest load"
-
-
-class Until(Settings):
-    """The table `until` of a phase. Exactly one criterion is given. `if_never` says what happens if the
-    criterion is never met."""
-
-    plastic: PlasticCriterion | None = None
-    load_drop: float | None = Field(default=None, gt=0.0, lt=1.0)
-    if_never: str = Field(default="fail", pattern="^(fail|go-on)$")
-
-    def criterion(self, carried_n: float) -> Criterion | None:
-        """Return the criterion that the table gives. `carried_n` is described for `LoadDropCriterion`."""
-        if self.plastic is not None:
-            return Plastic(self.plastic)
-        return None if self.load_drop is None else LoadDropCriterion(self.load_drop, carried_n)

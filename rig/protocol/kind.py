@@ -12,7 +12,8 @@ T = TypeVar("T")
 def _known_kind(kind: object) -> object:
     # Check the kind here, so that the error message names all valid kinds and not only one.
     if kind not in KINDS:
-        raise ValueError("'tension', 'rotation' or 'phases' is expected")
+        *others, last = (f"'{known}'" for known in KINDS)
+        raise ValueError(f"{', '.join(others)} or {last} is expected")
     return kind
 
 
