@@ -157,7 +157,7 @@ def _turn(wish: Wish, reading: Reading, facts: RigFacts) -> Motion:
     speed_deg_s = facts.speed_deg_s or 1.0
     return Motion(
         f"turn from {reading.angle_deg:.2f} to {target:g} deg",
-        "angle",
+        "rotation",
         target,
         ANGLE_TOLERANCE_DEG,
         math.nan,

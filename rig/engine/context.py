@@ -92,18 +92,13 @@ class RunContext:
         self.news.publish(reading=reading)
         if not self.phase_ended and self.event is not None and self.event(reading):
             self.phase_ended = True
-            self.hold()
+            self.devices.hold()
             step = self.news.status.step
             number = "" if step is None else step.index
             self.log("info", f"{PHASE_ENDED} {number}: the load is {reading.load_n:.6g} N")
         self._on_progress(self.may_move or reading.moving)
         self.check_abort()
         return reading
-
-    def hold(self) -> None:
-        """Hold the load frame, if the rig has one."""
-        if self.devices.load_frame is not None:
-            self.devices.load_frame.hold()
 
     def finish(self, call: Call[T]) -> T:
         """Wait for the end of a call that may take long, and read the devices meanwhile."""

@@ -20,6 +20,7 @@ from drivers.interfaces import (
 )
 from rig.devices import OPENING_S, OpenedInterlock, Rig
 from rig.engine.calls import CAMERA_MARGIN_S, NEVER, STOPPING_S, Call, Calls, Deadline
+from rig.protocol.step import Quantity
 from rig.threads import Bounded
 
 OnQuestion: TypeAlias = Callable[[OperatorAction, str], AbstractContextManager[None]]
@@ -63,8 +64,7 @@ class CalledLoadFrame:
         self._do("tare", self.frame.tare)
 
     def hold(self) -> None:
-        """Hold the crosshead when nothing should move, for example before a question. `SafeState` commands
-        all other holds."""
+        """Hold the crosshead when nothing should move, for example before a question."""
         self.calls.do("load_frame", "hold", self.frame.hold, Deadline(STOPPING_S))
 
     def _do(self, action: str, function: Callable[[], None]) -> None:
@@ -232,6 +232,23 @@ class Devices:
     load_frame: CalledLoadFrame | None = None
     cameras: dict[str, CalledCamera] = field(default_factory=dict)
     interlocks: tuple[CalledInterlock, ...] = ()
+
+    def go_to(self, quantity: Quantity, target: float, rate: float) -> None:
+        """Command a motion and return at once. The rig must have the device."""
+        if quantity == "rotation":
+            assert self.stage is not None
+            self.stage.move_to(target)
+            return
+        assert self.load_frame is not None
+        if quantity == "load":
+            self.load_frame.go_to_load(target, rate)
+        else:
+            self.load_frame.go_to_displacement(target, rate)
+
+    def hold(self) -> None:
+        """Hold the load frame, if the rig has one. `SafeState` commands all other holds."""
+        if self.load_frame is not None:
+            self.load_frame.hold()
 
 
 def called(rig: Rig, calls: Calls, on_question: OnQuestion = unannounced) -> Devices:

@@ -17,7 +17,6 @@ from rig.engine.listeners import LEAVING_S
 from rig.engine.look import look
 from rig.engine.motion import Motion
 from rig.engine.preparation import Preparation
-from rig.engine.requirements import require_devices
 from rig.engine.safety import SafeState
 from rig.engine.settings import SettingsRecord
 from rig.engine.status import News, Outcome, State, Status
@@ -72,6 +71,8 @@ class Engine:
 
     Attributes
     ----------
+    context : RunContext
+        What the parts of the engine share.
     leaving_s : float
         Real time in s for all listeners together to handle the reports that still wait at the end of the run.
 
@@ -107,11 +108,11 @@ class Engine:
         planned, before = len(protocol.steps()), len(self._earlier)
         status = Status(State.IDLE, None, planned, 0, None, rig.simulated, before)
         self._news = Announcements(recorder, rig.clock, status, on_status, on_step, on_news, self.abort)
-        self._run = RunContext(protocol, rig, recorder, self._news, on_progress, on_question)
-        self._motion = Motion(self._run)
-        self._preparation = Preparation(self._run, self._motion)
-        self._images = StepImages(self._run, self._motion)
-        self._settings = SettingsRecord(self._run)
+        self.context = RunContext(protocol, rig, recorder, self._news, on_progress, on_question)
+        self._motion = Motion(self.context)
+        self._preparation = Preparation(self.context, self._motion)
+        self._images = StepImages(self.context, self._motion)
+        self._settings = SettingsRecord(self.context)
         self._safe_state = SafeState(rig)
 
     @property
@@ -140,11 +141,11 @@ class Engine:
             the run file. If devices did not confirm their safe state, a note on this exception names them.
         """
         # Announce this thread first, so that no simulated time passes before this thread takes a reading.
-        with self._run.clock.activity():
+        with self.context.clock.activity():
             try:
-                require_devices(self._run.protocol, self._run.rig)
+                self._preparation.require_devices()
                 self._settings.at_start()
-                self._run.protocol.follow(self._execute)
+                self.context.protocol.follow(self._execute)
                 self._end_well()
             except BaseException as error:
                 outcome = self._end_badly(error)
@@ -164,10 +165,10 @@ class Engine:
         """
         if self.status.state in (State.COMPLETED, State.ABORTED, State.FAILED):
             return
-        if self._run.abort_reason is None:
-            self._run.abort_reason = reason
+        if self.context.abort_reason is None:
+            self.context.abort_reason = reason
         self._safe_state.command()
-        self._run.calls.interrupt()
+        self.context.calls.interrupt()
 
     def _execute(self, step: ProtocolStep) -> Reading:
         if step.passed:
@@ -185,12 +186,12 @@ class Engine:
         if frames is not None:
             self._finish(StepRecord(step, self._motion.reading, frames))
         elif not step.images:
-            self._run.mark(f"{STEP_REACHED} {step.index}")
-        return replace(self._motion.reading, ends_phase=self._run.phase_ended)
+            self.context.mark(f"{STEP_REACHED} {step.index}")
+        return replace(self._motion.reading, ends_phase=self.context.phase_ended)
 
     def _leave_out(self, step: ProtocolStep) -> Reading:
-        reading = self._run.read()
-        self._run.log(
+        reading = self.context.read()
+        self.context.log(
             "warning",
             f"{step} is left out, because its target has been passed: {step.value(reading):.6g} {step.unit}",
         )
@@ -207,7 +208,7 @@ class Engine:
             self._preparation.for_reference(step)
 
     def _finish(self, record: StepRecord) -> None:
-        record_step(self._run, record)
+        record_step(self.context, record)
         self._records.append(record)
         self._news.step(record)
 
@@ -215,14 +216,14 @@ class Engine:
         self._news.publish(state=state, step=step)
 
     def _end_well(self) -> None:
-        self._run.hold()
+        self.context.devices.hold()
         self._settings.at_end()
-        self._run.log("info", "protocol completed")
-        self._run.recorder.close("completed", "", self._run.clock.utc())
+        self.context.log("info", "protocol completed")
+        self.context.recorder.close("completed", "", self.context.clock.utc())
         self._enter(State.COMPLETED, self.status.step)
 
     def _end_badly(self, error: BaseException) -> Outcome:
-        run = self._run
+        run = self.context
         unsafe = self._safe_state.confirm(meanwhile=lambda: self._news.publish(state=State.SAFING))
         status: RunStatus = "failed" if run.abort_reason is None else "aborted"
         reason = str(error) or type(error).__name__
@@ -236,7 +237,7 @@ class Engine:
         with suppress(RigError):
             self._settings.at_end()
         with suppress(RigError):
-            self._run.log("error", reason)
+            self.context.log("error", reason)
         try:
             run.recorder.close(status, reason, run.clock.utc())
         except RigError as closing:
@@ -245,7 +246,7 @@ class Engine:
         return self._outcome(status, reason, tuple(unsafe))
 
     def _outcome(self, status: RunStatus, reason: str, unsafe: tuple[str, ...] = ()) -> Outcome:
-        run = self._run
+        run = self.context
         at_end = look(run.devices, run.calls, self._safe_state.confirmed)
         run.calls.close()
         self._news.close(self.leaving_s)

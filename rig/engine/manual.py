@@ -15,7 +15,7 @@ from rig.engine.settle import settle
 from rig.engine.status import AtRest
 from rig.errors import Aborted, LimitViolation, RigError
 from rig.limits.by_hand import HandAgreement, HandMotion
-from rig.protocol.step import Reading
+from rig.protocol.step import Quantity, Reading
 
 POLL_S, MOVING_POLL_S = 0.1, 0.05
 """Time between two readings, in s, at rest and during a motion."""
@@ -33,8 +33,8 @@ class Motion:
     ----------
     doing : str
         Description of the motion, such as ``unload to 0 N at 140 N/s``.
-    axis : str
-        "load", "displacement" or "angle".
+    quantity : str
+        "load", "displacement" or "rotation".
     target, tolerance : float
         In N, mm or degrees.
     rate : float
@@ -48,7 +48,7 @@ class Motion:
     """
 
     doing: str
-    axis: str
+    quantity: Quantity
     target: float
     tolerance: float
     rate: float
@@ -59,8 +59,7 @@ class Motion:
 
     def value(self, reading: Reading) -> float:
         """Return the quantity that this motion changes from a reading: load, displacement or angle."""
-        values = {"load": reading.load_n, "displacement": reading.displacement_mm}
-        return values.get(self.axis, reading.angle_deg)
+        return reading.of(self.quantity)
 
     def check(self, reading: Reading) -> None:
         """Raise `LimitViolation` if the load or displacement of a reading is outside the permitted range."""
@@ -192,13 +191,7 @@ class Manual:
         self._motion = motion
         if motion.agreement is not None:
             self._agreement = HandAgreement(motion.agreement, self._rig.limits, self._rest())
-        frame, stage = self._devices.load_frame, self._devices.stage
-        if motion.axis == "angle" and stage is not None:
-            stage.move_to(motion.target)
-        elif motion.axis == "load" and frame is not None:
-            frame.go_to_load(motion.target, motion.rate)
-        elif frame is not None:
-            frame.go_to_displacement(motion.target, motion.rate)
+        self._devices.go_to(motion.quantity, motion.target, motion.rate)
         settle(
             self.read,
             lambda r: not r.moving and abs(motion.value(r) - motion.target) <= motion.tolerance,

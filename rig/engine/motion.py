@@ -4,9 +4,11 @@ import math
 from collections.abc import Callable, Iterator
 
 from rig.engine.context import RunContext
-from rig.engine.keep import Keeper
 from rig.engine.settle import settle
+from rig.errors import SettleTimeout
 from rig.protocol.step import ProtocolStep, Reading
+
+_PAUSE_MIN_S = 0.001
 
 
 class Motion:
@@ -25,7 +27,9 @@ class Motion:
     def __init__(self, run: RunContext) -> None:
         self.reading = Reading(math.nan)
         self._run = run
-        self._keeper: Keeper | None = None
+        # of the present motion or hold: its beginning, the last reading within the tolerance, and the time
+        # between two readings
+        self._begun_s = self._kept_s = self._poll_s = math.nan
 
     def moments(self, step: ProtocolStep) -> Iterator[Reading]:
         """Move to the target of a step, and yield a reading whenever all cameras are to take an image.
@@ -56,14 +60,54 @@ class Motion:
             return self._settle(step)
         if step.begins:
             begun = self._settle(step) if step.holds else run.read()
-            self._keeper = Keeper(run, begun.time_s)
-        assert self._keeper is not None  # the first timed step of this motion or hold has set the keeper
-        reading = self._keeper.wait(step, correct=lambda: self._command(step))
+            self._begun_s = self._kept_s = begun.time_s
+            self._poll_s = run.watch.poll_s(run.settle.poll_s)
+        reading = self._keep(step)
         return self._settle(step) if run.phase_ended else reading
+
+    def _keep(self, step: ProtocolStep) -> Reading:
+        """Read until the image time of a step, or until its event happens, and return the last reading.
+
+        If a held value is outside its tolerance although nothing moves, it is commanded again.
+
+        Raises
+        ------
+        SettleTimeout
+            If the held value is outside its tolerance for longer than `settle.timeout_s`.
+        """
+        run, due_s = self._run, self._begun_s + step.at_s
+        while True:
+            reading = run.read()
+            if run.phase_ended:
+                return reading
+            if step.is_reached(reading):
+                self._kept_s = reading.time_s
+                if not (step.holds or reading.moving):
+                    return reading
+            elif step.holds:
+                self._require_kept(step, reading)
+                if not reading.moving:
+                    self._command(step)
+            left_s = due_s - reading.time_s
+            if left_s <= 0.0:
+                return reading
+            # Wait at least a short time, because a remainder from rounding would let no time pass.
+            run.calls.pause(min(self._poll_s, max(left_s, _PAUSE_MIN_S)))
+
+    def _require_kept(self, step: ProtocolStep, reading: Reading) -> None:
+        timeout_s = self._run.settle.timeout_s
+        if reading.time_s - self._kept_s > timeout_s:
+            raise SettleTimeout(
+                f"{step}, holding",
+                f"{step.target:.6g} ± {step.tolerance:g}",
+                f"{step.value(reading):.6g} for {timeout_s:g} s",
+                "look at the specimen and the load frame; if both are sound, raise the tolerance or "
+                f"settle.timeout_s above {timeout_s:g}",
+            )
 
     def stand_still(self) -> None:
         """Hold the load frame and wait until no device moves, so that the operator may reach into the rig."""
-        self._run.hold()
+        self._run.devices.hold()
         self.wait("standing still for the operator", "standstill", lambda _: True)
 
     def settle_again(self, step: ProtocolStep) -> Reading:
@@ -102,23 +146,15 @@ class Motion:
         return reading
 
     def _command(self, step: ProtocolStep) -> None:
-        """Command the target of a step and return at once. `require_devices` has checked that it exists."""
+        """Command the target of a step and return at once."""
         run = self._run
         run.check_abort()
         run.watch.begin(step)
         run.may_move = run.may_move or not math.isnan(step.target)
-        frame, stage = run.devices.load_frame, run.devices.stage
-        if step.quantity == "rotation":
-            assert stage is not None
-            stage.move_to(step.target)
+        if step.kind == "relaxation":
+            run.devices.hold()
         elif step.quantity is not None:
-            assert frame is not None
-            if step.kind == "relaxation":
-                frame.hold()
-            elif step.quantity == "load":
-                frame.go_to_load(step.target, step.rate)
-            else:
-                frame.go_to_displacement(step.target, step.rate)
+            run.devices.go_to(step.quantity, step.target, step.rate)
 
     def _settle(self, step: ProtocolStep) -> Reading:
         if math.isnan(step.target):

@@ -4,6 +4,7 @@ from drivers.interfaces import OperatorAction
 from rig.engine.context import RunContext
 from rig.engine.look import unloaded
 from rig.engine.motion import Motion
+from rig.errors import ProtocolError
 from rig.protocol.conditions import Zeroing
 from rig.protocol.step import ProtocolStep
 from rig.recorder.records import OPERATOR_DONE
@@ -29,6 +30,17 @@ class Preparation:
         self._motion = motion
         self._conditions = run.protocol.conditions
         self._unloaded = unloaded(self._conditions, run.rig)
+
+    def require_devices(self) -> None:
+        """Raise `ProtocolError` if the rig lacks a device that the protocol moves."""
+        for needed in sorted(self._conditions.devices):
+            if getattr(self._run.rig, needed) is None:
+                raise ProtocolError(
+                    f"a {self._run.protocol.kind} protocol",
+                    f"a [{needed}] in the rig file",
+                    "none",
+                    f"add a [{needed}], or run the protocol on a rig that has one",
+                )
 
     def for_grid(self, step: ProtocolStep) -> None:
         """Check that the specimen is unloaded, turn the stage to 0 degrees, and ask for the grid."""

@@ -1,10 +1,9 @@
-"""The criteria that end a phase: plastic deformation, or a drop of the load."""
+"""What ends a phase: a criterion such as a drop of the load. `plasticity` has the criterion of the paper."""
 
 import math
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from rig.protocol.plasticity import PlasticCriterion
 from rig.protocol.step import ProtocolStep, Reading
 
 
@@ -25,30 +24,6 @@ class Criterion(Protocol):
 
     def describe(self) -> str:
         """Return a description of the criterion for an error message."""
-
-
-class Plastic:
-    """Plastic deformation, as `PlasticCriterion` defines it."""
-
-    def __init__(self, settings: PlasticCriterion) -> None:
-        self._settings = settings
-
-    def can_end(self, number: int, step: ProtocolStep) -> bool:
-        """Return True from the second increment on, at loads above `judged_above_n`."""
-        # Compare the commanded load with `judged_above_n`, because the measured load has noise.
-        return number >= 2 and step.target > self._settings.judged_above_n
-
-    def is_met(self, readings: Sequence[Reading]) -> bool:
-        """Return True if the last load increment is clearly less stiff than the stiffest increment so far."""
-        loads_n = [reading.load_n for reading in readings]
-        return self._settings.is_evident(loads_n, [reading.displacement_mm for reading in readings])
-
-    def at_readings(self) -> None:
-        """Return None, because the stiffness of an increment is not known before its end."""
-
-    def describe(self) -> str:
-        """Return a description of this criterion for an error message."""
-        return f"an increment of less than {self._settings.stiffness_fraction:g} of the highest stiffness"
 
 
 class LoadDropCriterion:

@@ -11,10 +11,9 @@ from rig.protocol.approach import Approach
 from rig.protocol.base import BaseProtocol
 from rig.protocol.conditions import TARE_PER_INCREMENT, Conditions, Demand, Pull, Zeroing
 from rig.protocol.course import Beginning, Course, Place
-from rig.protocol.criteria import Plastic
 from rig.protocol.kind import KnownKind
 from rig.protocol.move import Ending, Move
-from rig.protocol.plasticity import PlasticCriterion, first_judged_n
+from rig.protocol.plasticity import PlasticCriterion
 from rig.protocol.plausible import Plausible
 from rig.protocol.step import Reading
 from rig.protocol.tables import Limits, TensionSettle, too_fine
@@ -104,7 +103,7 @@ class TensionProtocol(BaseProtocol):
             Move("load", loading.rate_n_s, settle.load_tolerance_n, is_timed=False),
             loading.increments_max * loading.increment_n,
             loading.increment_n,
-            ending=Ending(Plastic(loading.plastic), self._not_plastic),
+            ending=Ending(loading.plastic, self._not_plastic),
         )
         to_displacement = Approach(
             Move("displacement", stretching.speed_mm_s, settle.displacement_tolerance_mm, is_timed=False),
@@ -130,7 +129,7 @@ class TensionProtocol(BaseProtocol):
             pull=Pull(
                 loading.increment_n,
                 loading.rate_n_s,
-                assured_n=first_judged_n(loading.plastic, loading.increment_n),
+                assured_n=loading.plastic.first_judged_n(loading.increment_n),
                 elastic_n=loading.plastic.judged_above_n,
             ),
             demands=(
@@ -144,7 +143,7 @@ class TensionProtocol(BaseProtocol):
         fraction = self.loading.plastic.stiffness_fraction
         return ProtocolError(
             f"loading to {reading.load_n:.0f} N",
-            Plastic(self.loading.plastic).describe(),
+            self.loading.plastic.describe(),
             "none",
             f"check the specimen; if it did not yield, raise loading.increments_max above "
             f"{self.loading.increments_max}; if it did, raise loading.plastic.stiffness_fraction "

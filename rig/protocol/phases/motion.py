@@ -10,7 +10,6 @@ from pydantic import Field, model_validator
 from drivers.settings import Settings
 from rig.errors import ProtocolError
 from rig.protocol.approach import Approach
-from rig.protocol.criteria import Plastic
 from rig.protocol.draft import Draft, IfNever, Phase
 from rig.protocol.move import Ending, Move
 from rig.protocol.plasticity import PlasticCriterion
@@ -68,7 +67,7 @@ class Until(Settings):
     def ending(self, draft: Draft) -> Ending:
         """Return the event for a draft."""
         if self.plastic is not None:
-            return draft.ending(Plastic(self.plastic), self.if_never)
+            return draft.ending(self.plastic, self.if_never)
         assert self.load_drop is not None
         return draft.load_drop(self.load_drop, self.if_never)
 

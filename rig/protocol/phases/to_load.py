@@ -6,7 +6,6 @@ from pydantic import Field
 
 from rig.protocol.draft import Draft
 from rig.protocol.phases.motion import LoadImages, Pulling
-from rig.protocol.plasticity import first_judged_n
 
 
 class ToLoad(Pulling):
@@ -22,7 +21,7 @@ class ToLoad(Pulling):
         move = draft.to_load(self.load_n, self.rate_n_s)
         plastic = None if self.until is None else self.until.plastic
         if plastic is not None:
-            first_n = first_judged_n(plastic, self.images.every_n or 0.5 * self.load_n)
+            first_n = plastic.first_judged_n(self.images.every_n or 0.5 * self.load_n)
             draft.expect(min(self.load_n, first_n), plastic.judged_above_n)
         elif self.until is None:
             draft.expect(self.load_n)
