@@ -1,10 +1,10 @@
 """Read the present state of the devices, and check whether the specimen is under load."""
 
 from dataclasses import dataclass
+from typing import Any
 
-from drivers.interfaces import LoadFrameState, StageState
 from rig.devices import Rig
-from rig.engine.calls import Calls
+from rig.engine.calls import Call, Calls
 from rig.engine.devices import Devices
 from rig.engine.status import AtRest
 from rig.errors import LimitViolation
@@ -21,20 +21,16 @@ def look(devices: Devices, calls: Calls, stopped: frozenset[str] = frozenset()) 
     `stopped` are the devices that have just confirmed a hold or a stop.
     """
     silent: dict[str, str] = {}
-    frame: LoadFrameState | None = None
-    stage: StageState | None = None
-    # catch every exception, because a driver of a third party may raise any type
-    try:
-        if devices.load_frame is not None:
-            frame = calls.finish(devices.load_frame.begin_read())
-    except Exception as error:
-        silent["load_frame"] = str(error) or type(error).__name__
-    try:
-        if devices.stage is not None:
-            stage = calls.finish(devices.stage.begin_read())
-    except Exception as error:
-        silent["stage"] = str(error) or type(error).__name__
-    return AtRest(frame, stage, silent, stopped)
+    found: dict[str, Any] = {}
+    for name, device in (("load_frame", devices.load_frame), ("stage", devices.stage)):
+        # catch every exception, because a driver of a third party may raise any type
+        try:
+            if device is not None:
+                call: Call[Any] = device.begin_read()
+                found[name] = calls.finish(call)
+        except Exception as error:
+            silent[name] = str(error) or type(error).__name__
+    return AtRest(silent=silent, stopped=stopped, **found)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 from rig.protocol.course import Place, increments
-from rig.protocol.move import Ending, Failure, Move, commanded_or_measured, has_ended
+from rig.protocol.move import Ending, Failure, Move, commanded_or_measured
 from rig.protocol.step import Execute, ProtocolStep, Reading
 
 _NEAR_START = 2.0
@@ -79,10 +79,10 @@ class Approach:
             reading = execute(replace(step, event=event))
             readings.append(reading)
             arrived = step.timed and not reading.moving and step.is_reached(reading)
-            if ending and has_ended(ending, number, step, readings):
+            if ending and ending.has_happened(number, step, readings):
                 return reading
-        if self.ending is not None and self.ending.failure is not None:
-            raise self.ending.failure(reading)
+        if ending is not None:
+            ending.fail(reading)
         return reading
 
     def end(self, place: Place) -> Place:

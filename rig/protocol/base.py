@@ -1,8 +1,9 @@
 """What all kinds of protocols share."""
 
 from abc import ABC, abstractmethod
+from typing import Any
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from drivers.settings import Settings
 from rig.mounting import Mounting
@@ -12,6 +13,8 @@ from rig.protocol.grid import Grid, GridTable
 from rig.protocol.images import Images
 from rig.protocol.step import Execute, ProtocolStep
 from rig.protocol.tables import Sample
+
+KINDS = ("tension", "rotation", "phases")
 
 
 class BaseProtocol(Settings, ABC):
@@ -23,6 +26,15 @@ class BaseProtocol(Settings, ABC):
     grid: GridTable = Grid()
     images: Images = Images()
     mounting: Mounting = Mounting()
+
+    @field_validator("kind", mode="before")
+    @classmethod
+    def _known_kind(cls, kind: Any) -> Any:
+        # Check the kind here, so that the error message names all valid kinds and not only one.
+        if kind not in KINDS:
+            *others, last = map(repr, KINDS)
+            raise ValueError(f"{', '.join(others)} or {last} is expected")
+        return kind
 
     @property
     @abstractmethod

@@ -3,7 +3,9 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field
 
 from drivers.settings import Settings
 from rig.errors import ProtocolError
@@ -17,6 +19,10 @@ from rig.protocol.tables import Limits, PhasesSettle, too_fine
 
 STEPS_MAX = 50_000
 HOURS_MAX = 30 * 24
+Positive: TypeAlias = Annotated[float, Field(gt=0.0)]
+Increment: TypeAlias = Annotated[
+    float | None, Field(gt=0.0, description="increment after which the motion stops and settles")
+]
 IfNever: TypeAlias = Literal["fail", "go-on"]
 """What happens if the event that should end a phase never happens."""
 _TOLERANCES: dict[Quantity, str] = {
@@ -41,13 +47,6 @@ class Phase(Settings, ABC):
 
 class Draft:
     """The course of a protocol while its phases are compiled.
-
-    Parameters
-    ----------
-    phases : sequence of Phase
-    settle : PhasesSettle
-    limits : Limits or None
-    tare_max_n : float or None
 
     Attributes
     ----------

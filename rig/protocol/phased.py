@@ -11,7 +11,6 @@ from rig.protocol.base import BaseProtocol
 from rig.protocol.conditions import Conditions
 from rig.protocol.course import Course
 from rig.protocol.draft import Draft, Phase
-from rig.protocol.kind import KnownKind
 from rig.protocol.phases import PHASES
 from rig.protocol.plausible import Plausible
 from rig.protocol.tables import Limits, PhasesSettle
@@ -31,7 +30,7 @@ class Start(Settings):
 class PhasesProtocol(BaseProtocol):
     """A protocol that lists the phases of a test."""
 
-    kind: KnownKind[Literal["phases"]]
+    kind: Literal["phases"]
     phases: list[PhaseTable] = Field(min_length=1, max_length=1000)
     settle: PhasesSettle
     start: Start | None = None

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from drivers.errors import ConfigurationError
 from drivers.settings import mistakes_in, read_toml_text
-from rig.protocol.kind import KINDS
+from rig.protocol.base import KINDS
 from rig.protocol.phased import PhasesProtocol
 from rig.protocol.rotation import RotationProtocol
 from rig.protocol.tension import TensionProtocol

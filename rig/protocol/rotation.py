@@ -11,7 +11,6 @@ from rig.protocol.approach import Approach
 from rig.protocol.base import BaseProtocol
 from rig.protocol.conditions import Conditions, Demand, Turn
 from rig.protocol.course import Beginning, Course, Place
-from rig.protocol.kind import KnownKind
 from rig.protocol.move import Move
 from rig.protocol.tables import RotationSettle, too_fine
 
@@ -29,7 +28,7 @@ class Rotation(Settings):
 class RotationProtocol(BaseProtocol):
     """Protocol of a rotation test: rigid rotation of the specimen in increments."""
 
-    kind: KnownKind[Literal["rotation"]]
+    kind: Literal["rotation"]
     rotation: Rotation
     settle: RotationSettle
 

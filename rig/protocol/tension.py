@@ -11,7 +11,6 @@ from rig.protocol.approach import Approach
 from rig.protocol.base import BaseProtocol
 from rig.protocol.conditions import TARE_PER_INCREMENT, Conditions, Demand, Pull, Zeroing
 from rig.protocol.course import Beginning, Course, Place
-from rig.protocol.kind import KnownKind
 from rig.protocol.move import Ending, Move
 from rig.protocol.plasticity import PlasticCriterion
 from rig.protocol.plausible import Plausible
@@ -48,7 +47,7 @@ class Stretching(Settings):
 class TensionProtocol(BaseProtocol):
     """Protocol of a tension test: load increments until plastic deformation, then displacement increments."""
 
-    kind: KnownKind[Literal["tension"]]
+    kind: Literal["tension"]
     loading: Loading
     stretching: Stretching
     settle: TensionSettle

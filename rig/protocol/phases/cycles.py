@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from drivers.settings import Settings
 from rig.protocol.course import Place
 from rig.protocol.draft import Draft, IfNever, Phase
-from rig.protocol.move import Ending, Move, has_ended
+from rig.protocol.move import Ending, Move
 from rig.protocol.step import Execute, ProtocolStep, Reading
 
 CYCLES_MAX = 20_000
@@ -136,10 +136,10 @@ class Cycling:
                 continue
             reading = execute(replace(step, event=self.ending.criterion.at_readings()))
             peaks.append(reading)
-            if has_ended(self.ending, number // 2 + 1, step, peaks):
+            if self.ending.has_happened(number // 2 + 1, step, peaks):
                 return reading
-        if self.ending is not None and self.ending.failure is not None:
-            raise self.ending.failure(reading)
+        if self.ending is not None:
+            self.ending.fail(reading)
         return reading
 
     def _steps_from(self, index: int, place: Place, reading: Reading) -> list[ProtocolStep]:

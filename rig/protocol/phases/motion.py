@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from drivers.settings import Settings
 from rig.errors import ProtocolError
 from rig.protocol.approach import Approach
-from rig.protocol.draft import Draft, IfNever, Phase
+from rig.protocol.draft import Draft, IfNever, Increment, Phase
 from rig.protocol.move import Ending, Move
 from rig.protocol.plasticity import PlasticCriterion
 from rig.protocol.step import UNITS
@@ -40,9 +40,7 @@ class MotionImages(Settings, ABC):
 class LoadImages(MotionImages):
     """The times of images during a motion to a load."""
 
-    every_n: float | None = Field(
-        default=None, gt=0.0, description="increment after which the motion stops and settles"
-    )
+    every_n: Increment = None
 
     @property
     def increment(self) -> float | None:

@@ -2,10 +2,8 @@
 
 from typing import Literal
 
-from pydantic import Field
-
 from rig.protocol.course import Beginning
-from rig.protocol.draft import Draft, Phase
+from rig.protocol.draft import Draft, Phase, Positive
 from rig.protocol.step import ProtocolStep
 
 
@@ -13,8 +11,8 @@ class Preload(Phase):
     """A small load under which the reference images are taken. Only the first phase may be a preload."""
 
     do: Literal["preload"]
-    load_n: float = Field(gt=0.0)
-    rate_n_s: float = Field(gt=0.0)
+    load_n: Positive
+    rate_n_s: Positive
 
     def compile(self, draft: Draft) -> None:
         """Let the course begin with the load."""

@@ -3,20 +3,16 @@
 import math
 from typing import Literal
 
-from pydantic import Field
-
 from drivers.settings import Settings
 from rig.protocol.approach import Approach
 from rig.protocol.conditions import Turn
-from rig.protocol.draft import Draft, Phase
+from rig.protocol.draft import Draft, Increment, Phase
 
 
 class AngleImages(Settings):
     """The times of images during a turn to an angle. By default they are taken once, at the end."""
 
-    every_deg: float | None = Field(
-        default=None, gt=0.0, description="increment after which the motion stops and settles"
-    )
+    every_deg: Increment = None
 
 
 class Rotate(Phase):

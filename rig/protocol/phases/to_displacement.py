@@ -2,18 +2,14 @@
 
 from typing import Literal
 
-from pydantic import Field
-
-from rig.protocol.draft import Draft
+from rig.protocol.draft import Draft, Increment, Positive
 from rig.protocol.phases.motion import MotionImages, Pulling
 
 
 class DisplacementImages(MotionImages):
     """The times of images during a motion to a displacement."""
 
-    every_mm: float | None = Field(
-        default=None, gt=0.0, description="increment after which the motion stops and settles"
-    )
+    every_mm: Increment = None
 
     @property
     def increment(self) -> float | None:
@@ -25,8 +21,8 @@ class ToDisplacement(Pulling):
     """A motion to a larger displacement, counted from the reference."""
 
     do: Literal["to-displacement"]
-    displacement_mm: float = Field(gt=0.0)
-    speed_mm_s: float = Field(gt=0.0)
+    displacement_mm: Positive
+    speed_mm_s: Positive
     images: DisplacementImages = DisplacementImages()
 
     def compile(self, draft: Draft) -> None:

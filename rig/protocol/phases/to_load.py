@@ -2,9 +2,7 @@
 
 from typing import Literal
 
-from pydantic import Field
-
-from rig.protocol.draft import Draft
+from rig.protocol.draft import Draft, Positive
 from rig.protocol.phases.motion import LoadImages, Pulling
 
 
@@ -12,8 +10,8 @@ class ToLoad(Pulling):
     """A motion to a higher load."""
 
     do: Literal["to-load"]
-    load_n: float = Field(gt=0.0)
-    rate_n_s: float = Field(gt=0.0)
+    load_n: Positive
+    rate_n_s: Positive
     images: LoadImages = LoadImages()
 
     def compile(self, draft: Draft) -> None:
