@@ -57,7 +57,7 @@ NEVER = Deadline(math.inf)
 class Call(Generic[T]):
     """One call of a driver, or of another function that may take long.
 
-    `done` becomes True when the call has ended. If `cancelled` is True before the call begins, it is not
+    `future` receives the result or the exception. If `cancelled` is True before the call begins, it is not
     made.
     """
 
@@ -73,11 +73,9 @@ class Call(Generic[T]):
         self.device = device
         self.action = action
         self.deadline = deadline
-        self.done = False
+        self.future: Future[T] = Future()
         self.cancelled = False
         self._function = function
-        self._value: list[T] = []
-        self._error: BaseException | None = None
         self._clock = clock
         self._due_s = clock.now_s() + deadline.duration_s
         self._patience_s = patience_s
@@ -93,27 +91,18 @@ class Call(Generic[T]):
         self._thread = get_native_id()
         self._before_s = waited_for_processor_s(self._thread)
         try:
-            self.finish(self._function())
+            value = self._function()
         except GivenUp:
             raise
         except BaseException as error:
-            self.fail(error_of_driver(self.device, self.action, error))
+            self.future.set_exception(error_of_driver(self.device, self.action, error))
+        else:
+            self.future.set_result(value)
 
-    def finish(self, value: T) -> None:
-        """Record the result of the call."""
-        self._value.append(value)
-        self.done = True
-
-    def fail(self, error: BaseException) -> None:
-        """Record the exception that the call raised."""
-        self._error = error
-        self.done = True
-
-    def result(self) -> T:
-        """Return the result of the call, or raise its exception."""
-        if self._error is not None:
-            raise self._error
-        return self._value[0]
+    @property
+    def done(self) -> bool:
+        """True if the call has ended."""
+        return self.future.done()
 
     @property
     def left_s(self) -> float:
@@ -218,13 +207,10 @@ class Calls:
     def follow(self, future: "Future[T]", device: str, action: str, deadline: Deadline) -> Call[T]:
         """Return a `Call` that represents work which was begun elsewhere and takes no simulated time."""
         call: Call[T] = Call(device, action, future.result, deadline, self._clock)
+        call.future = future
         activity = self._clock.activity(at_once=True)
 
         def ended(_: object) -> None:
-            try:
-                call.finish(future.result())
-            except BaseException as error:  # of this program, and no driver's
-                call.fail(error)
             self._news.set()
             activity.end()
 
@@ -281,7 +267,7 @@ class Calls:
             if watched:
                 self._check()
             if call.done:
-                return call.result()
+                return call.future.result()
             if call.left_s <= _TICK_S or call.real_left_s <= 0.0:
                 raise self._overdue(call)
             left_s = min(call.left_s, next_s - self._clock.now_s())

@@ -6,7 +6,7 @@ from drivers.clock import Clock
 from drivers.errors import DeviceFault
 from drivers.interfaces import InterlockState, LoadFrameState
 from rig.engine.calls import Call, Calls
-from rig.engine.devices import CalledInterlock, Devices
+from rig.engine.devices import Devices
 from rig.engine.watch import Watch
 from rig.protocol.step import Reading
 from rig.recorder import Recorder
@@ -59,7 +59,8 @@ class Monitor:
         # Begin both readings before waiting, so that the load frame is read even if the stage hangs.
         of_frame = None if frame is None else frame.begin_read()
         of_stage = None if stage is None else stage.begin_read()
-        of_interlocks = [(each, each.begin_read()) for each in self._devices.interlocks]
+        interlocks = self._devices.interlocks
+        of_interlocks = {name: each.begin_read() for name, each in interlocks.items()}
         if of_frame is not None:
             state = self._calls.finish(of_frame)
             if self._recorder is not None:
@@ -89,15 +90,15 @@ class Monitor:
             self._watch.check(reading, step)
         # Wait for the interlocks only after the limits were checked, because a slow interlock must not delay
         # this check. Record the values of all interlocks before one of them ends the run.
-        values = [(interlock, self._record(interlock, call)) for interlock, call in of_interlocks]
-        for interlock, value in values:
-            interlock.require_good(value, step)
+        values = {name: self._record(name, call) for name, call in of_interlocks.items()}
+        for name, value in values.items():
+            interlocks[name].driver.require_good(name, value, step)
         return reading
 
-    def _record(self, interlock: CalledInterlock, call: Call[InterlockState]) -> InterlockState:
+    def _record(self, name: str, call: Call[InterlockState]) -> InterlockState:
         state = self._calls.finish(call)
         if self._recorder is not None:
-            self._recorder.interlock_state(interlock.name, state)
+            self._recorder.interlock_state(name, state)
         return state
 
 

@@ -1,5 +1,7 @@
 """Prepare the rig before the grid images, before the reference images, and before a run is continued."""
 
+import math
+
 from drivers.interfaces import OperatorAction
 from rig.engine.context import RunContext
 from rig.engine.look import unloaded
@@ -82,26 +84,27 @@ class Preparation:
             self.asking = False
 
     def _home(self) -> None:
-        assert self._run.devices.stage is not None  # `require_devices` has checked this
+        stage = self._run.devices.stage
+        assert stage is not None  # `require_devices` has checked this
         if not self._run.monitor.homed:
             self._run.log("info", "stage: home")
             self._run.may_move = True
-            self._run.devices.stage.home()
+            stage.do("home", stage.driver.home)
             self._motion.wait("homing the stage", "the reference position", lambda _: self._run.monitor.homed)
 
     def _bring_to_zero(self, tolerance_deg: float) -> None:
         self._home()
-        assert self._run.devices.stage is not None  # `require_devices` has checked this
         self._run.may_move = True
-        self._run.devices.stage.move_to(0.0)
+        self._run.devices.go_to("rotation", 0.0, math.nan)
         self._motion.wait("moving to 0 deg", "0 deg", lambda reading: abs(reading.angle_deg) <= tolerance_deg)
 
     def _zero_load_frame(self, zeroing: Zeroing, step: ProtocolStep) -> None:
-        assert self._run.devices.load_frame is not None  # `require_devices` has checked this
+        frame = self._run.devices.load_frame
+        assert frame is not None  # `require_devices` has checked this
         reading = self._run.read()
         if self._unloaded is not None:
             self._unloaded.require(reading, f"{step}, zeroing the load frame")
         self._run.log("info", f"load frame: zero at {reading.load_n:.1f} N, {reading.displacement_mm:.4f} mm")
-        self._run.devices.load_frame.tare()
+        frame.do("tare", frame.driver.tare)
         self._run.watch.tared()
         self._motion.wait("zeroing the load frame", "load and displacement of zero", zeroing.is_zero)

@@ -35,7 +35,7 @@ class SettingsRecord:
         DeviceError
             If a device does not report its settings. No device has moved for this run yet.
         """
-        begun = {name: self._begin(name, *found) for name, found in self._reporting()}
+        begun = {name: self._begin(*found) for name, *found in self._reporting()}
         for name, call in begun.items():
             self._first[name] = self._run.calls.finish(call)
             self._record(name, "start", self._first[name])
@@ -46,11 +46,11 @@ class SettingsRecord:
         Record a warning if a setting differs from the start, or a device does not report its settings.
         """
         begun = {}
-        for name, (called, device) in self._reporting():
+        for name, called, device in self._reporting():
             if name not in self._first:
                 continue
             if self._run.calls.idle(called):
-                begun[name] = self._begin(name, called, device)
+                begun[name] = self._begin(called, device)
             else:
                 self._run.log(
                     "warning", f"{name}: its settings are unknown at the end: another call still runs"
@@ -65,21 +65,18 @@ class SettingsRecord:
             self._record(name, "end", found)
             self._compare(name, self._first[name], found)
 
-    def _reporting(self) -> Iterator[tuple[str, tuple[str, Any]]]:
+    def _reporting(self) -> Iterator[tuple[str, str, Any]]:
         """Yield each device that reports settings: name in the run file, name in calls, and driver."""
         devices = self._run.devices
-        known: dict[str, tuple[str, Any]] = {
-            name: (f"cameras.{name}", called.camera) for name, called in devices.cameras.items()
-        }
-        if devices.stage is not None:
-            known["stage"] = "stage", devices.stage.stage
-        if devices.load_frame is not None:
-            known["load_frame"] = "load_frame", devices.load_frame.frame
-        for each in devices.interlocks:
-            known[f"interlocks.{each.name}"] = f"interlocks.{each.name}", each.interlock.device
-        return (entry for entry in known.items() if reports_settings(entry[1][1]))
+        known: list[tuple[str, str, Any]] = [
+            (name, f"cameras.{name}", each.camera) for name, each in devices.cameras.items()
+        ]
+        machines = (devices.stage, devices.load_frame)
+        known += [(each.name, each.name, each.driver) for each in machines if each is not None]
+        known += [(each.name, each.name, each.driver.device) for each in devices.interlocks.values()]
+        return (entry for entry in known if reports_settings(entry[2]))
 
-    def _begin(self, name: str, called: str, device: Any) -> Call[Settings]:
+    def _begin(self, called: str, device: Any) -> Call[Settings]:
         return self._run.calls.begin(
             called, "read settings", lambda: read_settings(called, device), Deadline(READING_S)
         )
