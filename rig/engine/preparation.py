@@ -3,13 +3,16 @@
 import math
 
 from drivers.interfaces import OperatorAction
+from rig.devices import Rig
 from rig.engine.context import RunContext
-from rig.engine.look import unloaded
 from rig.engine.motion import Motion
-from rig.errors import ProtocolError
-from rig.protocol.conditions import Zeroing
-from rig.protocol.step import ProtocolStep
+from rig.errors import LimitViolation, ProtocolError
+from rig.protocol.conditions import Conditions, Zeroing
+from rig.protocol.step import ProtocolStep, Reading
 from rig.recorder.records import OPERATOR_DONE
+
+UNLOADED_SHARE = 0.01
+"""An unloaded load cell may show this fraction of the largest load, from zero error and weight of grips."""
 
 
 class Preparation:
@@ -31,7 +34,7 @@ class Preparation:
         self._run = run
         self._motion = motion
         self._conditions = run.protocol.conditions
-        self._unloaded = unloaded(self._conditions, run.rig)
+        self._unloaded = _unloaded(self._conditions, run.rig)
 
     def require_devices(self) -> None:
         """Raise `ProtocolError` if the rig lacks a device that the protocol moves."""
@@ -47,8 +50,7 @@ class Preparation:
     def for_grid(self, step: ProtocolStep) -> None:
         """Check that the specimen is unloaded, turn the stage to 0 degrees, and ask for the grid."""
         reading = self._run.read()
-        if self._unloaded is not None:
-            self._unloaded.require(reading, f"{step}, before the grid is attached")
+        self._require_unloaded(reading, f"{step}, before the grid is attached")
         if self._conditions.zero_tolerance_deg is not None:
             self._bring_to_zero(self._conditions.zero_tolerance_deg)
         self._ask(OperatorAction.ATTACH_GRID)
@@ -83,6 +85,23 @@ class Preparation:
         finally:
             self.asking = False
 
+    def _require_unloaded(self, reading: Reading, step: str) -> None:
+        """Raise `LimitViolation` if the specimen is loaded, for example after a failed run.
+
+        The operator must not touch a loaded specimen, and its load must not be set to zero.
+        """
+        if self._unloaded is None:
+            return
+        most_n, remedy = self._unloaded
+        if not abs(reading.load_n) <= most_n:
+            raise LimitViolation(
+                step,
+                f"a load within {most_n:g} N",
+                f"{reading.load_n:.1f} N",
+                "unload the specimen with rig unload, as a real load must not be zeroed; if the specimen is "
+                f"unloaded, {remedy.format(load_n=abs(reading.load_n))}",
+            )
+
     def _home(self) -> None:
         stage = self._run.devices.stage
         assert stage is not None  # `require_devices` has checked this
@@ -102,9 +121,26 @@ class Preparation:
         frame = self._run.devices.load_frame
         assert frame is not None  # `require_devices` has checked this
         reading = self._run.read()
-        if self._unloaded is not None:
-            self._unloaded.require(reading, f"{step}, zeroing the load frame")
+        self._require_unloaded(reading, f"{step}, zeroing the load frame")
         self._run.log("info", f"load frame: zero at {reading.load_n:.1f} N, {reading.displacement_mm:.4f} mm")
         frame.do("tare", frame.driver.tare)
         self._run.watch.tared()
         self._motion.wait("zeroing the load frame", "load and displacement of zero", zeroing.is_zero)
+
+
+def _unloaded(conditions: Conditions, rig: Rig) -> tuple[float, str] | None:
+    """Return the largest load in N of an unloaded specimen, and what to do if a larger one is only an error.
+
+    The load comes from the protocol if the protocol pulls the specimen, and otherwise from the rig.
+    """
+    if (zeroing := conditions.zeroing) is not None:
+        return zeroing.tare_max_n, (
+            f"raise {zeroing.key} above {{load_n:.1f}} (at most a tenth of an increment), or zero the load "
+            "cell at the machine"
+        )
+    if rig.load_frame is None:
+        return None
+    most_n = rig.limits.unloaded_max_n
+    return UNLOADED_SHARE * rig.load_frame.limits.load_max_n if most_n is None else most_n, (
+        "zero the load cell at the machine, or raise limits.unloaded_max_n in the rig file above {load_n:.1f}"
+    )

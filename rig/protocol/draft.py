@@ -30,6 +30,11 @@ _TOLERANCES: dict[Quantity, str] = {
     "displacement": "displacement_tolerance_mm",
     "rotation": "angle_tolerance_deg",
 }
+_LIMITS: dict[Quantity, str] = {"load": "load_max_n", "displacement": "displacement_max_mm"}
+_RATES: dict[Quantity, tuple[str, str, str]] = {
+    "load": ("rate_n_s", "load_rate_max_n_s", "N/s"),
+    "displacement": ("speed_mm_s", "speed_max_mm_s", "mm/s"),
+}
 
 
 class Phase(Settings, ABC):
@@ -150,32 +155,21 @@ class Draft:
         self._elastic_n = max(self._elastic_n, elastic_n)
 
     def move(self, quantity: Quantity, rate: float = math.nan, *, is_timed: bool = True) -> Move:
-        """Return a motion or a hold of a quantity, and note that the rig needs its device."""
+        """Return a motion or a hold of a quantity, and note that the rig needs its device and its rate."""
         self._moved.add(quantity)
-        if quantity == "load":
-            self.demand("rate_n_s", rate, "load_rate_max_n_s", "N/s")
+        if not math.isnan(rate):
+            key, fact, unit = _RATES[quantity]
+            self.demand(key, rate, fact, unit)
         return Move(quantity, rate, self._tolerance(quantity), is_timed)
 
-    def to_load(self, load_n: float, rate_n_s: float) -> Move:
-        """Return a motion to a load. Check the limits."""
-        move = self.move("load", rate_n_s)
-        needed_n = load_n + move.tolerance
-        if self._limits is not None and needed_n > self._limits.load_max_n:
+    def move_to(self, quantity: Quantity, target: float, rate: float) -> Move:
+        """Return a motion to a load or a displacement. Check the protocol's limits."""
+        move = self.move(quantity, rate)
+        needed, key = abs(target) + move.tolerance, _LIMITS[quantity]
+        if self._limits is not None and needed > getattr(self._limits, key):
             self.mistake(
-                f"limits.load_max_n must be at least {needed_n:g} (the load and the tolerance), "
-                f"got {self._limits.load_max_n:g}"
-            )
-        return move
-
-    def to_displacement(self, displacement_mm: float, speed_mm_s: float) -> Move:
-        """Return a motion to a displacement. Check the limits."""
-        move = self.move("displacement", speed_mm_s)
-        self.demand("speed_mm_s", speed_mm_s, "speed_max_mm_s", "mm/s")
-        needed_mm = abs(displacement_mm) + move.tolerance
-        if self._limits is not None and needed_mm > self._limits.displacement_max_mm:
-            self.mistake(
-                f"limits.displacement_max_mm must be at least {needed_mm:g} (the displacement and the "
-                f"tolerance), got {self._limits.displacement_max_mm:g}"
+                f"limits.{key} must be at least {needed:g} (the {quantity} and the tolerance), "
+                f"got {getattr(self._limits, key):g}"
             )
         return move
 

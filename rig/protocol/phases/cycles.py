@@ -71,13 +71,13 @@ class Cycles(Phase):
         """Add the cycles."""
         low, high = self.ends
         if self.rate_n_s is not None:
-            move = draft.to_load(high, self.rate_n_s)
+            move = draft.move_to("load", high, self.rate_n_s)
             draft.expect(high)
             draft.ranges_n.append(high - low)
         else:
             assert self.speed_mm_s is not None
-            move = draft.to_displacement(high, self.speed_mm_s)
-            draft.to_displacement(low, self.speed_mm_s)
+            move = draft.move_to("displacement", high, self.speed_mm_s)
+            draft.move_to("displacement", low, self.speed_mm_s)
         draft.check_increment("the difference of both ends", high - low, move)
         until = self.until
         ending = None if until is None else draft.load_drop(until.load_drop, until.if_never)

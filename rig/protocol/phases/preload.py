@@ -16,7 +16,7 @@ class Preload(Phase):
 
     def compile(self, draft: Draft) -> None:
         """Let the course begin with the load."""
-        move = draft.to_load(self.load_n, self.rate_n_s)
+        move = draft.move_to("load", self.load_n, self.rate_n_s)
         if draft.number > 1:
             draft.mistake("only the first phase can be a preload; use to-load")
         draft.expect(self.load_n)

@@ -27,5 +27,5 @@ class ToDisplacement(Pulling):
 
     def compile(self, draft: Draft) -> None:
         """Add the motion."""
-        move = draft.to_displacement(self.displacement_mm, self.speed_mm_s)
+        move = draft.move_to("displacement", self.displacement_mm, self.speed_mm_s)
         draft.add(self.approach(draft, move, self.displacement_mm, self.images))

@@ -16,7 +16,7 @@ class ToLoad(Pulling):
 
     def compile(self, draft: Draft) -> None:
         """Add the motion, and note the load that the specimen certainly carries."""
-        move = draft.to_load(self.load_n, self.rate_n_s)
+        move = draft.move_to("load", self.load_n, self.rate_n_s)
         plastic = None if self.until is None else self.until.plastic
         if plastic is not None:
             first_n = plastic.first_judged_n(self.images.every_n or 0.5 * self.load_n)

@@ -18,5 +18,5 @@ class Unload(Phase):
 
     def compile(self, draft: Draft) -> None:
         """Add the motion."""
-        move = draft.to_load(self.load_n, self.rate_n_s)
+        move = draft.move_to("load", self.load_n, self.rate_n_s)
         draft.add(approach(draft, move, self.load_n, self.images, down=True))
