@@ -15,16 +15,8 @@ from rig.recorder import Recorder, StepRecord
 class Announcements:
     """Tells the listeners of a run every status, step and event.
 
-    Parameters
-    ----------
-    recorder : Recorder
-    clock : Clock
-    status : Status
-        The status before the run.
-    on_status, on_step, on_news : iterable of callable
-        The listeners, as described for `Engine`.
-    end_run : callable
-        Called with a reason if a listener requests the end of the run.
+    The listeners are described for `Engine`. `end_run` is called with a reason if one of them requests the
+    end of the run.
 
     Attributes
     ----------

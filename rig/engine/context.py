@@ -23,25 +23,16 @@ T = TypeVar("T")
 class RunContext:
     """The context of one run. The engine makes it once, and each part of the engine receives it.
 
-    Parameters
-    ----------
-    protocol : Protocol
-    rig : Rig
-    recorder : Recorder
-    news : Announcements
-    on_progress, on_question : callable
-        These functions are described for `Engine`.
-
     Attributes
     ----------
-    clock : Clock
+    protocol, rig, recorder, clock, calls, devices, monitor
+        The parts of the run.
+    news : Announcements
+        What the listeners are told.
     settle : Settle
         The times for settling, and the time between two readings.
     watch : Watch
         The limits of the run.
-    calls : Calls
-    devices : Devices
-    monitor : Monitor
     may_move : bool
         True if a device may be moving. At the beginning of a run, a device may still be moving for an earlier
         program that was killed.

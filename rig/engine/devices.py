@@ -40,18 +40,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class CalledDevice(Generic[D, S]):
-    """A load frame, a stage or an interlock that is called with deadlines.
-
-    Attributes
-    ----------
-    name : str
-        The name of the device in messages.
-    driver : LoadFrame, RotationStage or OpenedInterlock
-    read : callable
-        The driver's function that reads the state.
-    calls : Calls
-    deadline : Deadline
-    """
+    """A load frame, a stage or an interlock that is called with deadlines. `read` reads its state."""
 
     name: str
     driver: D

@@ -1,7 +1,6 @@
 """Take the images of a step. Check each image, repeat bad images, and reopen a camera that fails."""
 
 from contextlib import suppress
-from typing import NoReturn
 
 from drivers.errors import DeviceError, DeviceFault
 from drivers.interfaces import Frame
@@ -17,19 +16,12 @@ RETURNS_MAX = 3
 """Largest accepted number of failures of a camera in one step. More mean a bad cable or power supply."""
 REOPEN_PERIOD_S = 1.0
 """Time in s between two attempts to reopen a camera that failed."""
-
-
 Frames = dict[str, tuple[int, int]]
 """The images of a step: for each camera the row of the first one in the run file, and their number."""
 
 
 class StepImages:
     """Takes and records the images of all cameras during one run.
-
-    Parameters
-    ----------
-    run : RunContext
-    motion : Motion
 
     Attributes
     ----------
@@ -49,13 +41,7 @@ class StepImages:
     def take(self, step: ProtocolStep, reading: Reading, frames: Frames) -> Frames:
         """Take and record one image of each camera, and return the images of the step including these.
 
-        Parameters
-        ----------
-        step : ProtocolStep
-        reading : Reading
-            The reading at the time of the images.
-        frames : dict of str to (int, int)
-            The images of the step before.
+        `reading` is the reading at the time of these images, and `frames` are the images of the step before.
 
         Raises
         ------
@@ -143,7 +129,10 @@ class StepImages:
                 break
             self._run.log("warning", f"{device}: {step}: {'; '.join(found)}")
         if kept is None:
-            self._refuse(device, step, stale)
+            assert stale is not None  # no image can be kept, because the last one may be old or damaged
+            expected, got, remedy = stale
+            got = f"{got}, the last of {self._settings.attempts} attempts"
+            raise DeviceFault(device, str(step), expected, got, remedy)
         if found:
             self._keep_or_stop(device, step, "; ".join(found))
         checks.accept(*kept, reference=step.kind == "reference")
@@ -196,12 +185,6 @@ class StepImages:
             found,
             'mend the light or the lens, or raise the limit, or set images.on_bad_image = "keep"',
         )
-
-    def _refuse(self, device: str, step: ProtocolStep, stale: tuple[str, str, str] | None) -> NoReturn:
-        assert stale is not None  # no image can be kept, because the last one may be old or damaged
-        expected, got, remedy = stale
-        got = f"{got}, the last of {self._settings.attempts} attempts"
-        raise DeviceFault(device, str(step), expected, got, remedy)
 
 
 _FROZEN = (

@@ -15,15 +15,8 @@ from rig.recorder import Recorder
 class Monitor:
     """Takes readings of the stage, the load frame and the interlocks.
 
-    Parameters
-    ----------
-    devices : Devices
-    calls : Calls
-    clock : Clock
-    recorder : Recorder or None
-        Records every reading. None for a motion by hand.
-    watch : Watch or None
-        Checks every reading against the limits of the run. None for a motion by hand, which has its own.
+    The recorder records every reading, and `watch` checks it against the limits of the run. A motion by hand
+    has neither of them.
     """
 
     def __init__(

@@ -14,10 +14,6 @@ _PAUSE_MIN_S = 0.001
 class Motion:
     """Commands the motions and holds of a run, and waits for the times of their images.
 
-    Parameters
-    ----------
-    run : RunContext
-
     Attributes
     ----------
     reading : Reading

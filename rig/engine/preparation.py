@@ -18,11 +18,6 @@ UNLOADED_SHARE = 0.01
 class Preparation:
     """Prepares the rig as the conditions of a protocol require.
 
-    Parameters
-    ----------
-    run : RunContext
-    motion : Motion
-
     Attributes
     ----------
     asking : bool

@@ -16,12 +16,7 @@ Settings = dict[str, Setting]
 
 
 class SettingsRecord:
-    """Reads the settings of all devices whose drivers report them, and writes them into the run file.
-
-    Parameters
-    ----------
-    run : RunContext
-    """
+    """Reads the settings of all devices whose drivers report them, and writes them into the run file."""
 
     def __init__(self, run: RunContext) -> None:
         self._run = run

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 from rig.protocol.step import ProtocolStep, Reading
@@ -26,20 +27,16 @@ class Criterion(Protocol):
         """Return a description of the criterion for an error message."""
 
 
+@dataclass(frozen=True)
 class LoadDropCriterion:
     """The criterion that the load has fallen by a fraction of the highest load of the phase.
 
-    Parameters
-    ----------
-    fraction : float
-    carried_n : float
-        During a motion a drop counts only if the load has reached this value in N. So noise and seating grips
-        end no phase.
+    During a motion a drop counts only if the load has reached `carried_n`. So noise and seating grips end no
+    phase.
     """
 
-    def __init__(self, fraction: float, carried_n: float) -> None:
-        self._fraction = fraction
-        self._carried_n = carried_n
+    fraction: float
+    carried_n: float
 
     def can_end(self, number: int, _: ProtocolStep) -> bool:
         """Return True, because the load can drop during any step."""
@@ -48,7 +45,7 @@ class LoadDropCriterion:
     def is_met(self, readings: Sequence[Reading]) -> bool:
         """Return True if the last load has fallen by the fraction."""
         highest_n = max(reading.load_n for reading in readings[1:])
-        return readings[-1].load_n < (1.0 - self._fraction) * highest_n
+        return readings[-1].load_n < (1.0 - self.fraction) * highest_n
 
     def at_readings(self) -> Callable[[Reading], bool]:
         """Return a function that compares each reading with the highest load of the motion."""
@@ -57,10 +54,10 @@ class LoadDropCriterion:
         def has_dropped(reading: Reading) -> bool:
             nonlocal highest_n
             highest_n = max(highest_n, reading.load_n)
-            return highest_n >= self._carried_n and reading.load_n < (1.0 - self._fraction) * highest_n
+            return highest_n >= self.carried_n and reading.load_n < (1.0 - self.fraction) * highest_n
 
         return has_dropped
 
     def describe(self) -> str:
         """Return a description of this criterion for an error message."""
-        return f"a drop of the load by {self._fraction:g} of the highest load"
+        return f"a drop of the load by {self.fraction:g} of the highest load"

@@ -63,9 +63,10 @@ class Reading:
 
 @dataclass(frozen=True)
 class ProtocolStep:
-    """One step of a protocol: a device moves to a target and settles, then the cameras take images.
+    """One step of a protocol: a target, and the images that belong to it.
 
-    The steps "grid", "reference" without a preload, and "rest" have no target.
+    A device moves to the target. The cameras take the images when it has settled, or during the motion or
+    hold. The steps "grid", "reference" without a preload, and "rest" have no target.
 
     Attributes
     ----------
