@@ -1,6 +1,5 @@
 """Look at a rig and move it by hand, for `rig status`, `rig hold`, `rig unload` and `rig jog`."""
 
-import math
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -15,12 +14,13 @@ from rig.commands.hand_plan import Wish, plan, slowed
 from rig.engine.calls import Calls
 from rig.engine.devices import called
 from rig.engine.look import look
-from rig.engine.manual import Manual, Motion, Moved
+from rig.engine.manual import Manual, Moved
 from rig.engine.signals import aborting_on_signals
 from rig.facts import facts_of_file
 from rig.guardian.announced import announce
 from rig.guardian.guardian import guarded
 from rig.guardian.lock import MachineInUse, machines_locked
+from rig.limits.by_hand import HandMotion
 from rig.rigfile import RigFile
 
 RELEASE_S = 60.0
@@ -44,7 +44,7 @@ def see(rig_path: Path) -> Seen:
         with machines_locked(rig_file), open_rig(_machines_of(rig_file), failed=failed) as rig:
             calls = Calls(rig.clock, lambda: None, rig.lost)
             with rig.clock.activity():
-                at_rest = look(called(rig, calls, lambda: None, math.inf), calls)
+                at_rest = look(called(rig, calls), calls)
                 calls.close()
     except MachineInUse as error:
         return Seen(AtRest(), f"{error.step} is in use by {error.got}")
@@ -120,7 +120,7 @@ def _hold(rig_file: RigFile) -> Moved:
 def move(
     rig_path: Path,
     wish: Wish,
-    confirm: Callable[[Motion, Reading], None],
+    confirm: Callable[[HandMotion, Reading], None],
     on_reading: Callable[[Reading], None] = lambda _: None,
 ) -> Moved:
     """Execute one motion by hand. A signal, for example by Ctrl-C, stops the motion at once.
@@ -149,11 +149,11 @@ def move(
 
 
 @contextmanager
-def confirmation(yes: bool, word: str) -> Iterator[Callable[[Motion, Reading], None]]:
+def confirmation(yes: bool, word: str) -> Iterator[Callable[[HandMotion, Reading], None]]:
     """Yield a function that asks the user to confirm a motion by a word. With ``--yes``, it asks nothing."""
     asked: list[Question] = []
 
-    def confirm(motion: Motion, reading: Reading) -> None:
+    def confirm(motion: HandMotion, reading: Reading) -> None:
         if yes:
             return
         now = ", ".join(f"{value:.6g} {unit}" for unit, value in reading.by_unit().items())

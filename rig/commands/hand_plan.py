@@ -5,10 +5,11 @@ from dataclasses import dataclass, replace
 
 from drivers.interfaces import LoadFrameLimits
 from rig import Reading, Rig, RigError
-from rig.engine.manual import Motion
 from rig.facts import RigFacts
 from rig.limit_settings import RigLimits
 from rig.limits.by_hand import (
+    DISPLACEMENT_TOLERANCE_MM,
+    LOAD_TOLERANCE_SHARE,
     LOADED_SHARE,
     HandMotion,
     hand_string,
@@ -21,10 +22,8 @@ UNLOADED_SHARE = 0.01
 """Default load rate per second, as a fraction of the largest load. A ramp from 0 to this load takes 100 s."""
 SPEED_SHARE = 0.01
 """Default travel of the crosshead per second, as a fraction of the displacement range."""
-LOAD_TOLERANCE_SHARE = 0.002
 OVERSHOOT_SHARE = 0.02
 """The load may leave the range from start to target by this fraction of the largest load."""
-DISPLACEMENT_TOLERANCE_MM = 0.005
 OVERSHOOT_MM = 0.05
 ANGLE_TOLERANCE_DEG = 0.02
 
@@ -46,7 +45,7 @@ class Wish:
     free: bool = False
 
 
-def plan(wish: Wish, reading: Reading, rig: Rig, facts: RigFacts) -> Motion:
+def plan(wish: Wish, reading: Reading, rig: Rig, facts: RigFacts) -> HandMotion:
     """Return the motion that a person has asked for.
 
     Raises
@@ -82,7 +81,7 @@ def slowed(rig_file: RigFile, wish: Wish) -> RigFile:
     return replace(rig_file, load_frame=replace(entry, settings=settings))
 
 
-def _load(wish: Wish, reading: Reading, limits: LoadFrameLimits, rig_limits: RigLimits) -> Motion:
+def _load(wish: Wish, reading: Reading, limits: LoadFrameLimits, rig_limits: RigLimits) -> HandMotion:
     target = wish.target + (reading.load_n if wish.relative else 0.0)
     rate = _rate(wish, UNLOADED_SHARE * limits.load_max_n, limits.load_rate_max_n_s, "N/s")
     _require_within(target, limits.load_min_n, limits.load_max_n, "load", "N")
@@ -92,35 +91,31 @@ def _load(wish: Wish, reading: Reading, limits: LoadFrameLimits, rig_limits: Rig
     )
     if wish.travel_max_mm is not None:
         low_mm, high_mm = -wish.travel_max_mm, wish.travel_max_mm
-    doing = f"go from {reading.load_n:.1f} to {target:g} N at {rate:g} N/s"
-    tolerance_n = LOAD_TOLERANCE_SHARE * limits.load_max_n
-    return Motion(
-        doing,
+    return HandMotion(
+        f"go from {reading.load_n:.1f} to {target:g} N at {rate:g} N/s",
         "load",
         target,
-        tolerance_n,
+        LOAD_TOLERANCE_SHARE * limits.load_max_n,
         rate,
         abs(target - reading.load_n) / rate,
         load_n=(min(target, reading.load_n) - spare_n, max(target, reading.load_n) + spare_n),
         displacement_mm=(reading.displacement_mm + low_mm, reading.displacement_mm + high_mm),
-        agreement=_agreement(doing, True, target, tolerance_n, rate, limits),
+        load_max_n=limits.load_max_n,
     )
 
 
-def _travel(wish: Wish, reading: Reading, limits: LoadFrameLimits) -> Motion:
+def _travel(wish: Wish, reading: Reading, limits: LoadFrameLimits) -> HandMotion:
     start_mm = reading.displacement_mm
     target = wish.target + (start_mm if wish.relative else 0.0)
     range_mm = limits.displacement_max_mm - limits.displacement_min_mm
     rate = _rate(wish, SPEED_SHARE * range_mm, limits.speed_max_mm_s, "mm/s")
     _require_within(target, limits.displacement_min_mm, limits.displacement_max_mm, "displacement", "mm")
-    doing = f"go from {start_mm:.4f} to {target:g} mm at {rate:g} mm/s"
     load_n = limits.load_min_n, limits.load_max_n
     if wish.free:
         spare_n = LOADED_SHARE * limits.load_max_n
         load_n = reading.load_n - spare_n, reading.load_n + spare_n
-    agreement = _agreement(doing, False, target, DISPLACEMENT_TOLERANCE_MM, rate, limits)
-    return Motion(
-        doing,
+    return HandMotion(
+        f"go from {start_mm:.4f} to {target:g} mm at {rate:g} mm/s",
         "displacement",
         target,
         DISPLACEMENT_TOLERANCE_MM,
@@ -128,36 +123,19 @@ def _travel(wish: Wish, reading: Reading, limits: LoadFrameLimits) -> Motion:
         abs(target - start_mm) / rate,
         load_n=load_n,
         displacement_mm=(min(target, start_mm) - OVERSHOOT_MM, max(target, start_mm) + OVERSHOOT_MM),
-        agreement=None if wish.free else agreement,
+        load_max_n=None if wish.free else limits.load_max_n,
     )
 
 
-def _agreement(
-    doing: str, to_load: bool, target: float, tolerance: float, rate: float, limits: LoadFrameLimits
-) -> HandMotion:
-    """Return how load and displacement are compared during a motion of the load frame."""
-    load_tolerance_n = LOAD_TOLERANCE_SHARE * limits.load_max_n
-    return HandMotion(
-        doing,
-        to_load,
-        target,
-        tolerance,
-        rate,
-        limits.load_max_n,
-        load_tolerance_n,
-        DISPLACEMENT_TOLERANCE_MM,
-    )
-
-
-def _turn(wish: Wish, reading: Reading, facts: RigFacts) -> Motion:
+def _turn(wish: Wish, reading: Reading, facts: RigFacts) -> HandMotion:
     target = wish.target + (reading.angle_deg if wish.relative else 0.0)
     low = -math.inf if facts.angle_min_deg is None else facts.angle_min_deg
     high = math.inf if facts.angle_max_deg is None else facts.angle_max_deg
     _require_within(target, low, high, "angle", "deg")
     speed_deg_s = facts.speed_deg_s or 1.0
-    return Motion(
+    return HandMotion(
         f"turn from {reading.angle_deg:.2f} to {target:g} deg",
-        "angle",
+        "rotation",
         target,
         ANGLE_TOLERANCE_DEG,
         math.nan,

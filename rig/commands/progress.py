@@ -10,13 +10,13 @@ from dic.shell.bottom_lines import bottom_lines
 from dic.shell.console import say
 from drivers.interfaces import OperatorAction
 from rig import Reading, State, Status, StepRecord
-from rig.engine.manual import Motion
+from rig.limits.by_hand import HandMotion
 
 if TYPE_CHECKING:
     from rich.console import Group
     from rich.live import Live
 
-Confirm: TypeAlias = Callable[[Motion, Reading], None]
+Confirm: TypeAlias = Callable[[HandMotion, Reading], None]
 
 REFRESHES_PER_S = 5.0
 BAR_WIDTH = 20
@@ -227,7 +227,7 @@ class HandScreen:
         """Return a function that asks for the confirmation of a motion, and then shows the motion on the
         screen."""
 
-        def confirm_and_show(motion: Motion, reading: Reading) -> None:
+        def confirm_and_show(motion: HandMotion, reading: Reading) -> None:
             confirm(motion, reading)
             self._doing = motion.doing
             if self.live is not None:

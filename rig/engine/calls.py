@@ -57,7 +57,7 @@ NEVER = Deadline(math.inf)
 class Call(Generic[T]):
     """One call of a driver, or of another function that may take long.
 
-    `done` becomes True when the call has ended. If `cancelled` is True before the call begins, it is not
+    `future` receives the result or the exception. If `cancelled` is True before the call begins, it is not
     made.
     """
 
@@ -73,11 +73,9 @@ class Call(Generic[T]):
         self.device = device
         self.action = action
         self.deadline = deadline
-        self.done = False
+        self.future: Future[T] = Future()
         self.cancelled = False
         self._function = function
-        self._value: list[T] = []
-        self._error: BaseException | None = None
         self._clock = clock
         self._due_s = clock.now_s() + deadline.duration_s
         self._patience_s = patience_s
@@ -93,27 +91,18 @@ class Call(Generic[T]):
         self._thread = get_native_id()
         self._before_s = waited_for_processor_s(self._thread)
         try:
-            self.finish(self._function())
+            value = self._function()
         except GivenUp:
             raise
         except BaseException as error:
-            self.fail(error_of_driver(self.device, self.action, error))
+            self.future.set_exception(error_of_driver(self.device, self.action, error))
+        else:
+            self.future.set_result(value)
 
-    def finish(self, value: T) -> None:
-        """Record the result of the call."""
-        self._value.append(value)
-        self.done = True
-
-    def fail(self, error: BaseException) -> None:
-        """Record the exception that the call raised."""
-        self._error = error
-        self.done = True
-
-    def result(self) -> T:
-        """Return the result of the call, or raise its exception."""
-        if self._error is not None:
-            raise self._error
-        return self._value[0]
+    @property
+    def done(self) -> bool:
+        """True if the call has ended."""
+        return self.future.done()
 
     @property
     def left_s(self) -> float:
@@ -158,6 +147,11 @@ class Calls:
         Receives for each lost device the name of the call that hangs.
     patience_s : float
         See `PATIENCE_S`.
+    meanwhile : callable, optional
+        Function that is called during each wait that is `watched`. An exception of this function or of
+        `check` ends the wait at once.
+    every_s : float
+        The time in s between two calls of `meanwhile`.
     """
 
     def __init__(
@@ -166,8 +160,12 @@ class Calls:
         check: Callable[[], None],
         lost: dict[str, str] | None = None,
         patience_s: float = PATIENCE_S,
+        meanwhile: Callable[[], object] = lambda: None,
+        every_s: float = math.inf,
     ) -> None:
         self.lost = {} if lost is None else lost
+        self._meanwhile = meanwhile
+        self._every_s = every_s
         self._patience_s = patience_s
         self._clock = clock
         self._check = check
@@ -209,36 +207,20 @@ class Calls:
     def follow(self, future: "Future[T]", device: str, action: str, deadline: Deadline) -> Call[T]:
         """Return a `Call` that represents work which was begun elsewhere and takes no simulated time."""
         call: Call[T] = Call(device, action, future.result, deadline, self._clock)
+        call.future = future
         activity = self._clock.activity(at_once=True)
 
         def ended(_: object) -> None:
-            try:
-                call.finish(future.result())
-            except BaseException as error:  # of this program, and no driver's
-                call.fail(error)
             self._news.set()
             activity.end()
 
         future.add_done_callback(ended)
         return call
 
-    def finish(
-        self,
-        call: Call[T],
-        *,
-        meanwhile: Callable[[], object] | None = None,
-        every_s: float = math.inf,
-    ) -> T:
+    def finish(self, call: Call[T], *, watched: bool = False) -> T:
         """Wait for the end of a call, and return its result.
 
-        Parameters
-        ----------
-        call : Call
-        meanwhile : callable, optional
-            Function that is called during the wait. An exception of this function or of `check` ends the wait
-            at once. Without the function nothing interrupts the wait, so leave it out for short calls only.
-        every_s : float
-            The time between two calls of `meanwhile`.
+        If the wait is not `watched`, nothing but the call's deadline ends it, so watch every long call.
 
         Raises
         ------
@@ -246,7 +228,7 @@ class Calls:
             If the call exceeds its deadline. The device of the call then counts as lost.
         """
         try:
-            return self._wait_for(call, meanwhile, every_s)
+            return self._wait_for(call, watched)
         finally:
             call.cancelled = True
             if not call.done and call.device in self._workers:
@@ -275,22 +257,23 @@ class Calls:
             if worker.is_alive():
                 self.lost[device] = f"{worker.action}, which has not returned at the end of the run"
 
-    def _wait_for(self, call: Call[T], meanwhile: Callable[[], object] | None, every_s: float) -> T:
+    def _wait_for(self, call: Call[T], watched: bool) -> T:
+        every_s = self._every_s if watched else math.inf
         next_s = self._clock.now_s() + every_s
         while True:
             # Clear the flag before checking the conditions, so that a change during the check sets the flag
             # again.
             self._news.clear()
-            if meanwhile is not None:
+            if watched:
                 self._check()
             if call.done:
-                return call.result()
+                return call.future.result()
             if call.left_s <= _TICK_S or call.real_left_s <= 0.0:
                 raise self._overdue(call)
             left_s = min(call.left_s, next_s - self._clock.now_s())
             self._clock.wait(self._news, left_s, call.real_left_s)
-            if meanwhile is not None and not call.done and self._clock.now_s() >= next_s - _TICK_S:
-                meanwhile()
+            if watched and not call.done and self._clock.now_s() >= next_s - _TICK_S:
+                self._meanwhile()
                 next_s = self._clock.now_s() + every_s
 
     def _overdue(self, call: Call[Any]) -> DeviceError:

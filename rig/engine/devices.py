@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias, TypeVar
+from typing import Generic, TypeAlias, TypeVar
 
 from drivers.errors import DeviceError, DeviceFault
 from drivers.interfaces import (
@@ -20,6 +20,7 @@ from drivers.interfaces import (
 )
 from rig.devices import OPENING_S, OpenedInterlock, Rig
 from rig.engine.calls import CAMERA_MARGIN_S, NEVER, STOPPING_S, Call, Calls, Deadline
+from rig.protocol.step import Quantity
 from rig.threads import Bounded
 
 OnQuestion: TypeAlias = Callable[[OperatorAction, str], AbstractContextManager[None]]
@@ -32,66 +33,28 @@ def unannounced(_: OperatorAction, __: str) -> AbstractContextManager[None]:
     return nullcontext()
 
 
+D = TypeVar("D")
+S = TypeVar("S")
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class CalledLoadFrame:
-    """A load frame that is called with deadlines. All methods but `begin_read` wait until the call ends."""
+class CalledDevice(Generic[D, S]):
+    """A load frame, a stage or an interlock that is called with deadlines. `read` reads its state."""
 
-    frame: LoadFrame
+    name: str
+    driver: D
+    read: Callable[[], S]
     calls: Calls
     deadline: Deadline
 
-    def begin_read(self) -> Call[LoadFrameState]:
+    def begin_read(self) -> Call[S]:
         """Begin to read the state."""
-        return self.calls.begin("load_frame", "read", self.frame.read, self.deadline)
+        return self.calls.begin(self.name, "read", self.read, self.deadline)
 
-    def go_to_load(self, load_n: float, rate_n_s: float) -> None:
-        """Command a ramp to a load, and wait until the driver has sent the command."""
-        self._do(f"go to {load_n:g} N", lambda: self.frame.go_to_load(load_n, rate_n_s))
-
-    def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
-        """Command a move to a crosshead position, and wait until the driver has sent the command."""
-        self._do(
-            f"go to {displacement_mm:g} mm",
-            lambda: self.frame.go_to_displacement(displacement_mm, speed_mm_s),
-        )
-
-    def tare(self) -> None:
-        """Set the zero points of load and displacement to the present readings."""
-        self._do("tare", self.frame.tare)
-
-    def hold(self) -> None:
-        """Hold the crosshead when nothing should move, for example before a question. `SafeState` commands
-        all other holds."""
-        self.calls.do("load_frame", "hold", self.frame.hold, Deadline(STOPPING_S))
-
-    def _do(self, action: str, function: Callable[[], None]) -> None:
-        self.calls.do("load_frame", action, function, self.deadline)
-
-
-@dataclass(frozen=True)
-class CalledStage:
-    """A stage that is called with deadlines. All methods but `begin_read` wait until the call ends."""
-
-    stage: RotationStage
-    calls: Calls
-    deadline: Deadline
-
-    def begin_read(self) -> Call[StageState]:
-        """Begin to read position and status."""
-        return self.calls.begin("stage", "read", self.stage.read, self.deadline)
-
-    def home(self) -> None:
-        """Command the search for the reference position."""
-        self.calls.do("stage", "home", self.stage.home, self.deadline)
-
-    def move_to(self, angle_deg: float) -> None:
-        """Command a move to an absolute angle."""
-        self.calls.do(
-            "stage", f"move to {angle_deg:g} deg", lambda: self.stage.move_to(angle_deg), self.deadline
-        )
+    def do(self, action: str, command: Callable[[], None]) -> None:
+        """Give a command, and wait until the driver has sent it."""
+        self.calls.do(self.name, action, command, self.deadline)
 
 
 class CameraLost(Exception):
@@ -107,20 +70,12 @@ class CameraLost(Exception):
 class CalledCamera:
     """A camera that is called with deadlines. The engine monitors stage and load frame during each call.
 
-    Attributes
-    ----------
-    meanwhile : callable
-    every_s : float
-        These parameters are described for `Calls.finish`.
-    reopen : callable or None
-        Opens the camera again after it was closed.
+    `reopen` opens the camera again after it was closed.
     """
 
     name: str
     camera: Camera
     calls: Calls
-    meanwhile: Callable[[], object]
-    every_s: float
     reopen: Callable[[], Camera] | None = None
 
     @property
@@ -184,33 +139,25 @@ class CalledCamera:
                 return error
 
         call = self.calls.begin(f"cameras.{self.name}", action, value_or_error, deadline)
-        return self.calls.finish(call, meanwhile=self.meanwhile, every_s=self.every_s)
+        return self.calls.finish(call, watched=True)
 
 
 @dataclass(frozen=True)
 class CalledOperator:
     """The person at the rig, who has no deadline. While the person is asked, the engine monitors all devices.
 
-    Attributes
-    ----------
-    meanwhile : callable
-    every_s : float
-        These parameters are described for `Calls.finish`.
-    on_question : callable
-        Called on the operator's thread.
+    `on_question` is called on the operator's thread.
     """
 
     operator: Operator
     calls: Calls
-    meanwhile: Callable[[], object]
-    every_s: float
     on_question: OnQuestion = unannounced
 
     def perform(self, action: OperatorAction) -> None:
         """Ask for an action, and return when it is done. If the run ends before, withdraw the question."""
         call = self.calls.begin("operator", action.value, lambda: self._perform(action), NEVER)
         try:
-            self.calls.finish(call, meanwhile=self.meanwhile, every_s=self.every_s)
+            self.calls.finish(call, watched=True)
         finally:
             if not call.done and (close := getattr(self.operator, "close", None)):
                 Bounded("operator", "close", close).start()
@@ -222,66 +169,58 @@ class CalledOperator:
 
 
 @dataclass(frozen=True)
-class CalledInterlock:
-    """An interlock that is called with a deadline, and is read together with load frame and stage."""
-
-    name: str
-    interlock: OpenedInterlock
-    calls: Calls
-    deadline: Deadline
-
-    def begin_read(self) -> Call[InterlockState]:
-        """Begin to read the value."""
-        return self.calls.begin(f"interlocks.{self.name}", "read", self.interlock.device.read, self.deadline)
-
-    def require_good(self, state: InterlockState, step: str) -> None:
-        """Raise `InterlockOpen` if the interlock's value is out of bounds."""
-        self.interlock.require_good(self.name, state, step)
-
-
-@dataclass(frozen=True)
 class Devices:
     """All devices of a rig. The function `called` wraps each device so that every call has a deadline."""
 
     operator: CalledOperator
-    stage: CalledStage | None = None
-    load_frame: CalledLoadFrame | None = None
+    stage: CalledDevice[RotationStage, StageState] | None = None
+    load_frame: CalledDevice[LoadFrame, LoadFrameState] | None = None
     cameras: dict[str, CalledCamera] = field(default_factory=dict)
-    interlocks: tuple[CalledInterlock, ...] = ()
+    interlocks: dict[str, CalledDevice[OpenedInterlock, InterlockState]] = field(default_factory=dict)
+
+    def go_to(self, quantity: Quantity, target: float, rate: float) -> None:
+        """Command a motion and return at once. The rig must have the device."""
+        stage, frame = self.stage, self.load_frame
+        if quantity == "rotation":
+            assert stage is not None
+            stage.do(f"move to {target:g} deg", lambda: stage.driver.move_to(target))
+            return
+        assert frame is not None
+        if quantity == "load":
+            frame.do(f"go to {target:g} N", lambda: frame.driver.go_to_load(target, rate))
+        else:
+            frame.do(f"go to {target:g} mm", lambda: frame.driver.go_to_displacement(target, rate))
+
+    def hold(self) -> None:
+        """Hold the load frame when nothing should move, for example before a question.
+
+        `SafeState` commands all other holds. Without a load frame, do nothing.
+        """
+        if (frame := self.load_frame) is not None:
+            frame.calls.do(frame.name, "hold", frame.driver.hold, Deadline(STOPPING_S))
 
 
-def called(
-    rig: Rig,
-    calls: Calls,
-    meanwhile: Callable[[], object],
-    every_s: float,
-    on_question: OnQuestion = unannounced,
-) -> Devices:
+def called(rig: Rig, calls: Calls, on_question: OnQuestion = unannounced) -> Devices:
     """Return the devices of a rig, wrapped so that every call has a deadline.
 
-    Parameters
-    ----------
-    rig : Rig
-    calls : Calls
-    meanwhile : callable
-        Function that reads stage and load frame during the call of a camera or the operator.
-    every_s : float
-        The time between two calls of `meanwhile`.
-    on_question : callable, optional
-        This parameter is described for `CalledOperator`.
+    `on_question` is described for `CalledOperator`.
     """
     deadline = Deadline(
         rig.call_timeout_s,
         "check the device and its cable; if its calls may take longer, raise call_timeout_s in [rig] above "
         f"{rig.call_timeout_s:g}",
     )
+    stage, frame = rig.stage, rig.load_frame
     return Devices(
-        CalledOperator(rig.operator, calls, meanwhile, every_s, on_question),
-        None if rig.stage is None else CalledStage(rig.stage, calls, deadline),
-        None if rig.load_frame is None else CalledLoadFrame(rig.load_frame, calls, deadline),
+        CalledOperator(rig.operator, calls, on_question),
+        None if stage is None else CalledDevice("stage", stage, stage.read, calls, deadline),
+        None if frame is None else CalledDevice("load_frame", frame, frame.read, calls, deadline),
         {
-            name: CalledCamera(name, camera, calls, meanwhile, every_s, rig.reopen.get(name))
+            name: CalledCamera(name, camera, calls, rig.reopen.get(name))
             for name, camera in rig.cameras.items()
         },
-        tuple(CalledInterlock(name, each, calls, deadline) for name, each in rig.interlocks.items()),
+        {
+            name: CalledDevice(f"interlocks.{name}", each, each.device.read, calls, deadline)
+            for name, each in rig.interlocks.items()
+        },
     )

@@ -4,31 +4,27 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
-from dic.runfile.schema import Level, RunStatus
-from drivers.clock import SystemClock
+from dic.runfile.schema import RunStatus
 from drivers.errors import DeviceError
-from drivers.interfaces import Frame, OperatorAction
+from drivers.interfaces import Frame
 from rig.devices import Rig
-from rig.engine.calls import Calls
-from rig.engine.devices import OnQuestion, called, unannounced
-from rig.engine.filing import Filing
-from rig.engine.imaging import StepImages, Surroundings
-from rig.engine.listeners import LEAVING_S, Listeners
-from rig.engine.look import look, unloaded
-from rig.engine.monitor import Monitor
-from rig.engine.motion import Around, Motion
-from rig.engine.preparation import Actions, Preparation
-from rig.engine.requirements import require_devices
+from rig.engine.announcements import Announcements
+from rig.engine.context import RunContext
+from rig.engine.devices import OnQuestion, unannounced
+from rig.engine.filing import record_step
+from rig.engine.imaging import Frames, StepImages
+from rig.engine.listeners import LEAVING_S
+from rig.engine.look import look
+from rig.engine.motion import Motion
+from rig.engine.preparation import Preparation
 from rig.engine.safety import SafeState
 from rig.engine.settings import SettingsRecord
-from rig.engine.status import LogEntry, News, Outcome, State, Status
-from rig.engine.watch import Watch
+from rig.engine.status import News, Outcome, State, Status
 from rig.errors import Aborted, RigError
-from rig.limits.run_limits import limits_on
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep, Reading
 from rig.recorder import Recorder, StepRecord
-from rig.recorder.records import OPERATOR_DONE, PHASE_ENDED, STEP_ON_FILE, STEP_REACHED
+from rig.recorder.records import STEP_REACHED
 
 
 class Engine:
@@ -75,6 +71,8 @@ class Engine:
 
     Attributes
     ----------
+    context : RunContext
+        What the parts of the engine share.
     leaving_s : float
         Real time in s for all listeners together to handle the reports that still wait at the end of the run.
 
@@ -103,51 +101,24 @@ class Engine:
         on_question: OnQuestion = unannounced,
         earlier: Mapping[int, Reading] | None = None,
     ) -> None:
-        self._watch = Watch(protocol, limits_on(protocol, rig))
-        self._protocol = protocol
-        self._rig = rig
-        self._recorder = recorder
-        self._calls = Calls(rig.clock, self._check_abort, rig.lost)
-        self._devices = called(rig, self._calls, self._read, protocol.settle.poll_s, on_question)
-        self._filing = Filing(recorder, self._calls, self._read, protocol.settle.poll_s)
-        self._monitor = Monitor(self._devices, self._calls, rig.clock, recorder, self._watch)
-        waits = Around(self._read, self._calls.pause, self._check_abort, lambda: str(self._status.step))
-        motion = Motion(protocol.settle, self._devices, self._watch, rig.clock, waits)
-        self._motion = motion
-        self._preparation = Preparation(
-            protocol.conditions,
-            self._devices,
-            self._monitor,
-            self._watch,
-            Actions(
-                self._read, motion.wait, self._ask, lambda text: self._event("info", text), motion.note_motion
-            ),
-            unloaded(protocol.conditions, rig),
-        )
-        around = Surroundings(self._read, motion.settle_again, self._calls.pause, self._event)
-        self._images = StepImages(self._devices.cameras, protocol.images, rig.clock, self._filing, around)
-        self._settings = SettingsRecord(
-            self._devices, lambda: self._images.cameras, self._calls, recorder, rig.clock, self._event
-        )
-        self._on_status = Listeners(on_status, self.abort)
-        self._on_step = Listeners(on_step, self.abort)
-        self._on_news = Listeners[News](on_news, self.abort)
         self.leaving_s = LEAVING_S
-        self._on_progress = on_progress
         self._earlier = dict(earlier or {})
         self._goes_on = bool(earlier)
         self._records: list[StepRecord] = []
-        self._lost_listeners: list[str] = []
         planned, before = len(protocol.steps()), len(self._earlier)
-        self._status = Status(State.IDLE, None, planned, 0, None, rig.simulated, before)
-        self._abort_reason: str | None = None
-        self._waiting_for_operator = False
+        status = Status(State.IDLE, None, planned, 0, None, rig.simulated, before)
+        self._news = Announcements(recorder, rig.clock, status, on_status, on_step, on_news, self.abort)
+        self.context = RunContext(protocol, rig, recorder, self._news, on_progress, on_question)
+        self._motion = Motion(self.context)
+        self._preparation = Preparation(self.context, self._motion)
+        self._images = StepImages(self.context, self._motion)
+        self._settings = SettingsRecord(self.context)
         self._safe_state = SafeState(rig)
 
     @property
     def status(self) -> Status:
         """The latest snapshot of the run. Any thread may read this property."""
-        return self._status
+        return self._news.status
 
     @property
     def newest_images(self) -> dict[str, Frame]:
@@ -157,7 +128,7 @@ class Engine:
     @property
     def waiting_for_operator(self) -> bool:
         """True while the run waits for an answer from the operator."""
-        return self._waiting_for_operator
+        return self._preparation.asking
 
     def run(self) -> Outcome:
         """Execute the protocol and close the run file with the outcome.
@@ -170,11 +141,11 @@ class Engine:
             the run file. If devices did not confirm their safe state, a note on this exception names them.
         """
         # Announce this thread first, so that no simulated time passes before this thread takes a reading.
-        with self._rig.clock.activity():
+        with self.context.clock.activity():
             try:
-                require_devices(self._protocol, self._rig)
+                self._preparation.require_devices()
                 self._settings.at_start()
-                self._protocol.follow(self._execute)
+                self.context.protocol.follow(self._execute)
                 self._end_well()
             except BaseException as error:
                 outcome = self._end_badly(error)
@@ -192,12 +163,12 @@ class Engine:
         ends every wait of the engine, and the engine then commands the safe state again. A signal handler
         must not call this method, because the handler may have interrupted a thread that holds a lock.
         """
-        if self._status.state in (State.COMPLETED, State.ABORTED, State.FAILED):
+        if self.status.state in (State.COMPLETED, State.ABORTED, State.FAILED):
             return
-        if self._abort_reason is None:
-            self._abort_reason = reason
+        if self.context.abort_reason is None:
+            self.context.abort_reason = reason
         self._safe_state.command()
-        self._calls.interrupt()
+        self.context.calls.interrupt()
 
     def _execute(self, step: ProtocolStep) -> Reading:
         if step.passed:
@@ -207,17 +178,20 @@ class Engine:
         if self._goes_on or step.kind in ("grid", "reference"):
             self._prepare(step)
         self._enter(State.MOVING, step)
-        reading = self._motion.reach(step)
-        has_arrived = not reading.moving and step.is_reached(reading) and not self._motion.phase_ended
-        if not step.images:
-            self._filing.mark(self._rig.clock.now_s(), f"{STEP_REACHED} {step.index}")
-        elif not (step.timed and not step.holds and has_arrived):
-            reading = self._take(step, reading)
-        return replace(reading, ends_phase=self._motion.phase_ended)
+        frames: Frames | None = None
+        for reading in self._motion.moments(step):
+            if frames is None:
+                self._enter(State.IMAGING, step)
+            frames = self._images.take(step, reading, frames or {})
+        if frames is not None:
+            self._finish(StepRecord(step, self._motion.reading, frames))
+        elif not step.images:
+            self.context.mark(f"{STEP_REACHED} {step.index}")
+        return replace(self._motion.reading, ends_phase=self.context.phase_ended)
 
     def _leave_out(self, step: ProtocolStep) -> Reading:
-        reading = self._read()
-        self._event(
+        reading = self.context.read()
+        self.context.log(
             "warning",
             f"{step} is left out, because its target has been passed: {step.value(reading):.6g} {step.unit}",
         )
@@ -233,91 +207,29 @@ class Engine:
         else:
             self._preparation.for_reference(step)
 
-    def _ask(self, action: OperatorAction) -> None:
-        self._motion.stand_still()
-        self._event("info", f"operator: {action.value}")
-        try:
-            self._waiting_for_operator = True
-            self._check_abort()
-            self._devices.operator.perform(action)
-            self._filing.mark(self._rig.clock.now_s(), OPERATOR_DONE)
-        finally:
-            self._waiting_for_operator = False
-
-    def _take(self, step: ProtocolStep, settled: Reading) -> Reading:
-        """Take and record the images of all cameras, then record the step."""
-        self._enter(State.IMAGING, step)
-        frames, settled = self._images.take(step, settled)
-        record = StepRecord(step, settled, frames)
-        self._filing.step(record)
-        self._filing.mark(self._rig.clock.now_s(), STEP_ON_FILE)
+    def _finish(self, record: StepRecord) -> None:
+        record_step(self.context, record)
         self._records.append(record)
-        self._publish(replace(self._status, steps_done=len(self._records)))
-        self._note_lost(self._on_step.tell(record) + self._on_news.tell(record))
-        return settled
-
-    def _read(self) -> Reading:
-        self._check_abort()
-        reading = self._monitor.read(str(self._status.step))
-        self._publish(replace(self._status, reading=reading))
-        if self._motion.see(reading):
-            step = self._status.step
-            number = "" if step is None else step.index
-            self._event("info", f"{PHASE_ENDED} {number}: the load is {reading.load_n:.6g} N")
-        self._on_progress(self._motion.may_move or reading.moving)
-        self._check_abort()
-        return reading
+        self._news.step(record)
 
     def _enter(self, state: State, step: ProtocolStep | None) -> None:
-        self._publish(replace(self._status, state=state, step=step))
-
-    def _publish(self, status: Status) -> None:
-        self._status = status
-        self._note_lost(self._on_status.tell(status) + self._on_news.tell(status))
-
-    def _note_lost(self, listeners: list[str]) -> None:
-        self._lost_listeners += listeners
-        for listener in listeners:
-            try:
-                self._event("warning", listener)
-            except RigError:
-                # At the end of a run the run file may be closed or broken, so the event may not be written.
-                if not self._status.state.ending:
-                    raise
-
-    def _event(self, level: Level, message: str) -> None:
-        entry = LogEntry(self._rig.clock.now_s(), level, message)
-        self._recorder.event(entry.time_s, level, "engine", message)
-        self._note_lost(self._on_news.tell(entry))
-
-    def _check_abort(self) -> None:
-        if self._abort_reason is not None:
-            raise self._aborted()
-
-    def _aborted(self) -> Aborted:
-        return Aborted(
-            str(self._status.step or "before the first step"),
-            "the run to go on",
-            str(self._abort_reason),
-            "the finished steps are on file",
-        )
+        self._news.publish(state=state, step=step)
 
     def _end_well(self) -> None:
-        if self._devices.load_frame is not None:
-            self._devices.load_frame.hold()
+        self.context.devices.hold()
         self._settings.at_end()
-        self._event("info", "protocol completed")
-        self._recorder.close("completed", "", self._rig.clock.utc())
-        self._enter(State.COMPLETED, self._status.step)
+        self.context.log("info", "protocol completed")
+        self.context.recorder.close("completed", "", self.context.clock.utc())
+        self._enter(State.COMPLETED, self.status.step)
 
     def _end_badly(self, error: BaseException) -> Outcome:
-        safing = replace(self._status, state=State.SAFING)
-        unsafe = self._safe_state.confirm(meanwhile=lambda: self._publish(safing))
-        status: RunStatus = "failed" if self._abort_reason is None else "aborted"
+        run = self.context
+        unsafe = self._safe_state.confirm(meanwhile=lambda: self._news.publish(state=State.SAFING))
+        status: RunStatus = "failed" if run.abort_reason is None else "aborted"
         reason = str(error) or type(error).__name__
-        if self._abort_reason is not None and not isinstance(error, Aborted):
+        if run.abort_reason is not None and not isinstance(error, Aborted):
             # Name the abort first, because its stop command may have caused the error of the driver.
-            reason = f"{self._aborted()}; meanwhile: {reason}"
+            reason = f"{run.aborted()}; meanwhile: {reason}"
         if unsafe:
             reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(unsafe)}). {reason}"
         # Ignore an error, because the status of the run may be written even if settings and this event
@@ -325,28 +237,27 @@ class Engine:
         with suppress(RigError):
             self._settings.at_end()
         with suppress(RigError):
-            self._event("error", reason)
+            self.context.log("error", reason)
         try:
-            self._recorder.close(status, reason, self._rig.clock.utc())
+            run.recorder.close(status, reason, run.clock.utc())
         except RigError as closing:
             reason = f"{reason}; and then {closing}"
-        self._enter(State.ABORTED if status == "aborted" else State.FAILED, self._status.step)
+        self._enter(State.ABORTED if status == "aborted" else State.FAILED, self.status.step)
         return self._outcome(status, reason, tuple(unsafe))
 
     def _outcome(self, status: RunStatus, reason: str, unsafe: tuple[str, ...] = ()) -> Outcome:
-        at_end = look(self._devices, self._calls, self._safe_state.confirmed)
-        self._calls.close()
-        end_s = SystemClock().now_s() + self.leaving_s
-        listeners = (self._on_status, self._on_step, self._on_news)
-        self._note_lost([sentence for each in listeners for sentence in each.close(end_s)])
+        run = self.context
+        at_end = look(run.devices, run.calls, self._safe_state.confirmed)
+        run.calls.close()
+        self._news.close(self.leaving_s)
         return Outcome(
             status,
             reason,
-            self._status.steps_done,
+            self.status.steps_done,
             unsafe,
-            tuple(self._lost_listeners),
-            self._rig.lost_devices,
+            tuple(self._news.lost),
+            run.rig.lost_devices,
             tuple(self._records),
-            self._recorder.failure is None,
+            run.recorder.failure is None,
             at_end,
         )

@@ -1,59 +1,27 @@
-"""Take the images of one step. Check each image, repeat bad images, and reopen a camera that fails."""
+"""Take the images of a step. Check each image, repeat bad images, and reopen a camera that fails."""
 
-from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import NoReturn
 
-from dic.runfile.schema import Level
-from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceFault
 from drivers.interfaces import Frame
-from rig.engine.devices import CalledCamera, CameraLost
-from rig.engine.filing import Filing
+from rig.engine.context import RunContext
+from rig.engine.devices import CameraLost
+from rig.engine.filing import record_frame
 from rig.engine.image_checks import ImageChecks, Measures
+from rig.engine.motion import Motion
 from rig.errors import BadImage, RigError
-from rig.protocol.images import Images
 from rig.protocol.step import ProtocolStep, Reading
 
 RETURNS_MAX = 3
 """Largest accepted number of failures of a camera in one step. More mean a bad cable or power supply."""
 REOPEN_PERIOD_S = 1.0
 """Time in s between two attempts to reopen a camera that failed."""
-
-
-@dataclass(frozen=True)
-class Surroundings:
-    """Functions of the engine that `StepImages` needs.
-
-    Attributes
-    ----------
-    read : callable
-        Reads stage and load frame, checks the limits, and returns the reading.
-    settle : callable
-        Waits until the readings of the step have settled, and returns the settled reading.
-    pause : callable
-        Waits for the given time in s.
-    log : callable
-        Records an event with its level and its message.
-    """
-
-    read: Callable[[], Reading]
-    settle: Callable[[ProtocolStep], Reading]
-    pause: Callable[[float], None]
-    log: Callable[[Level, str], None]
+Frames = dict[str, tuple[int, int]]
+"""The images of a step: for each camera the row of the first one in the run file, and their number."""
 
 
 class StepImages:
-    """Takes and records the images of all cameras, step by step, during one run.
-
-    Parameters
-    ----------
-    cameras : dict of str to CalledCamera
-    settings : Images
-    clock : Clock
-    filing : Filing
-    surroundings : Surroundings
+    """Takes and records the images of all cameras during one run.
 
     Attributes
     ----------
@@ -61,36 +29,19 @@ class StepImages:
         The newest good image of each camera. Any thread may read this attribute.
     """
 
-    def __init__(
-        self,
-        cameras: dict[str, CalledCamera],
-        settings: Images,
-        clock: Clock,
-        filing: Filing,
-        surroundings: Surroundings,
-    ) -> None:
+    def __init__(self, run: RunContext, motion: Motion) -> None:
         self.newest: dict[str, Frame] = {}
-        self._cameras = dict(cameras)
-        self._settings = settings
-        self._clock = clock
-        self._filing = filing
-        self._around = surroundings
-        self._checks = {name: ImageChecks(camera.info, settings) for name, camera in cameras.items()}
+        self._run = run
+        self._motion = motion
+        # a camera that is opened again replaces the lost camera in this dictionary
+        self._cameras = run.devices.cameras
+        self._settings = run.protocol.images
+        self._checks = {name: ImageChecks(each.info, self._settings) for name, each in self._cameras.items()}
 
-    @property
-    def cameras(self) -> dict[str, CalledCamera]:
-        """The cameras in use, by name. A camera that was opened again is a new object."""
-        return dict(self._cameras)
+    def take(self, step: ProtocolStep, reading: Reading, frames: Frames) -> Frames:
+        """Take and record one image of each camera, and return the images of the step including these.
 
-    def take(self, step: ProtocolStep, settled: Reading) -> tuple[dict[str, tuple[int, int]], Reading]:
-        """Take and record the images of one step.
-
-        Returns
-        -------
-        frames : dict of str to (int, int)
-            For each camera the row of the first image in the run file and the number of images.
-        settled : Reading
-            The settled reading that belongs to the recorded images. If images were repeated, it is a new one.
+        `reading` is the reading at the time of these images, and `frames` are the images of the step before.
 
         Raises
         ------
@@ -99,28 +50,24 @@ class StepImages:
         BadImage
             If an image violates a limit and `images.on_bad_image` is "stop".
         """
-        frames: dict[str, tuple[int, int]] = {}
-        for _ in range(self._settings.per_step):
-            taken, settled = self._take_in_spite_of_losses(step, settled)
-            for name, frame in taken.items():
-                row = self._filing.frame(name, frame)
-                first, count = frames.get(name, (row, 0))
-                frames[name] = (first, count + 1)
-                self.newest[name] = frame
-        return frames, settled
+        taken = dict(frames)
+        for name, frame in self._take_in_spite_of_losses(step, reading).items():
+            row = record_frame(self._run, name, frame)
+            first, count = taken.get(name, (row, 0))
+            taken[name] = (first, count + 1)
+            self.newest[name] = frame
+        return taken
 
-    def _take_in_spite_of_losses(
-        self, step: ProtocolStep, settled: Reading
-    ) -> tuple[dict[str, Frame], Reading]:
+    def _take_in_spite_of_losses(self, step: ProtocolStep, settled: Reading) -> dict[str, Frame]:
         for _ in range(RETURNS_MAX):
             try:
-                return self._take_at_once(step, settled), settled
+                return self._take_at_once(step, settled)
             except CameraLost as lost:
                 self._bring_back(lost, step)
-                self._around.log("info", f"{step} is repeated, because a camera had dropped out")
-                settled = self._around.settle(step)
+                self._run.log("info", f"{step} is repeated, because a camera had dropped out")
+                settled = self._motion.settle_again(step)
         try:
-            return self._take_at_once(step, settled), settled
+            return self._take_at_once(step, settled)
         except CameraLost as lost:
             raise lost.error from None
 
@@ -137,7 +84,7 @@ class StepImages:
                 f"the images of all cameras are {skew_s:.2f} s apart, more than images.skew_max_s, "
                 f"{self._settings.skew_max_s:g}"
             )
-            self._around.log("warning", f"cameras: {step}: {found}")
+            self._run.log("warning", f"cameras: {step}: {found}")
         self._keep_or_stop("cameras", step, found)
         return frames
 
@@ -152,7 +99,7 @@ class StepImages:
             # The run ends. Record the images that were taken before, although the step is not finished.
             with suppress(RigError):
                 for name, frame in frames.items():
-                    self._filing.frame(name, frame)
+                    record_frame(self._run, name, frame)
             raise
         return frames
 
@@ -163,26 +110,29 @@ class StepImages:
         kept: tuple[Frame, Measures] | None = None
         found: list[str] = []
         for _ in range(self._settings.attempts):
-            asked_s = self._clock.now_s()
+            asked_s = self._run.clock.now_s()
             frame = self._cameras[name].grab(self._settings.timeout_s)
             checks.require_format(frame, device, str(step))
             # Read the devices after every image, because a reading checks the limits and resets the watchdog.
-            reading = self._around.read()
+            reading = self._run.read()
             stale = checks.not_fresh(frame, asked_s)
             if stale is None:
                 measured = checks.measure(frame)
                 if checks.is_frozen(measured):
                     stale = _FROZEN
             if stale is not None:
-                self._around.log("warning", f"{device}: {step}: image dropped: {stale[1]}")
+                self._run.log("warning", f"{device}: {step}: image dropped: {stale[1]}")
                 continue
             kept = frame, measured
             found = [*checks.findings(measured), *_motion(step, settled, reading)]
             if not found:
                 break
-            self._around.log("warning", f"{device}: {step}: {'; '.join(found)}")
+            self._run.log("warning", f"{device}: {step}: {'; '.join(found)}")
         if kept is None:
-            self._refuse(device, step, stale)
+            assert stale is not None  # no image can be kept, because the last one may be old or damaged
+            expected, got, remedy = stale
+            got = f"{got}, the last of {self._settings.attempts} attempts"
+            raise DeviceFault(device, str(step), expected, got, remedy)
         if found:
             self._keep_or_stop(device, step, "; ".join(found))
         checks.accept(*kept, reference=step.kind == "reference")
@@ -192,15 +142,15 @@ class StepImages:
         """Try to reopen a camera until it delivers images or the protocol's `camera_return_s` has passed."""
         device, error = f"cameras.{lost.name}", lost.error
         wait_s = self._settings.camera_return_s
-        since_s = self._clock.now_s()
-        self._around.log("warning", f"{error}; it is opened again for at most {wait_s:g} s")
-        while self._clock.now_s() - since_s < wait_s:
+        since_s = self._run.clock.now_s()
+        self._run.log("warning", f"{error}; it is opened again for at most {wait_s:g} s")
+        while self._run.clock.now_s() - since_s < wait_s:
             if self._delivers(lost.name):
-                passed_s = self._clock.now_s() - since_s
-                self._around.log("warning", f"{device}: {step}: the camera is back after {passed_s:.1f} s")
+                passed_s = self._run.clock.now_s() - since_s
+                self._run.log("warning", f"{device}: {step}: the camera is back after {passed_s:.1f} s")
                 return
-            self._around.read()
-            self._around.pause(REOPEN_PERIOD_S)
+            self._run.read()
+            self._run.calls.pause(REOPEN_PERIOD_S)
         raise type(error)(
             error.device,
             error.step,
@@ -227,7 +177,7 @@ class StepImages:
     def _keep_or_stop(self, device: str, step: ProtocolStep, found: str) -> None:
         attempts = self._settings.attempts
         if self._settings.on_bad_image == "keep":
-            self._around.log("warning", f"{device}: {step}: the image of attempt {attempts} is kept: {found}")
+            self._run.log("warning", f"{device}: {step}: the image of attempt {attempts} is kept: {found}")
             return
         raise BadImage(
             f"{device}, {step}",
@@ -235,12 +185,6 @@ class StepImages:
             found,
             'mend the light or the lens, or raise the limit, or set images.on_bad_image = "keep"',
         )
-
-    def _refuse(self, device: str, step: ProtocolStep, stale: tuple[str, str, str] | None) -> NoReturn:
-        assert stale is not None  # no image can be kept, because the last one may be old or damaged
-        expected, got, remedy = stale
-        got = f"{got}, the last of {self._settings.attempts} attempts"
-        raise DeviceFault(device, str(step), expected, got, remedy)
 
 
 _FROZEN = (
@@ -252,7 +196,7 @@ _FROZEN = (
 
 def _motion(step: ProtocolStep, settled: Reading, reading: Reading) -> list[str]:
     """Return a sentence if the specimen moved between the settled reading and the reading after an image."""
-    if step.timed and not step.holds:
+    if not step.stands:
         return []  # ignore the motion, because these images are taken during a motion
     if reading.moving:
         return ["a device moved during the exposure"]

@@ -2,7 +2,7 @@
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Generic, TypeVar
 
@@ -16,50 +16,13 @@ LEAVING_S = 1.0
 """Real time, in s, for all listeners together to handle the reports that still wait at the end of a run."""
 
 
-class Listeners(Generic[T]):
-    """Calls several functions (listeners) with the same reports of a run, each on a thread of its own.
+class Listener(threading.Thread, Generic[T]):
+    """The thread of one listener, with the reports that wait for this listener.
 
-    Each listener receives the reports, such as a `Status`, in their order. If a listener raises an exception,
-    the listener is not called again. If a listener is too slow, the oldest reports that wait for it are
-    dropped.
-
-    Parameters
-    ----------
-    listeners : iterable of callable
-    end_run : callable
-        Called with a reason if a listener raises `KeyboardInterrupt` or `SystemExit`, which request the end
-        of the run.
+    The listener receives the reports in their order. If it raises an exception, it is not called again. If
+    it is too slow, the oldest reports that wait for it are dropped. `end_run` is called with a reason if it
+    raises `KeyboardInterrupt` or `SystemExit`, which request the end of the run.
     """
-
-    def __init__(self, listeners: Iterable[Callable[[T], None]], end_run: Callable[[str], None]) -> None:
-        self._listeners = [_Listener(listener, end_run) for listener in listeners]
-
-    def tell(self, news: T) -> list[str]:
-        """Give a report to all listeners without waiting for them. Return a sentence for each new failure."""
-        for listener in self._listeners:
-            listener.put(news)
-        return self._failures()
-
-    def close(self, end_s: float) -> list[str]:
-        """Wait until the listeners have handled the waiting reports. Return a sentence per failure or loss.
-
-        Parameters
-        ----------
-        end_s : float
-            Time on the system's clock at which the wait ends.
-        """
-        for listener in self._listeners:
-            listener.leave()
-        for listener in self._listeners:
-            listener.join_until(end_s)
-        return self._failures() + [sentence for each in self._listeners for sentence in each.losses()]
-
-    def _failures(self) -> list[str]:
-        return [sentence for each in self._listeners for sentence in each.take_failures()]
-
-
-class _Listener(threading.Thread, Generic[T]):
-    """The thread of one listener, with the reports that wait for this listener."""
 
     def __init__(self, listener: Callable[[T], None], end_run: Callable[[str], None]) -> None:
         name = getattr(listener, "__qualname__", type(listener).__qualname__)
@@ -73,6 +36,7 @@ class _Listener(threading.Thread, Generic[T]):
         self._failures: deque[str] = deque()
 
     def put(self, news: T) -> None:
+        """Give a report to the listener without waiting for it."""
         with self._changed:
             if self._failed:
                 return
@@ -86,15 +50,18 @@ class _Listener(threading.Thread, Generic[T]):
                 self._fail(error)
 
     def leave(self) -> None:
+        """Let the thread end after the waiting reports."""
         with self._changed:
             self._leaving = True
             self._changed.notify()
 
     def join_until(self, end_s: float) -> None:
+        """Wait for the end of the thread, until a time on the system's clock."""
         if self.ident is not None:
             self.join(max(0.0, end_s - SystemClock().now_s()))
 
     def take_failures(self) -> list[str]:
+        """Return a sentence for each new failure."""
         taken = []
         with suppress(IndexError):
             while True:
@@ -102,6 +69,7 @@ class _Listener(threading.Thread, Generic[T]):
         return taken
 
     def losses(self) -> list[str]:
+        """Return a sentence if the listener missed reports."""
         with self._changed:
             lost = self._lost + len(self._waiting)
         if self.is_alive():
@@ -109,6 +77,7 @@ class _Listener(threading.Thread, Generic[T]):
         return [f"{self.name}: was too slow and has missed {lost} news"] if lost and not self._failed else []
 
     def run(self) -> None:
+        """Call the listener with each report."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._waiting or self._leaving)

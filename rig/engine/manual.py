@@ -1,9 +1,7 @@
 """Move a rig by hand. Every reading must stay within limits, and a signal stops the motion at once."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, cast
 
 from drivers.errors import DeviceError
 from rig.devices import Rig
@@ -14,11 +12,9 @@ from rig.engine.monitor import Monitor
 from rig.engine.safety import SafeState
 from rig.engine.settle import settle
 from rig.engine.status import AtRest
-from rig.engine.watch import Watch
-from rig.errors import Aborted, LimitViolation, RigError
+from rig.errors import Aborted, RigError
 from rig.limits.by_hand import HandAgreement, HandMotion
 from rig.protocol.step import Reading
-from rig.recorder import Recorder
 
 POLL_S, MOVING_POLL_S = 0.1, 0.05
 """Time between two readings, in s, at rest and during a motion."""
@@ -26,61 +22,6 @@ DWELL_S = 0.5
 REST_READINGS = 8
 SPARE_S = 30.0
 """A motion fails if it takes more than twice its planned duration plus this time in s."""
-
-
-@dataclass(frozen=True)
-class Motion:
-    """A motion that a person commands, with the range in which load and displacement must stay.
-
-    Attributes
-    ----------
-    doing : str
-        Description of the motion, such as ``unload to 0 N at 140 N/s``.
-    axis : str
-        "load", "displacement" or "angle".
-    target, tolerance : float
-        In N, mm or degrees.
-    rate : float
-        In N/s or mm/s, or NaN for an angle, whose speed the rig file determines.
-    duration_s : float
-        Planned duration.
-    load_n, displacement_mm : tuple of float
-        Smallest and largest permitted reading.
-    agreement : HandMotion or None
-        How load and displacement are compared. None for a motion without a specimen, or of an angle.
-    """
-
-    doing: str
-    axis: str
-    target: float
-    tolerance: float
-    rate: float
-    duration_s: float
-    load_n: tuple[float, float] = (-math.inf, math.inf)
-    displacement_mm: tuple[float, float] = (-math.inf, math.inf)
-    agreement: HandMotion | None = None
-
-    def value(self, reading: Reading) -> float:
-        """Return the quantity that this motion changes from a reading: load, displacement or angle."""
-        values = {"load": reading.load_n, "displacement": reading.displacement_mm}
-        return values.get(self.axis, reading.angle_deg)
-
-    def check(self, reading: Reading) -> None:
-        """Raise `LimitViolation` if the load or displacement of a reading is outside the permitted range."""
-        for value, (low, high), name, unit in (
-            (reading.load_n, self.load_n, "load", "N"),
-            (reading.displacement_mm, self.displacement_mm, "displacement", "mm"),
-        ):
-            # Accept NaN, which a reading contains only without a load frame. Drivers refuse a load that is
-            # NaN.
-            if math.isnan(value) or low <= value <= high:
-                continue
-            raise LimitViolation(
-                self.doing,
-                f"a {name} from {low:.6g} to {high:.6g} {unit}",
-                f"{value:.6g} {unit}",
-                "look at the machine and the specimen; if both are sound, move in smaller steps with rig jog",
-            )
 
 
 @dataclass(frozen=True)
@@ -121,15 +62,13 @@ class Manual:
         self._rig = rig
         self._on_reading = on_reading
         self._on_progress = on_progress
-        self._calls = Calls(rig.clock, self._check_abort, rig.lost)
-        self._devices = called(rig, self._calls, self.read, POLL_S)
-        recorder = cast(Recorder, _Unrecorded())
+        self._calls = Calls(rig.clock, self._check_abort, rig.lost, meanwhile=self.read, every_s=POLL_S)
+        self._devices = called(rig, self._calls)
         # There is no protocol here. The permitted range of each motion replaces the protocol's limits.
-        watch = cast(Watch, _Unwatched())
-        self._monitor = Monitor(self._devices, self._calls, rig.clock, recorder, watch)
+        self._monitor = Monitor(self._devices, self._calls, rig.clock)
         self._safe_state = SafeState(rig)
         self._doing = "before the motion"
-        self._motion: Motion | None = None
+        self._motion: HandMotion | None = None
         self._agreement: HandAgreement | None = None
         self._abort_reason: str | None = None
 
@@ -153,7 +92,9 @@ class Manual:
         self._check_abort()
         return reading
 
-    def move(self, plan: Callable[[Reading], Motion], confirm: Callable[[Motion, Reading], None]) -> Moved:
+    def move(
+        self, plan: Callable[[Reading], HandMotion], confirm: Callable[[HandMotion, Reading], None]
+    ) -> Moved:
         """Plan a motion from the present reading, ask for its confirmation, execute it, then hold.
 
         Parameters
@@ -172,14 +113,14 @@ class Manual:
                 motion = plan(reading)
                 self._doing = motion.doing
                 question = self._calls.begin("operator", "confirm", lambda: confirm(motion, reading), NEVER)
-                self._calls.finish(question, meanwhile=self.read, every_s=POLL_S)
+                self._calls.finish(question, watched=True)
                 self._execute(motion)
             except (RigError, DeviceError) as error:
                 status = "failed" if self._abort_reason is None else "aborted"
                 reason = str(error)
                 if self._abort_reason is not None and not isinstance(error, Aborted):
                     # Name the abort first, because its hold command may have caused this error of the driver.
-                    reason = f"{self._aborted(self._abort_reason)}; meanwhile: {error}"
+                    reason = f"{self._aborted()}; meanwhile: {error}"
             except BaseException:
                 self._safe_state.confirm()
                 self._calls.close()
@@ -191,22 +132,16 @@ class Manual:
         with self._rig.clock.activity():
             return self._end("completed", "")
 
-    def _execute(self, motion: Motion) -> None:
+    def _execute(self, motion: HandMotion) -> None:
         self._check_abort()
         # The motion is confirmed, so it counts as begun from here on.
         self._motion = motion
-        if motion.agreement is not None:
-            self._agreement = HandAgreement(motion.agreement, self._rig.limits, self._rest())
-        frame, stage = self._devices.load_frame, self._devices.stage
-        if motion.axis == "angle" and stage is not None:
-            stage.move_to(motion.target)
-        elif motion.axis == "load" and frame is not None:
-            frame.go_to_load(motion.target, motion.rate)
-        elif frame is not None:
-            frame.go_to_displacement(motion.target, motion.rate)
+        if motion.load_max_n is not None:
+            self._agreement = HandAgreement(motion, self._rig.limits, self._rest())
+        self._devices.go_to(motion.quantity, motion.target, motion.rate)
         settle(
             self.read,
-            lambda r: not r.moving and abs(motion.value(r) - motion.target) <= motion.tolerance,
+            lambda reading: not reading.moving and motion.step.is_reached(reading),
             dwell_s=DWELL_S,
             timeout_s=2.0 * motion.duration_s + SPARE_S,
             poll_s=MOVING_POLL_S,
@@ -235,28 +170,8 @@ class Manual:
 
     def _check_abort(self) -> None:
         if self._abort_reason is not None:
-            raise self._aborted(self._abort_reason)
+            raise self._aborted()
 
-    def _aborted(self, reason: str) -> Aborted:
+    def _aborted(self) -> Aborted:
         remedy = "start the command again to go on"
-        return Aborted(self._doing, "the end of the motion", reason, remedy)
-
-
-class _Unwatched:
-    """Replaces the `Watch` of a run, because a motion by hand has no protocol."""
-
-    def check(self, reading: Reading, step: str) -> None:
-        pass
-
-
-class _Unrecorded:
-    """Replaces the recorder of a run, because motions by hand are not recorded."""
-
-    def load_frame_state(self, state: Any) -> None:
-        pass
-
-    def stage_state(self, state: Any) -> None:
-        pass
-
-    def interlock_state(self, name: str, state: Any) -> None:
-        pass
+        return Aborted(self._doing, "the end of the motion", str(self._abort_reason), remedy)

@@ -6,7 +6,7 @@ from drivers.clock import Clock
 from drivers.errors import DeviceFault
 from drivers.interfaces import InterlockState, LoadFrameState
 from rig.engine.calls import Call, Calls
-from rig.engine.devices import CalledInterlock, Devices
+from rig.engine.devices import Devices
 from rig.engine.watch import Watch
 from rig.protocol.step import Reading
 from rig.recorder import Recorder
@@ -15,18 +15,17 @@ from rig.recorder import Recorder
 class Monitor:
     """Takes readings of the stage, the load frame and the interlocks.
 
-    Parameters
-    ----------
-    devices : Devices
-    calls : Calls
-    clock : Clock
-    recorder : Recorder
-    watch : Watch
-        Checks every reading against the limits of the run.
+    The recorder records every reading, and `watch` checks it against the limits of the run. A motion by hand
+    has neither of them.
     """
 
     def __init__(
-        self, devices: Devices, calls: Calls, clock: Clock, recorder: Recorder, watch: Watch
+        self,
+        devices: Devices,
+        calls: Calls,
+        clock: Clock,
+        recorder: Recorder | None = None,
+        watch: Watch | None = None,
     ) -> None:
         self._devices = devices
         self._calls = calls
@@ -53,17 +52,20 @@ class Monitor:
         # Begin both readings before waiting, so that the load frame is read even if the stage hangs.
         of_frame = None if frame is None else frame.begin_read()
         of_stage = None if stage is None else stage.begin_read()
-        of_interlocks = [(each, each.begin_read()) for each in self._devices.interlocks]
+        interlocks = self._devices.interlocks
+        of_interlocks = {name: each.begin_read() for name, each in interlocks.items()}
         if of_frame is not None:
             state = self._calls.finish(of_frame)
-            self._recorder.load_frame_state(state)
+            if self._recorder is not None:
+                self._recorder.load_frame_state(state)
             _require_no_faults(state, step)
             load_n, displacement_mm, time_s = state.load_n, state.displacement_mm, state.time_s
             # At its target, a load frame may report small corrections by its controller as motion.
             moving = state.moving and not state.at_target
         if of_stage is not None:
             turned = self._calls.finish(of_stage)
-            self._recorder.stage_state(turned)
+            if self._recorder is not None:
+                self._recorder.stage_state(turned)
             angle_deg, time_s = turned.angle_deg, max(time_s, turned.time_s)
             moving = moving or turned.moving
             if self.homed and not turned.homed:
@@ -77,17 +79,19 @@ class Monitor:
             self.homed = turned.homed
         time_s = self._clock.now_s() if time_s == -math.inf else time_s
         reading = Reading(time_s, load_n, displacement_mm, angle_deg, moving)
-        self._watch.check(reading, step)
+        if self._watch is not None:
+            self._watch.check(reading, step)
         # Wait for the interlocks only after the limits were checked, because a slow interlock must not delay
         # this check. Record the values of all interlocks before one of them ends the run.
-        values = [(interlock, self._record(interlock, call)) for interlock, call in of_interlocks]
-        for interlock, value in values:
-            interlock.require_good(value, step)
+        values = {name: self._record(name, call) for name, call in of_interlocks.items()}
+        for name, value in values.items():
+            interlocks[name].driver.require_good(name, value, step)
         return reading
 
-    def _record(self, interlock: CalledInterlock, call: Call[InterlockState]) -> InterlockState:
+    def _record(self, name: str, call: Call[InterlockState]) -> InterlockState:
         state = self._calls.finish(call)
-        self._recorder.interlock_state(interlock.name, state)
+        if self._recorder is not None:
+            self._recorder.interlock_state(name, state)
         return state
 
 

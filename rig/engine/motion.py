@@ -1,127 +1,116 @@
-"""Move to the target of each step and settle there, or wait until the time of the step's images."""
+"""Move to the target of each step and settle there, and say when its images are due."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 
-from drivers.clock import Clock
-from rig.engine.devices import CalledLoadFrame, CalledStage, Devices
-from rig.engine.keep import Keeper
+from rig.engine.context import RunContext
 from rig.engine.settle import settle
-from rig.engine.watch import Watch
+from rig.errors import SettleTimeout
 from rig.protocol.step import ProtocolStep, Reading
-from rig.protocol.tables import Settle
 
-
-@dataclass(frozen=True)
-class Around:
-    """Functions of the engine that `Motion` needs.
-
-    Attributes
-    ----------
-    read : callable
-        Reads stage and load frame, checks the limits, and returns the reading.
-    pause : callable
-        Waits for the given time in s.
-    check_abort : callable
-        Raises an exception if the end of the run was requested.
-    place : callable
-        Returns the name of the present step, for messages.
-    """
-
-    read: Callable[[], Reading]
-    pause: Callable[[float], None]
-    check_abort: Callable[[], None]
-    place: Callable[[], str]
+_PAUSE_MIN_S = 0.001
 
 
 class Motion:
-    """Commands the motions and holds of a run, and waits until each of them has ended.
-
-    Parameters
-    ----------
-    times : Settle
-    devices : Devices
-    watch : Watch
-        Checks every commanded motion against the limits of the run.
-    clock : Clock
-    around : Around
+    """Commands the motions and holds of a run, and waits for the times of their images.
 
     Attributes
     ----------
-    may_move : bool
-        True if a device may be moving. At the beginning of a run, a device may still be moving for an earlier
-        program that was killed.
-    phase_ended : bool
-        True if the event that ends the phase has happened during the present step.
+    reading : Reading
+        The reading to which the newest images belong. If images were repeated, it is a new one.
     """
 
-    def __init__(self, times: Settle, devices: Devices, watch: Watch, clock: Clock, around: Around) -> None:
-        self.may_move = True
-        self.phase_ended = False
-        self._event: Callable[[Reading], bool] | None = None
-        self._times = times
-        self._devices = devices
-        self._watch = watch
-        self._clock = clock
-        self._around = around
-        self._keeper: Keeper | None = None
+    def __init__(self, run: RunContext) -> None:
+        self.reading = Reading(math.nan)
+        self._run = run
+        # of the present motion or hold: its beginning, the last reading within the tolerance, and the time
+        # between two readings
+        self._begun_s = self._kept_s = self._poll_s = math.nan
 
-    def note_motion(self) -> None:
-        """Record that a device may be moving from now on."""
-        self.may_move = True
+    def moments(self, step: ProtocolStep) -> Iterator[Reading]:
+        """Move to the target of a step, and yield a reading whenever all cameras are to take an image.
 
-    def see(self, reading: Reading) -> bool:
-        """If the event of the present step happens, hold the load frame and return True.
-
-        The engine calls this method with every reading, also while images are taken.
+        The images of a step may be none, one or many, and the machine may move between them. The step ends
+        with this iterator. If its event happens, the motion ends early, and everything stands still.
         """
-        if self.phase_ended or self._event is None or not self._event(reading):
-            return False
-        self.phase_ended = True
-        if self._devices.load_frame is not None:
-            self._devices.load_frame.hold()
-        return True
+        self.reading = self._reach(step)
+        has_arrived = not self.reading.moving and step.is_reached(self.reading) and not self._run.phase_ended
+        # A motion that has arrived before the time of a step is imaged by its last step, after settling.
+        if step.images and (step.stands or not has_arrived):
+            for _ in range(self._run.protocol.images.per_step):
+                yield self.reading
 
-    def reach(self, step: ProtocolStep) -> Reading:
-        """Move to the target of a step and settle there, or wait until the time of the step's images.
-
-        If the event of the step happens, the motion ends early, and everything stands still.
-        """
-        self.phase_ended, self._event = False, None
+    def _reach(self, step: ProtocolStep) -> Reading:
+        """Move to the target of a step and settle there, or wait until the time of the step's images."""
+        run = self._run
+        run.phase_ended, run.event = False, None
         if step.begins:
-            if self.may_move:
+            if run.may_move:
                 # Stop the motion of the step before. Its images were taken during the motion, which still
                 # continues.
                 self.stand_still()
             self._command(step)
-        self._event = step.event
-        self._watch.expect(step.load_drop)
+        run.event = step.event
+        run.watch.expect(step.load_drop)
         if not step.timed:
             return self._settle(step)
         if step.begins:
-            begun = self._settle(step) if step.holds else self._around.read()
-            self._keeper = Keeper(
-                begun.time_s,
-                self._around.read,
-                self._around.pause,
-                timeout_s=self._times.timeout_s,
-                poll_s=self._watch.poll_s(self._times.poll_s),
-                ended=lambda: self.phase_ended,
+            begun = self._settle(step) if step.holds else run.read()
+            self._begun_s = self._kept_s = begun.time_s
+            self._poll_s = run.watch.poll_s(run.settle.poll_s)
+        reading = self._keep(step)
+        return self._settle(step) if run.phase_ended else reading
+
+    def _keep(self, step: ProtocolStep) -> Reading:
+        """Read until the image time of a step, or until its event happens, and return the last reading.
+
+        If a held value is outside its tolerance although nothing moves, it is commanded again.
+
+        Raises
+        ------
+        SettleTimeout
+            If the held value is outside its tolerance for longer than `settle.timeout_s`.
+        """
+        run, due_s = self._run, self._begun_s + step.at_s
+        while True:
+            reading = run.read()
+            if run.phase_ended:
+                return reading
+            if step.is_reached(reading):
+                self._kept_s = reading.time_s
+                if not (step.holds or reading.moving):
+                    return reading
+            elif step.holds:
+                self._require_kept(step, reading)
+                if not reading.moving:
+                    self._command(step)
+            left_s = due_s - reading.time_s
+            if left_s <= 0.0:
+                return reading
+            # Wait at least a short time, because a remainder from rounding would let no time pass.
+            run.calls.pause(min(self._poll_s, max(left_s, _PAUSE_MIN_S)))
+
+    def _require_kept(self, step: ProtocolStep, reading: Reading) -> None:
+        timeout_s = self._run.settle.timeout_s
+        if reading.time_s - self._kept_s > timeout_s:
+            raise SettleTimeout(
+                f"{step}, holding",
+                f"{step.target:.6g} ± {step.tolerance:g}",
+                f"{step.value(reading):.6g} for {timeout_s:g} s",
+                "look at the specimen and the load frame; if both are sound, raise the tolerance or "
+                f"settle.timeout_s above {timeout_s:g}",
             )
-        assert self._keeper is not None  # the first timed step of this motion or hold has set the keeper
-        reading = self._keeper.wait(step, correct=lambda: self._command(step))
-        return self._settle(step) if self.phase_ended else reading
 
     def stand_still(self) -> None:
         """Hold the load frame and wait until no device moves, so that the operator may reach into the rig."""
-        if self._devices.load_frame is not None:
-            self._devices.load_frame.hold()
+        self._run.devices.hold()
         self.wait("standing still for the operator", "standstill", lambda _: True)
 
     def settle_again(self, step: ProtocolStep) -> Reading:
         """Before images are repeated, wait until the readings have settled, except in a motion or hold."""
-        return self._around.read() if step.timed and not self.phase_ended else self._settle(step)
+        in_time = step.timed and not self._run.phase_ended
+        self.reading = self._run.read() if in_time else self._settle(step)
+        return self.reading
 
     def wait(
         self, doing: str, expected: str, within: Callable[[Reading], bool], motion_s: float = 0.0
@@ -137,55 +126,38 @@ class Motion:
         motion_s : float
             Planned time of the motion in s, by which the wait may be longer than `settle.timeout_s`.
         """
+        run = self._run
         reading = settle(
-            self._around.read,
+            run.read,
             lambda reading: not reading.moving and within(reading),
-            dwell_s=self._times.dwell_s,
-            timeout_s=self._times.timeout_s + motion_s,
-            poll_s=self._watch.poll_s(self._times.poll_s),
-            clock=self._clock,
-            pause=self._around.pause,
-            step=f"{self._around.place()}, {doing}",
+            dwell_s=run.settle.dwell_s,
+            timeout_s=run.settle.timeout_s + motion_s,
+            poll_s=run.watch.poll_s(run.settle.poll_s),
+            clock=run.clock,
+            pause=run.calls.pause,
+            step=f"{run.place}, {doing}",
             expected=expected,
         )
-        self.may_move = False
+        run.may_move = False
         return reading
 
     def _command(self, step: ProtocolStep) -> None:
-        self._around.check_abort()
-        self._watch.begin(step)
-        self.may_move = self.may_move or not math.isnan(step.target)
-        _begin(step, self._devices)
+        """Command the target of a step and return at once."""
+        run = self._run
+        run.check_abort()
+        run.watch.begin(step)
+        run.may_move = run.may_move or not math.isnan(step.target)
+        if step.kind == "relaxation":
+            run.devices.hold()
+        elif step.quantity is not None:
+            run.devices.go_to(step.quantity, step.target, step.rate)
 
     def _settle(self, step: ProtocolStep) -> Reading:
         if math.isnan(step.target):
             return self.wait("settling", "standstill", lambda _: True)
-        expected = f"{step.target:.6g} ± {step.tolerance:g}"
         return self.wait(
             "settling",
-            expected,
-            lambda reading: self.phase_ended or step.is_reached(reading),
+            f"{step.target:.6g} ± {step.tolerance:g}",
+            lambda reading: self._run.phase_ended or step.is_reached(reading),
             step.motion_s,
         )
-
-
-def _begin(step: ProtocolStep, devices: Devices) -> None:
-    """Command the target of a step and return at once. The rig must have the device."""
-    if step.kind == "relaxation":
-        _load_frame(devices).hold()
-    elif step.quantity == "load":
-        _load_frame(devices).go_to_load(step.target, step.rate)
-    elif step.quantity == "displacement":
-        _load_frame(devices).go_to_displacement(step.target, step.rate)
-    elif step.quantity == "rotation":
-        _stage(devices).move_to(step.target)
-
-
-def _load_frame(devices: Devices) -> CalledLoadFrame:
-    assert devices.load_frame is not None  # `require_devices` has checked this
-    return devices.load_frame
-
-
-def _stage(devices: Devices) -> CalledStage:
-    assert devices.stage is not None  # `require_devices` has checked this
-    return devices.stage

@@ -23,15 +23,11 @@ def settle(
 
     Parameters
     ----------
-    read : callable
-        Takes a new reading. An exception of this function ends the wait at once.
-    within : callable
-        Returns True if a reading is within its tolerance.
+    read, within, pause : callable
+        Take a reading, judge whether it is within its tolerance, and let time pass. An exception of `read`
+        ends the wait at once.
     dwell_s, timeout_s, poll_s : float
         Length of the dwell, time limit for the whole wait, and time between two readings, in s.
-    clock : Clock
-    pause : callable
-        Lets time pass between two readings.
     step, expected : str
         Step and expected value, for the message of the error.
 

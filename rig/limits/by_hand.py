@@ -8,14 +8,13 @@ harms no specimen if a motion ends too early.
 import math
 from dataclasses import dataclass
 
-from dic.runfile.schema import StepKind
-from rig.errors import ImplausibleReading
+from rig.errors import ImplausibleReading, LimitViolation
 from rig.limit_settings import RigLimits
 from rig.limits.agreement import DROP_SHARE, Agreement
 from rig.limits.following import Following, History
 from rig.limits.stiffness import MACHINE_MIN_N_MM, SEATING_MM, SEATING_N_MM, LoadString
 from rig.protocol.conditions import Pull, Zeroing
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, Quantity, Reading
 
 SPECIMEN_MIN_N_MM = 4_000.0
 """Default of the smallest stiffness of a specimen: a laminate of 20 GPa, 20 mm² and 100 mm."""
@@ -25,6 +24,9 @@ SLACK_MM, BACKLASH_MM = 0.1, 0.02
 """Travel in mm before the load begins to change, for an unloaded specimen and for a loaded one."""
 LOADED_SHARE = 0.01
 """Fraction of the largest load above which a specimen is certainly loaded."""
+LOAD_TOLERANCE_SHARE, DISPLACEMENT_TOLERANCE_MM = 0.002, 0.005
+"""Tolerances of load, as a fraction of the largest load, and of displacement. Five standard deviations of the
+noise at rest are at most these values."""
 _DISPLACEMENT_STEP_SHARE = 0.1
 _SIGMAS = 8.0
 _RATE_MARGIN, _STIFFNESS_MARGIN = 3.0, 5.0
@@ -39,36 +41,58 @@ _REMEDY = (
 
 @dataclass(frozen=True)
 class HandMotion:
-    """A motion of the load frame by hand, with a specimen in the grips.
+    """A motion that a person commands, with the range in which load and displacement must stay.
 
     Attributes
     ----------
     doing : str
-        Description of the motion, for error messages.
-    to_load : bool
-        True for a motion to a load, False for a motion to a displacement.
-    target, tolerance, rate : float
-        For a motion to a load in N and N/s, for a motion to a displacement in mm and mm/s.
-    load_max_n : float
-        Largest load of the load frame.
-    load_tolerance_n, displacement_tolerance_mm : float
-        Five standard deviations of the noise at rest are at most these values.
+        Description of the motion, such as ``unload to 0 N at 140 N/s``.
+    quantity : str
+        "load", "displacement" or "rotation".
+    target, tolerance : float
+        In N, mm or degrees.
+    rate : float
+        In N/s or mm/s, or NaN for an angle, whose speed the rig file determines.
+    duration_s : float
+        Planned duration.
+    load_n, displacement_mm : tuple of float
+        Smallest and largest permitted reading.
+    load_max_n : float or None
+        Largest load of the load frame, if load and displacement are compared. None for a motion without a
+        specimen, or of an angle.
     """
 
     doing: str
-    to_load: bool
+    quantity: Quantity
     target: float
     tolerance: float
     rate: float
-    load_max_n: float
-    load_tolerance_n: float
-    displacement_tolerance_mm: float
+    duration_s: float
+    load_n: tuple[float, float] = (-math.inf, math.inf)
+    displacement_mm: tuple[float, float] = (-math.inf, math.inf)
+    load_max_n: float | None = None
 
     @property
     def step(self) -> ProtocolStep:
         """The motion as a step of a protocol."""
-        kind: StepKind = "load" if self.to_load else "displacement"
-        return ProtocolStep(0, kind, self.target, self.tolerance, self.rate)
+        return ProtocolStep(0, self.quantity, self.target, self.tolerance, self.rate)
+
+    def check(self, reading: Reading) -> None:
+        """Raise `LimitViolation` if the load or displacement of a reading is outside the permitted range."""
+        for value, (low, high), name, unit in (
+            (reading.load_n, self.load_n, "load", "N"),
+            (reading.displacement_mm, self.displacement_mm, "displacement", "mm"),
+        ):
+            # Accept NaN, which a reading contains only without a load frame. Drivers refuse a load that is
+            # NaN.
+            if math.isnan(value) or low <= value <= high:
+                continue
+            raise LimitViolation(
+                self.doing,
+                f"a {name} from {low:.6g} to {high:.6g} {unit}",
+                f"{value:.6g} {unit}",
+                "look at the machine and the specimen; if both are sound, move in smaller steps with rig jog",
+            )
 
 
 def hand_string(limits: RigLimits, start_n: float = 0.0, load_max_n: float = math.inf) -> LoadString:
@@ -129,21 +153,22 @@ class HandAgreement:
     """
 
     def __init__(self, motion: HandMotion, limits: RigLimits, rest: list[Reading]) -> None:
-        self._motion, self._last = motion, rest[-1]
-        start, step = rest[-1], motion.step
+        assert motion.load_max_n is not None
+        self._motion, self._to_load = motion, motion.quantity == "load"
+        self._start = self._last = start = rest[-1]
+        step, load_tolerance_n = motion.step, LOAD_TOLERANCE_SHARE * motion.load_max_n
         string = hand_string(limits, start.load_n, motion.load_max_n)
-        self._start = rest[-1]
         self._stiffness_max_n_mm = string.stiffness_max_n_mm
         self._secant_n_mm: float | None = None
         self._outward = 1.0 if motion.target >= step.value(start) else -1.0
         self._best_n = self._outward * start.load_n
-        if motion.to_load:
+        if self._to_load:
             size_n = abs(motion.target - start.load_n)
         else:
             size_n = max(abs(start.load_n), _DISPLACEMENT_STEP_SHARE * motion.load_max_n)
-        self._size_n = max(size_n, motion.load_tolerance_n)
-        pull = Pull(self._size_n, motion.rate if motion.to_load else None, assured_n=self._size_n)
-        zeroing = Zeroing(math.inf, "", motion.load_tolerance_n, motion.displacement_tolerance_mm)
+        self._size_n = max(size_n, load_tolerance_n)
+        pull = Pull(self._size_n, motion.rate if self._to_load else None, assured_n=self._size_n)
+        zeroing = Zeroing(math.inf, "", load_tolerance_n, DISPLACEMENT_TOLERANCE_MM)
         self._agreement = Agreement(string, pull, zeroing)
         for reading in rest:
             self._agreement.check(reading, motion.doing)
@@ -181,7 +206,7 @@ class HandAgreement:
     def _check_jump(self, reading: Reading) -> None:
         """Check that the load does not change faster than the rate of the motion explains."""
         change_n = abs(reading.load_n - self._last.load_n)
-        if self._motion.to_load:
+        if self._to_load:
             explained_n = _RATE_MARGIN * self._motion.rate * (reading.time_s - self._last.time_s)
             greatest_n = explained_n + self._margin_n(_JUMP_SHARE)
         else:

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 from rig.protocol.course import Place, increments
-from rig.protocol.move import Ending, Failure, Move, commanded_or_measured, has_ended
+from rig.protocol.move import Ending, Failure, Move, commanded_or_measured
 from rig.protocol.step import Execute, ProtocolStep, Reading
 
 _NEAR_START = 2.0
@@ -63,11 +63,11 @@ class Approach:
         span = place.of(self.move.quantity)
         start = commanded_or_measured(place, self.move, reading, _NEAR_START)
         steps = self._from(index, start, conditional=not span.is_known)
+        last = index + len(self.steps(index, place)) - 1
         if self._is_passed(start):
-            reading = self._pass(index + len(self.steps(index, place)) - 1, reading, start, execute)
+            reading = self._pass(last, reading, start, execute)
         if self.every_s < math.inf and steps:
             # Give the last step its number from the plan, even if fewer steps were needed before it.
-            last = index + len(self.steps(index, place)) - 1
             steps[-1] = replace(steps[-1], index=last)
         readings = [reading]
         arrived = False
@@ -79,10 +79,10 @@ class Approach:
             reading = execute(replace(step, event=event))
             readings.append(reading)
             arrived = step.timed and not reading.moving and step.is_reached(reading)
-            if ending and has_ended(ending, number, step, readings):
+            if ending and ending.has_happened(number, step, readings):
                 return reading
-        if self.ending is not None and self.ending.failure is not None:
-            raise self.ending.failure(reading)
+        if ending is not None:
+            ending.fail(reading)
         return reading
 
     def end(self, place: Place) -> Place:
@@ -131,18 +131,13 @@ class Approach:
         for number in range(1, count + 2):
             at_s = math.nan if number > count else number * self.every_s
             left = whole.travel - (number - 1) * self.every_s * self.move.rate
-            step = ProtocolStep(
-                index + number - 1,
-                whole.kind,
-                whole.target,
-                whole.tolerance,
-                whole.rate,
-                may_be_over,
-                at_s,
+            step = replace(
+                whole,
+                index=index + number - 1,
+                conditional=may_be_over,
+                at_s=at_s,
                 begins=number == 1,
                 travel=min(left, self.every_s * self.move.rate) if number <= count else left,
-                motion_s=whole.motion_s,
-                load_drop=whole.load_drop,
             )
             steps.append(step)
             may_be_over = may_be_over or self._can_end(number, step)

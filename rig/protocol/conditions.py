@@ -61,6 +61,16 @@ class Demand:
     unit: str
     is_lowest: bool = False
 
+    @classmethod
+    def of_limits(cls, limits: Limits | None) -> "tuple[Demand, ...]":
+        """Return the demands of the protocol's limits of load and displacement."""
+        if limits is None:
+            return ()
+        return (
+            cls("limits.load_max_n", limits.load_max_n, "load_max_n", "N"),
+            cls("limits.displacement_max_mm", limits.displacement_max_mm, "displacement_max_mm", "mm"),
+        )
+
 
 @dataclass(frozen=True)
 class Turn:

@@ -10,6 +10,7 @@ from typing import Protocol
 
 from rig.errors import ProtocolError
 from rig.protocol.step import Execute, ProtocolStep, Quantity, Reading
+from rig.protocol.tables import Limits
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,15 @@ class Place:
     rotation: Span = Span(0.0, 0.0)
     load_max_n: float = 0.0
     displacement_max_mm: float = 0.0
+
+    @classmethod
+    def within(cls, limits: Limits | None) -> "Place":
+        """Return the place before a test, where all quantities are zero, with the limits of a protocol."""
+        return (
+            cls()
+            if limits is None
+            else cls(load_max_n=limits.load_max_n, displacement_max_mm=limits.displacement_max_mm)
+        )
 
     def of(self, quantity: Quantity) -> Span:
         """Return the range of possible values of a quantity."""

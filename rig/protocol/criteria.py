@@ -1,13 +1,10 @@
-"""The criteria that end a phase: plastic deformation, or a drop of the load."""
+"""What ends a phase: a criterion such as a drop of the load. `plasticity` has the criterion of the paper."""
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
-from pydantic import Field
-
-from drivers.settings import Settings
-from rig.protocol.plasticity import PlasticCriterion
 from rig.protocol.step import ProtocolStep, Reading
 
 
@@ -30,44 +27,16 @@ class Criterion(Protocol):
         """Return a description of the criterion for an error message."""
 
 
-class Plastic:
-    """Plastic deformation, as `PlasticCriterion` defines it."""
-
-    def __init__(self, settings: PlasticCriterion) -> None:
-        self._settings = settings
-
-    def can_end(self, number: int, step: ProtocolStep) -> bool:
-        """Return True from the second increment on, at loads above `judged_above_n`."""
-        # Compare the commanded load with `judged_above_n`, because the measured load has noise.
-        return number >= 2 and step.target > self._settings.judged_above_n
-
-    def is_met(self, readings: Sequence[Reading]) -> bool:
-        """Return True if the last load increment is clearly less stiff than the stiffest increment so far."""
-        loads_n = [reading.load_n for reading in readings]
-        return self._settings.is_evident(loads_n, [reading.displacement_mm for reading in readings])
-
-    def at_readings(self) -> None:
-        """Return None, because the stiffness of an increment is not known before its end."""
-
-    def describe(self) -> str:
-        """Return a description of this criterion for an error message."""
-        return f"an increment of less than {self._settings.stiffness_fraction:g} of the highest stiffness"
-
-
+@dataclass(frozen=True)
 class LoadDropCriterion:
     """The criterion that the load has fallen by a fraction of the highest load of the phase.
 
-    Parameters
-    ----------
-    fraction : float
-    carried_n : float
-        During a motion a drop counts only if the load has reached this value in N. So noise and seating grips
-        end no phase.
+    During a motion a drop counts only if the load has reached `carried_n`. So noise and seating grips end no
+    phase.
     """
 
-    def __init__(self, fraction: float, carried_n: float) -> None:
-        self._fraction = fraction
-        self._carried_n = carried_n
+    fraction: float
+    carried_n: float
 
     def can_end(self, number: int, _: ProtocolStep) -> bool:
         """Return True, because the load can drop during any step."""
@@ -76,7 +45,7 @@ class LoadDropCriterion:
     def is_met(self, readings: Sequence[Reading]) -> bool:
         """Return True if the last load has fallen by the fraction."""
         highest_n = max(reading.load_n for reading in readings[1:])
-        return readings[-1].load_n < (1.0 - self._fraction) * highest_n
+        return readings[-1].load_n < (1.0 - self.fraction) * highest_n
 
     def at_readings(self) -> Callable[[Reading], bool]:
         """Return a function that compares each reading with the highest load of the motion."""
@@ -85,25 +54,10 @@ class LoadDropCriterion:
         def has_dropped(reading: Reading) -> bool:
             nonlocal highest_n
             highest_n = max(highest_n, reading.load_n)
-            return highest_n >= self._carried_n and reading.load_n < (1.0 - self._fraction) * highest_n
+            return highest_n >= self.carried_n and reading.load_n < (1.0 - self.fraction) * highest_n
 
         return has_dropped
 
     def describe(self) -> str:
         """Return a description of this criterion for an error message."""
-        return f"a drop of the load by {self._fraction:g} of the highest load"
-
-
-class Until(Settings):
-    """The table `until` of a phase. Exactly one criterion is given. `if_never` says what happens if the
-    criterion is never met."""
-
-    plastic: PlasticCriterion | None = None
-    load_drop: float | None = Field(default=None, gt=0.0, lt=1.0)
-    if_never: str = Field(default="fail", pattern="^(fail|go-on)$")
-
-    def criterion(self, carried_n: float) -> Criterion | None:
-        """Return the criterion that the table gives. `carried_n` is described for `LoadDropCriterion`."""
-        if self.plastic is not None:
-            return Plastic(self.plastic)
-        return None if self.load_drop is None else LoadDropCriterion(self.load_drop, carried_n)
+        return f"a drop of the load by {self.fraction:g} of the highest load"

@@ -27,6 +27,16 @@ class Ending:
     criterion: Criterion
     failure: Failure | None = None
 
+    def has_happened(self, number: int, step: ProtocolStep, readings: Sequence[Reading]) -> bool:
+        """Return True if the event has happened at or before the last reading of a step."""
+        criterion = self.criterion
+        return readings[-1].ends_phase or (criterion.can_end(number, step) and criterion.is_met(readings))
+
+    def fail(self, reading: Reading) -> None:
+        """Raise the error for a phase that is over, unless the test continues."""
+        if self.failure is not None:
+            raise self.failure(reading)
+
 
 @dataclass(frozen=True)
 class Move:
@@ -83,10 +93,3 @@ def commanded_or_measured(place: Place, move: Move, reading: Reading, tolerances
     span, measured = place.of(move.quantity), reading.of(move.quantity)
     is_there = span.is_known and not abs(measured - span.low) > tolerances * move.tolerance
     return span.low if is_there else measured
-
-
-def has_ended(ending: Ending, number: int, step: ProtocolStep, readings: Sequence[Reading]) -> bool:
-    """Return True if the event that ends a phase has happened at or before the last reading."""
-    if readings[-1].ends_phase:
-        return True
-    return ending.criterion.can_end(number, step) and ending.criterion.is_met(readings)

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from drivers.settings import Settings
 from rig.errors import ProtocolError
+from rig.protocol.step import ProtocolStep, Reading
 
 
 class PlasticCriterion(Settings):
@@ -42,6 +43,26 @@ class PlasticCriterion(Settings):
         ]
         return stiffnesses[-1] < self.stiffness_fraction * max(stiffnesses)
 
+    def can_end(self, number: int, step: ProtocolStep) -> bool:
+        """Return True from the second increment on, at loads above `judged_above_n`."""
+        # Compare the commanded load with `judged_above_n`, because the measured load has noise.
+        return number >= 2 and step.target > self.judged_above_n
+
+    def is_met(self, readings: Sequence[Reading]) -> bool:
+        """Return True if the last load increment is clearly less stiff than the stiffest increment so far."""
+        return self.is_evident([r.load_n for r in readings], [r.displacement_mm for r in readings])
+
+    def at_readings(self) -> None:
+        """Return None, because the stiffness of an increment is not known before its end."""
+
+    def describe(self) -> str:
+        """Return a description of this criterion for an error message."""
+        return f"an increment of less than {self.stiffness_fraction:g} of the highest stiffness"
+
+    def first_judged_n(self, increment_n: float) -> float:
+        """Return the load of the first increment that can show plastic deformation."""
+        return max(2, int(self.judged_above_n // increment_n) + 1) * increment_n
+
 
 def _stiffness_n_mm(loads_n: Sequence[float], displacements_mm: Sequence[float]) -> float:
     advance_mm = displacements_mm[1] - displacements_mm[0]
@@ -53,8 +74,3 @@ def _stiffness_n_mm(loads_n: Sequence[float], displacements_mm: Sequence[float])
             "check the displacement transducer of the load frame",
         )
     return (loads_n[1] - loads_n[0]) / advance_mm
-
-
-def first_judged_n(criterion: PlasticCriterion, increment_n: float) -> float:
-    """Return the load of the first increment that can show plastic deformation."""
-    return max(2, int(criterion.judged_above_n // increment_n) + 1) * increment_n

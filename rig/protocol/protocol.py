@@ -8,11 +8,15 @@ from pydantic import ValidationError
 
 from drivers.errors import ConfigurationError
 from drivers.settings import mistakes_in, read_toml_text
+from rig.protocol.base import KINDS
 from rig.protocol.phased import PhasesProtocol
 from rig.protocol.rotation import RotationProtocol
 from rig.protocol.tension import TensionProtocol
 
 Protocol: TypeAlias = TensionProtocol | RotationProtocol | PhasesProtocol
+_MODELS: dict[object, type[Protocol]] = dict(
+    zip(KINDS, (TensionProtocol, RotationProtocol, PhasesProtocol), strict=True)
+)
 
 
 def read_protocol(path: str | Path) -> Protocol:
@@ -44,10 +48,9 @@ def parse_protocol(table: dict[str, Any]) -> Protocol:
     # If the kind is unknown, choose the model by the tables in the file, so that other mistakes are reported
     # too.
     kind = table.get("kind")
-    if kind not in ("tension", "rotation", "phases"):
+    if kind not in KINDS:
         kind = next((name for name in ("phases", "rotation") if name in table), "tension")
-    models: dict[str, type[Protocol]] = {"phases": PhasesProtocol, "rotation": RotationProtocol}
-    return models.get(kind, TensionProtocol).model_validate(table)
+    return _MODELS[kind].model_validate(table)
 
 
 def _in_the_file(mistake: str) -> str:

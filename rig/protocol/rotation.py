@@ -7,16 +7,12 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from drivers.settings import Settings
-from rig.mounting import Mounting
 from rig.protocol.approach import Approach
+from rig.protocol.base import BaseProtocol
 from rig.protocol.conditions import Conditions, Demand, Turn
 from rig.protocol.course import Beginning, Course, Place
-from rig.protocol.grid import Grid, GridTable
-from rig.protocol.images import Images
-from rig.protocol.kind import KnownKind
 from rig.protocol.move import Move
-from rig.protocol.step import Execute, ProtocolStep
-from rig.protocol.tables import RotationSettle, Sample, too_fine
+from rig.protocol.tables import RotationSettle, too_fine
 
 
 class Rotation(Settings):
@@ -29,17 +25,12 @@ class Rotation(Settings):
     total_deg: float = Field(gt=0.0)
 
 
-class RotationProtocol(Settings):
+class RotationProtocol(BaseProtocol):
     """Protocol of a rotation test: rigid rotation of the specimen in increments."""
 
-    kind: KnownKind[Literal["rotation"]]
-    title: str = Field(min_length=1, max_length=200)
-    sample: Sample
+    kind: Literal["rotation"]
     rotation: Rotation
     settle: RotationSettle
-    grid: GridTable = Grid()
-    images: Images = Images()
-    mounting: Mounting = Mounting()
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> "RotationProtocol":
@@ -57,14 +48,6 @@ class RotationProtocol(Settings):
         turn = Move("rotation", math.nan, self.settle.angle_tolerance_deg, is_timed=False)
         approach = Approach(turn, self.rotation.total_deg, self.rotation.increment_deg)
         return Course((Beginning(), approach), Place())
-
-    def steps(self) -> list[ProtocolStep]:
-        """Return all steps of the test, which do not depend on the behaviour of the specimen."""
-        return self.course.steps()
-
-    def follow(self, execute: Execute) -> None:
-        """Call `execute` for one step after the other."""
-        self.course.follow(execute)
 
     @property
     def conditions(self) -> Conditions:

@@ -63,9 +63,10 @@ class Reading:
 
 @dataclass(frozen=True)
 class ProtocolStep:
-    """One step of a protocol: a device moves to a target and settles, then the cameras take images.
+    """One step of a protocol: a target, and the images that belong to it.
 
-    The steps "grid", "reference" without a preload, and "rest" have no target.
+    A device moves to the target. The cameras take the images when it has settled, or during the motion or
+    hold. The steps "grid", "reference" without a preload, and "rest" have no target.
 
     Attributes
     ----------
@@ -129,6 +130,11 @@ class ProtocolStep:
     def timed(self) -> bool:
         """True if the step's images are taken at a fixed time, and not after settling."""
         return not math.isnan(self.at_s)
+
+    @property
+    def stands(self) -> bool:
+        """True if nothing may move while the step's images are taken. False during a motion."""
+        return self.holds or not self.timed
 
     @property
     def holds(self) -> bool:

@@ -7,19 +7,15 @@ from pydantic import Field, model_validator
 
 from drivers.settings import Settings
 from rig.errors import ProtocolError
-from rig.mounting import Mounting
 from rig.protocol.approach import Approach
+from rig.protocol.base import BaseProtocol
 from rig.protocol.conditions import TARE_PER_INCREMENT, Conditions, Demand, Pull, Zeroing
 from rig.protocol.course import Beginning, Course, Place
-from rig.protocol.criteria import Plastic
-from rig.protocol.grid import Grid, GridTable
-from rig.protocol.images import Images
-from rig.protocol.kind import KnownKind
 from rig.protocol.move import Ending, Move
-from rig.protocol.plasticity import PlasticCriterion, first_judged_n
+from rig.protocol.plasticity import PlasticCriterion
 from rig.protocol.plausible import Plausible
-from rig.protocol.step import Execute, ProtocolStep, Reading
-from rig.protocol.tables import Limits, Sample, TensionSettle, too_fine
+from rig.protocol.step import Reading
+from rig.protocol.tables import Limits, TensionSettle, too_fine
 
 
 class Loading(Settings):
@@ -48,18 +44,13 @@ class Stretching(Settings):
     speed_mm_s: float = Field(gt=0.0)
 
 
-class TensionProtocol(Settings):
+class TensionProtocol(BaseProtocol):
     """Protocol of a tension test: load increments until plastic deformation, then displacement increments."""
 
-    kind: KnownKind[Literal["tension"]]
-    title: str = Field(min_length=1, max_length=200)
-    sample: Sample
+    kind: Literal["tension"]
     loading: Loading
     stretching: Stretching
     settle: TensionSettle
-    grid: GridTable = Grid()
-    images: Images = Images()
-    mounting: Mounting = Mounting()
     limits: Limits
     plausible: Plausible = Plausible()
 
@@ -111,30 +102,14 @@ class TensionProtocol(Settings):
             Move("load", loading.rate_n_s, settle.load_tolerance_n, is_timed=False),
             loading.increments_max * loading.increment_n,
             loading.increment_n,
-            ending=Ending(Plastic(loading.plastic), self._not_plastic),
+            ending=Ending(loading.plastic, self._not_plastic),
         )
         to_displacement = Approach(
             Move("displacement", stretching.speed_mm_s, settle.displacement_tolerance_mm, is_timed=False),
             stretching.total_mm,
             stretching.increment_mm,
         )
-        limits = self.limits
-        start = Place(load_max_n=limits.load_max_n, displacement_max_mm=limits.displacement_max_mm)
-        return Course((Beginning(), to_load, to_displacement), start)
-
-    def steps(self) -> list[ProtocolStep]:
-        """Return the steps of the longest possible test, whose displacement increments begin at zero."""
-        return self.course.steps()
-
-    def follow(self, execute: Execute) -> None:
-        """Call `execute` for each step, in order. The settled readings decide how many steps are executed.
-
-        Raises
-        ------
-        ProtocolError
-            If no increment of load shows plastic deformation.
-        """
-        self.course.follow(execute)
+        return Course((Beginning(), to_load, to_displacement), Place.within(self.limits))
 
     @property
     def conditions(self) -> Conditions:
@@ -153,12 +128,11 @@ class TensionProtocol(Settings):
             pull=Pull(
                 loading.increment_n,
                 loading.rate_n_s,
-                assured_n=first_judged_n(loading.plastic, loading.increment_n),
+                assured_n=loading.plastic.first_judged_n(loading.increment_n),
                 elastic_n=loading.plastic.judged_above_n,
             ),
             demands=(
-                Demand("limits.load_max_n", limits.load_max_n, "load_max_n", "N"),
-                Demand("limits.displacement_max_mm", limits.displacement_max_mm, "displacement_max_mm", "mm"),
+                *Demand.of_limits(limits),
                 Demand("loading.rate_n_s", loading.rate_n_s, "load_rate_max_n_s", "N/s"),
                 Demand("stretching.speed_mm_s", stretching.speed_mm_s, "speed_max_mm_s", "mm/s"),
             ),
@@ -168,7 +142,7 @@ class TensionProtocol(Settings):
         fraction = self.loading.plastic.stiffness_fraction
         return ProtocolError(
             f"loading to {reading.load_n:.0f} N",
-            Plastic(self.loading.plastic).describe(),
+            self.loading.plastic.describe(),
             "none",
             f"check the specimen; if it did not yield, raise loading.increments_max above "
             f"{self.loading.increments_max}; if it did, raise loading.plastic.stiffness_fraction "

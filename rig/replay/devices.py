@@ -67,16 +67,23 @@ class Readings(Generic[S]):
         return state
 
 
-class ReplayedStage:
-    """The stage of an archived run."""
+class _Replayed(Generic[S]):
+    """A device of an archived run. Commands have no effect."""
 
-    def __init__(self, info: DeviceInfo, readings: Readings[StageState]) -> None:
+    def __init__(self, info: DeviceInfo, readings: Readings[S]) -> None:
         self.info = info
         self.readings = readings
 
-    def read(self) -> StageState:
+    def read(self) -> S:
         """Return the next reading."""
         return self.readings.next()
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class ReplayedStage(_Replayed[StageState]):
+    """The stage of an archived run."""
 
     def home(self) -> None:
         """Do nothing."""
@@ -87,21 +94,13 @@ class ReplayedStage:
     def stop(self) -> None:
         """Do nothing."""
 
-    def close(self) -> None:
-        """Do nothing."""
 
-
-class ReplayedLoadFrame:
+class ReplayedLoadFrame(_Replayed[LoadFrameState]):
     """The load frame of an archived run."""
 
     def __init__(self, info: DeviceInfo, readings: Readings[LoadFrameState], limits: LoadFrameLimits) -> None:
-        self.info = info
-        self.readings = readings
+        super().__init__(info, readings)
         self.limits = limits
-
-    def read(self) -> LoadFrameState:
-        """Return the next reading."""
-        return self.readings.next()
 
     def go_to_load(self, load_n: float, rate_n_s: float) -> None:
         """Do nothing."""
@@ -115,24 +114,13 @@ class ReplayedLoadFrame:
     def tare(self) -> None:
         """Do nothing."""
 
-    def close(self) -> None:
-        """Do nothing."""
 
-
-class ReplayedInterlock:
+class ReplayedInterlock(_Replayed[InterlockState]):
     """An interlock of an archived run."""
 
     def __init__(self, info: DeviceInfo, unit: str, readings: Readings[InterlockState]) -> None:
-        self.info = info
+        super().__init__(info, readings)
         self.unit = unit
-        self.readings = readings
-
-    def read(self) -> InterlockState:
-        """Return the next reading."""
-        return self.readings.next()
-
-    def close(self) -> None:
-        """Do nothing."""
 
 
 class ReplayedCamera:

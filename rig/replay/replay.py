@@ -149,16 +149,10 @@ def _feed(script: Script, protocol: Protocol, place: Path) -> Outcome:
     assert readings is not None  # `Script.of` has checked this
     recorder = _ReplayRecorder(place, script, cameras, readings, rig)
     quick = protocol.settle.model_copy(update={"poll_s": _POLL_S})
-    engine = _ReplayEngine(protocol.model_copy(update={"settle": quick}), rig, recorder)
+    engine = Engine(protocol.model_copy(update={"settle": quick}), rig, recorder)
     engines.append(engine)
-    recorder.read = engine.read_once
+    recorder.read = engine.context.read
     return engine.run()
-
-
-class _ReplayEngine(Engine):
-    def read_once(self) -> None:
-        """Read the devices once more, as the engine did in the recorded run while it waited."""
-        self._read()
 
 
 class _ReplayRecorder(Recorder):
@@ -183,7 +177,7 @@ class _ReplayRecorder(Recorder):
             load_frame=None if rig.load_frame is None else rig.load_frame.info,
             interlocks=interlock_records(rig),
         )
-        self.read: Callable[[], None] = lambda: None
+        self.read: Callable[[], object] = lambda: None
         self._replayed = cameras
         self._counts = {name: iter(counts) for name, counts in script.readings_before.items()}
         self._readings = readings

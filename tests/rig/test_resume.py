@@ -198,7 +198,7 @@ def go_on(rig: FakeRig):
     earlier = read_earlier(rig.path, rig.protocol, rig.definition, "")
     rig.path = rig.path.with_name("run-2.h5")
     engine = rig.engine(earlier=earlier.readings)
-    start = require_unchanged(earlier, rig.protocol, engine._rig)
+    start = require_unchanged(earlier, rig.protocol, engine.context.rig)
     return earlier, start, engine
 
 

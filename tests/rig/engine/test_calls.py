@@ -145,7 +145,7 @@ def test_time_without_a_processor_is_that_of_the_system():
 
 @pytest.mark.parametrize("clock", [SystemClock(), VirtualClock()])
 def test_devices_are_watched_while_another_takes_its_time(clock):
-    calls, polls, enough = Calls(clock, lambda: None), [], threading.Event()
+    polls, enough = [], threading.Event()
 
     def take_time() -> str:
         while not enough.is_set():
@@ -157,9 +157,10 @@ def test_devices_are_watched_while_another_takes_its_time(clock):
         if len(polls) == 10:
             enough.set()
 
+    calls = Calls(clock, lambda: None, meanwhile=poll, every_s=0.01)
     with clock.activity():
         call = calls.begin("cameras.left", "grab", take_time, LONG)
-        assert calls.finish(call, meanwhile=poll, every_s=0.01) == "an image"
+        assert calls.finish(call, watched=True) == "an image"
     assert len(polls) >= 10
     assert all(b - a >= 0.01 - 1e-6 for a, b in pairwise(polls))
 
@@ -168,10 +169,10 @@ def test_what_the_watch_raises_ends_the_wait_at_once(hang):
     def exceed() -> None:
         raise ZeroDivisionError("beyond a limit")
 
-    calls = Calls(SystemClock(), lambda: None)
+    calls = Calls(SystemClock(), lambda: None, meanwhile=exceed, every_s=0.001)
     call = calls.begin("operator", "attach the grid", hang, NEVER)
     with pytest.raises(ZeroDivisionError):
-        calls.finish(call, meanwhile=exceed, every_s=0.001)
+        calls.finish(call, watched=True)
 
 
 @pytest.mark.parametrize("clock", [SystemClock(), VirtualClock()])
@@ -196,7 +197,7 @@ def test_abort_ends_a_wait_that_has_no_deadline(clock, hang):
     with clock.activity():
         call = calls.begin("operator", "attach the grid", ask, NEVER)
         with pytest.raises(Aborted):
-            calls.finish(call, meanwhile=lambda: None)
+            calls.finish(call, watched=True)
         with pytest.raises(Aborted):
             calls.pause(3600.0)
         calls.close()
@@ -205,15 +206,15 @@ def test_abort_ends_a_wait_that_has_no_deadline(clock, hang):
 
 def test_call_that_was_not_begun_when_the_wait_ended_is_never_begun(hang):
     made, held = [], threading.Event()
-    calls = Calls(SystemClock(), lambda: None)
-    first = calls.begin("operator", "wait", lambda: held.wait(60.0), NEVER)
 
     def give_up() -> None:
         raise Aborted("step 0", "the run to go on", "SIGTERM", "nothing is lost")
 
+    calls = Calls(SystemClock(), lambda: None, meanwhile=give_up, every_s=0.0)
+    first = calls.begin("operator", "wait", lambda: held.wait(60.0), NEVER)
     second = calls.begin("operator", "attach the grid", lambda: made.append(1), NEVER)
     with pytest.raises(Aborted):
-        calls.finish(second, meanwhile=give_up, every_s=0.0)
+        calls.finish(second, watched=True)
     held.set()
     assert calls.finish(first)
     calls.close()
@@ -222,11 +223,11 @@ def test_call_that_was_not_begun_when_the_wait_ended_is_never_begun(hang):
 
 @pytest.mark.parametrize("clock", [SystemClock(), VirtualClock()])
 def test_what_was_begun_elsewhere_is_waited_for_in_the_same_way(clock):
-    calls, written = Calls(clock, lambda: None), Future()
+    calls, written = Calls(clock, lambda: None, every_s=0.001), Future()
     with clock.activity():
         call = calls.follow(written, "run file", "write step 1", LONG)
         threading.Timer(0.02, written.set_result, ["on the disk"]).start()
-        assert calls.finish(call, meanwhile=lambda: None, every_s=0.001) == "on the disk"
+        assert calls.finish(call, watched=True) == "on the disk"
         failed = Future()
         failed.set_exception(OSError("no space"))
         with pytest.raises(OSError, match="no space"):

@@ -164,7 +164,7 @@ def loose_rig(rig, *, gone_s, pulled_at=(4,), **settings) -> tuple[Engine, dict]
 
     engine = rig.engine()
     devices = Rig(rig.clock, rig.operator, rig.cameras, rig.stage, virtual=True, reopen={"off_axis": reopen})
-    return Engine(rig.protocol, devices, engine._recorder), cable
+    return Engine(rig.protocol, devices, engine.context.recorder), cable
 
 
 def test_a_camera_that_comes_back_is_used_again_and_the_step_repeated(rotation):
@@ -206,7 +206,9 @@ def test_no_return_is_awaited_if_the_protocol_says_so(rotation):
 
 def test_limits_are_watched_while_a_camera_is_away(tension):
     engine, _ = loose_rig(tension, gone_s=30.0)
-    engine = Engine(tension.protocol, replace(engine._rig, load_frame=tension.load_frame), engine._recorder)
+    engine = Engine(
+        tension.protocol, replace(engine.context.rig, load_frame=tension.load_frame), engine.context.recorder
+    )
     away = tension.cameras["off_axis"]
     tension.load_frame.on_read = lambda count, state: replace(state, load_n=1e5) if away.dead else state
     outcome = engine.run()

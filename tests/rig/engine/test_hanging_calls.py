@@ -221,7 +221,7 @@ def test_devices_are_watched_while_a_step_is_not_on_the_disk(rotation_table, tmp
     rotation_table["settle"] |= {"dwell_s": 0.001, "poll_s": 0.001}
     rig = in_real_time(rotation_table, tmp_path / "run.h5")
     engine = rig.engine()
-    step, waiting, reads = engine._recorder.step, [], 0
+    step, waiting, reads = engine.context.recorder.step, [], 0
 
     def slowly(record: StepRecord) -> Future[None]:
         step(record).result()
@@ -238,7 +238,7 @@ def test_devices_are_watched_while_a_step_is_not_on_the_disk(rotation_table, tmp
                 waiting[-1].set_result(None)
         return state
 
-    engine._recorder.step = slowly
+    engine.context.recorder.step = slowly
     rig.stage.on_read = read
     outcome = engine.run()
     if fault:
@@ -268,7 +268,7 @@ def test_devices_are_watched_while_too_many_images_wait_for_the_disk(rotation_ta
             room.set()
         return state
 
-    engine._recorder.wait_for_room = wait_for_room
+    engine.context.recorder.wait_for_room = wait_for_room
     rig.stage.on_read = read
     assert engine.run().status == "completed"
     assert asked[:3] == ["on_axis", "off_axis", "off_axis"]

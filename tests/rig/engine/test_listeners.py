@@ -99,7 +99,7 @@ def test_listener_that_asks_for_the_end_of_the_program_ends_the_run_safely(rotat
         abort(reason)
         asked.set()
 
-    engine._on_status._listeners[1]._end_run = note
+    engine._news._on_status[1]._end_run = note
     outcome = engine.run()
     assert outcome.status == "aborted"
     assert f"listener failing.<locals>.listener: {type(error).__name__}" in outcome.reason

@@ -102,7 +102,7 @@ def continued(rig: FakeRig) -> Engine:
     rig.path = rig.path.with_name("run-2.h5")
     rig.calls.clear()
     engine = rig.engine(earlier=earlier.readings)
-    require_unchanged(earlier, rig.protocol, engine._rig)
+    require_unchanged(earlier, rig.protocol, engine.context.rig)
     return engine
 
 

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
+from rig.engine.motion import Motion
 from rig.protocol.protocol import parse_protocol
 from tests.places import example
 from tests.rig.conftest import FakeRig
@@ -183,3 +184,28 @@ duration_s = 30.0
     assert made.engine().run().status == "completed"
     assert made.calls[:2] == ["home", "angle 0"]
     assert [kind for kind, *_ in steps_of(made)][2:] == ["load", "rotation", "rotation", "rest"]
+
+
+def test_the_images_of_a_step_may_stream_in_while_the_machine_moves(rig, monkeypatch):
+    made, moments = rig(MOVING), Motion.moments
+
+    def streamed(motion, step):
+        for reading in moments(motion, step):
+            yield reading
+            while step.timed and reading.time_s < motion._begun_s + step.at_s + 1.0:
+                reading = motion._run.read()
+                yield reading
+
+    monkeypatch.setattr(Motion, "moments", streamed)
+    outcome = made.engine().run()
+    assert (outcome.status, outcome.reason) == ("completed", "")
+    counts = [count for kind, _, _, count in steps_of(made) if kind == "displacement"]
+    assert counts[-1] == 1
+    assert all(count > 20 for count in counts[:-1])
+    with h5py.File(made.path) as file:
+        rows = file["entry/steps/frames_on_axis"][()]
+        exposed_s = file["entry/instrument/on_axis/exposed_s"][()]
+    assert [len(rows), len(exposed_s)] == [len(counts) + 2, sum(counts) + 2]
+    assert np.all(np.diff(exposed_s) > 0.0)
+    readings, streamed_s = readings_of(made), exposed_s[rows[2] : rows[3]]
+    assert np.all(np.diff(np.interp(streamed_s, readings["time_s"], readings["displacement_mm"])) > 0.0)

@@ -1,9 +1,10 @@
 import math
+from types import SimpleNamespace
 
 import pytest
 
 from drivers.clock import VirtualClock
-from rig.engine.keep import Keeper
+from rig.engine.motion import Motion
 from rig.engine.settle import settle
 from rig.errors import SettleTimeout
 from rig.protocol.step import ProtocolStep, Reading
@@ -63,7 +64,15 @@ def test_a_remainder_of_rounding_lets_time_pass_before_the_images_of_a_hold():
         # The device's time is one bit early when the images are due.
         return Reading(math.nextafter(1.0, 0.0) if 1.0 <= now_s < 1.0005 else now_s, load_n=100.0)
 
-    keeper = Keeper(0.0, read, pause, timeout_s=1.0, poll_s=0.3, ended=lambda: False)
-    step = ProtocolStep(2, "creep", 100.0, 1.0, 10.0, at_s=1.0)
-    assert keeper.wait(step, correct=lambda: None).time_s == pytest.approx(1.0, abs=0.01)
+    run = SimpleNamespace(
+        read=read,
+        calls=SimpleNamespace(pause=pause),
+        protocol=SimpleNamespace(images=SimpleNamespace(per_step=1)),
+        settle=SimpleNamespace(timeout_s=1.0, poll_s=0.3),
+        watch=SimpleNamespace(poll_s=lambda poll_s: poll_s, expect=lambda load_drop: None),
+    )
+    motion = Motion(run)
+    motion._begun_s, motion._kept_s, motion._poll_s = 0.0, 0.0, 0.3
+    (reading,) = motion.moments(ProtocolStep(2, "creep", 100.0, 1.0, 10.0, at_s=1.0, begins=False))
+    assert reading.time_s == pytest.approx(1.0, abs=0.01)
     assert len(pauses) == 5

@@ -1,17 +1,20 @@
 """Tests of protocols with phases: their plans, their decisions from readings, and their refusals."""
 
 import math
+import re
 import tomllib
 from dataclasses import replace
+from typing import get_args
 
 import pytest
 
 from drivers.errors import ConfigurationError
 from rig.errors import ProtocolError
 from rig.protocol.phased import PhasesProtocol
+from rig.protocol.phases import PHASES
 from rig.protocol.protocol import parse_protocol, read_protocol
 from rig.protocol.step import ProtocolStep, Reading
-from tests.places import EXAMPLES, example
+from tests.places import EXAMPLES, ROOT, example
 
 SAMPLE = """
 [sample]
@@ -385,3 +388,12 @@ LONG += LONG[LONG.index('[[phases]]\ndo = "hold"') :]
 )
 def test_a_test_without_end_is_a_mistake(tmp_path, phases, said):
     assert said in mistakes(tmp_path, phases)
+
+
+def test_the_documentation_lists_every_kind_of_phase_with_its_keys():
+    rows = re.findall(
+        r'^\| `"([a-z-]+)"` \| (.+?) \|', (ROOT / "docs/protocols.md").read_text(), re.MULTILINE
+    )
+    listed = {do: set(re.findall("`([a-z_]+)`", keys)) for do, keys in rows}
+    known = {get_args(kind.model_fields["do"].annotation)[0]: kind.model_fields.keys() for kind in PHASES}
+    assert {do: listed.get(do, set()) for do in known} == {do: keys - {"do"} for do, keys in known.items()}

@@ -1,13 +1,19 @@
-"""The part of a course that holds a load, a displacement or an angle for a time."""
+"""The phase `hold`: a load, a displacement or an angle is held for a time."""
 
 import math
 from dataclasses import dataclass
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
 
 from dic.runfile.schema import StepKind
+from drivers.settings import Settings
 from rig.protocol.course import Place
+from rig.protocol.draft import HOURS_MAX, Draft, Phase
 from rig.protocol.move import Move, commanded_or_measured
 from rig.protocol.step import Execute, ProtocolStep, Quantity, Reading
 
+_SECONDS_MAX = HOURS_MAX * 3600.0
 _NEAR_HOLD: dict[Quantity, float] = {"load": 2.0, "displacement": 0.5}
 """A hold keeps the commanded value if the measured value differs by at most this number of tolerances.
 
@@ -17,9 +23,44 @@ value.
 """
 
 
+class HoldImages(Settings):
+    """The times of images during a hold. Images are always taken at its end."""
+
+    every_s: float | None = Field(
+        default=None, gt=0.0, description="time between images, counted from the start of the hold"
+    )
+
+
+class Hold(Phase):
+    """A hold at constant load (creep), displacement (relaxation) or angle (rest)."""
+
+    do: Literal["hold"]
+    keep: Literal["load", "displacement", "angle"]
+    duration_s: float = Field(gt=0.0, le=_SECONDS_MAX)
+    rate_n_s: float | None = Field(
+        default=None, gt=0.0, description="rate at which a load that drifts is corrected"
+    )
+    images: HoldImages = HoldImages()
+
+    @model_validator(mode="after")
+    def _rate_with_load(self) -> Self:
+        if self.keep == "load" and self.rate_n_s is None:
+            raise ValueError("rate_n_s is missing; add it, because a load that drifts is corrected at a rate")
+        if self.keep != "load" and self.rate_n_s is not None:
+            raise ValueError('rate_n_s belongs to keep = "load" only; remove it')
+        return self
+
+    def compile(self, draft: Draft) -> None:
+        """Add the hold."""
+        quantity: Quantity = "rotation" if self.keep == "angle" else self.keep
+        move = draft.move(quantity, self.rate_n_s or math.nan)
+        every_s = math.inf if self.images.every_s is None else self.images.every_s
+        draft.add(Holding(None if quantity == "rotation" else move, self.duration_s, every_s))
+
+
 @dataclass(frozen=True)
-class Hold:
-    """A hold for a time, at constant load (creep), displacement (relaxation) or angle (rest).
+class Holding:
+    """The part of a course that holds a load, a displacement or an angle for a time.
 
     Attributes
     ----------

@@ -1,0 +1,258 @@
+"""The phases of a protocol file, and the draft of the course to which each phase adds its part."""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field
+
+from drivers.settings import Settings
+from rig.errors import ProtocolError
+from rig.protocol.conditions import TARE_PER_INCREMENT, Conditions, Demand, DeviceName, Pull, Turn, Zeroing
+from rig.protocol.course import Beginning, Course, Part, Place
+from rig.protocol.criteria import Criterion, LoadDropCriterion
+from rig.protocol.durations import motion_times_s
+from rig.protocol.move import Ending, Move
+from rig.protocol.step import Quantity, Reading
+from rig.protocol.tables import Limits, PhasesSettle, too_fine
+
+STEPS_MAX = 50_000
+HOURS_MAX = 30 * 24
+Positive: TypeAlias = Annotated[float, Field(gt=0.0)]
+Increment: TypeAlias = Annotated[
+    float | None, Field(gt=0.0, description="increment after which the motion stops and settles")
+]
+IfNever: TypeAlias = Literal["fail", "go-on"]
+"""What happens if the event that should end a phase never happens."""
+_TOLERANCES: dict[Quantity, str] = {
+    "load": "load_tolerance_n",
+    "displacement": "displacement_tolerance_mm",
+    "rotation": "angle_tolerance_deg",
+}
+_LIMITS: dict[Quantity, str] = {"load": "load_max_n", "displacement": "displacement_max_mm"}
+_RATES: dict[Quantity, tuple[str, str, str]] = {
+    "load": ("rate_n_s", "load_rate_max_n_s", "N/s"),
+    "displacement": ("speed_mm_s", "speed_max_mm_s", "mm/s"),
+}
+
+
+class Phase(Settings, ABC):
+    """A table `[[phases]]` of a protocol file. `do` names the kind of the phase.
+
+    A kind of phase is one module in `rig.protocol.phases`: the keys, their checks, and the compilation.
+    """
+
+    do: str
+
+    @abstractmethod
+    def compile(self, draft: "Draft") -> None:
+        """Add the part of the course, the demands on the rig and the mistakes of this phase to a draft."""
+
+
+class Draft:
+    """The course of a protocol while its phases are compiled.
+
+    Attributes
+    ----------
+    mistakes : list of str
+        Do not use the course if there are any.
+    number : int
+        Number of the phase that is compiled, from 1.
+    where : str
+        This phase, for messages.
+    place : Place
+        The possible positions of the devices before this phase.
+    increments_n, ranges_n : list of float
+        Increments to a load, and the differences of both ends of cycles.
+    turns : list of Turn
+    """
+
+    def __init__(
+        self, phases: Sequence[Phase], settle: PhasesSettle, limits: Limits | None, tare_max_n: float | None
+    ) -> None:
+        self.mistakes: list[str] = []
+        self.number = 0
+        self.where = ""
+        self.place = self._start = Place.within(limits)
+        self.increments_n: list[float] = []
+        self.ranges_n: list[float] = []
+        self.turns: list[Turn] = []
+        self._settle = settle
+        self._limits = limits
+        self._tare_max_n = tare_max_n
+        self._parts: list[Part] = [Beginning()]
+        self._demands: list[Demand] = []
+        self._assured_n = self._elastic_n = 0.0
+        self._moved: set[Quantity] = set()
+        for phase in phases:
+            self.number += 1
+            self.where = f"phase {self.number} ({phase.do})"
+            phase.compile(self)
+        self._check_tables()
+        self._check_size()
+
+    @property
+    def course(self) -> Course:
+        """The compiled course."""
+        return Course(tuple(self._parts), self._start)
+
+    @property
+    def carried_n(self) -> float:
+        """The load above which a drop counts as a break. At lower loads, the grips may still seat."""
+        return 0.1 * self._limits.load_max_n if self._limits is not None else 0.0
+
+    @property
+    def conditions(self) -> Conditions:
+        """The requirements of the phases for the rig."""
+        devices: set[DeviceName] = {"load_frame"} if self._pulls else set()
+        if "rotation" in self._moved:
+            devices.add("stage")
+        limits = self._limits if self._pulls else None
+        return Conditions(
+            devices=frozenset(devices),
+            limits=limits,
+            carried_n=self.carried_n,
+            zeroing=None
+            if limits is None
+            else Zeroing(
+                self._tare_max_n or 0.0,
+                "start.tare_max_n",
+                self._tolerance("load"),
+                self._tolerance("displacement"),
+            ),
+            pull=None if limits is None else self._pull,
+            zero_tolerance_deg=self._tolerance("rotation") if "stage" in devices else None,
+            demands=(*Demand.of_limits(limits), *self._demands),
+            turns=tuple(self.turns),
+        )
+
+    def add(self, part: Part) -> None:
+        """Append the part of a phase to the course."""
+        self._parts.append(part)
+        self.place = part.end(self.place)
+
+    def begin(self, beginning: Beginning) -> None:
+        """Replace the first part of the course."""
+        self._parts[0] = beginning
+        self.place = beginning.end(self.place)
+
+    def mistake(self, sentence: str) -> None:
+        """Note a mistake of the present phase."""
+        self.mistakes.append(f"{self.where}: {sentence}")
+
+    def check_increment(self, key: str, increment: float, move: Move) -> None:
+        """Note a mistake if an increment is so small that it could count as reached before its motion."""
+        self.mistakes += too_fine(f"{self.where}: {key}", increment, move.tolerance)
+
+    def demand(self, key: str, value: float, fact: str, unit: str, *, is_lowest: bool = False) -> None:
+        """Note a value that the rig's limits must allow. The arguments are described for `Demand`."""
+        self._demands.append(Demand(f"{self.where}: {key}", value, fact, unit, is_lowest))
+
+    def expect(self, assured_n: float, elastic_n: float = 0.0) -> None:
+        """Note a load that the specimen certainly carries, and one at which it is still elastic."""
+        self._assured_n = max(self._assured_n, assured_n)
+        self._elastic_n = max(self._elastic_n, elastic_n)
+
+    def move(self, quantity: Quantity, rate: float = math.nan, *, is_timed: bool = True) -> Move:
+        """Return a motion or a hold of a quantity, and note that the rig needs its device and its rate."""
+        self._moved.add(quantity)
+        if not math.isnan(rate):
+            key, fact, unit = _RATES[quantity]
+            self.demand(key, rate, fact, unit)
+        return Move(quantity, rate, self._tolerance(quantity), is_timed)
+
+    def move_to(self, quantity: Quantity, target: float, rate: float) -> Move:
+        """Return a motion to a load or a displacement. Check the protocol's limits."""
+        move = self.move(quantity, rate)
+        needed, key = abs(target) + move.tolerance, _LIMITS[quantity]
+        if self._limits is not None and needed > getattr(self._limits, key):
+            self.mistake(
+                f"limits.{key} must be at least {needed:g} (the {quantity} and the tolerance), "
+                f"got {getattr(self._limits, key):g}"
+            )
+        return move
+
+    def ending(self, criterion: Criterion, if_never: IfNever) -> Ending:
+        """Return the event that ends the present phase."""
+        if if_never == "go-on":
+            return Ending(criterion)
+        where = self.where
+
+        def failure(reading: Reading) -> ProtocolError:
+            return ProtocolError(
+                f"{where}, at {reading.load_n:.0f} N and {reading.displacement_mm:.4g} mm",
+                criterion.describe(),
+                "none",
+                'check the specimen; go farther in this phase, or set until.if_never = "go-on"',
+            )
+
+        return Ending(criterion, failure)
+
+    def load_drop(self, fraction: float, if_never: IfNever) -> Ending:
+        """Return a drop of the load as the event that ends the present phase."""
+        limits = self._limits
+        if limits is not None and fraction >= limits.break_load_drop:
+            self.mistake(
+                f"until.load_drop must be below limits.break_load_drop, {limits.break_load_drop:g}, which "
+                f"ends the run, got {fraction:g}"
+            )
+        return self.ending(LoadDropCriterion(fraction, self.carried_n), if_never)
+
+    @property
+    def _pulls(self) -> bool:
+        return bool(self._moved & {"load", "displacement"})
+
+    @property
+    def _pull(self) -> Pull:
+        rates_n_s = [demand.value for demand in self._demands if demand.fact == "load_rate_max_n_s"]
+        return Pull(
+            # Take at most a tenth of the load limit, because the specimen may not be elastic up to a higher
+            # load.
+            min([*self.increments_n, *self.ranges_n, self.carried_n]),
+            max(rates_n_s, default=None),
+            assured_n=self._assured_n,
+            elastic_n=self._elastic_n,
+        )
+
+    def _tolerance(self, quantity: Quantity) -> float:
+        return getattr(self._settle, _TOLERANCES[quantity]) or 0.0
+
+    def _check_tables(self) -> None:
+        limits, tare_max_n = self._limits, self._tare_max_n
+        # Setting load and displacement to zero needs the tolerances of both.
+        quantities = self._moved | ({"load", "displacement"} if self._pulls else set())
+        for quantity, key in _TOLERANCES.items():
+            if quantity in quantities and getattr(self._settle, key) is None:
+                self.mistakes.append(f"settle.{key} is missing; add it")
+        if not self._pulls:
+            return
+        if limits is None:
+            self.mistakes.append("limits is missing; add it, because a phase moves the load frame")
+        else:
+            limit_n = TARE_PER_INCREMENT * min(self.increments_n, default=limits.load_max_n)
+            if (tare_max_n or 0.0) > limit_n:
+                self.mistakes.append(
+                    f"start.tare_max_n must be at most {limit_n:g} ({TARE_PER_INCREMENT:.0%} of the smallest "
+                    "increment to a load), because a load that is zeroed is missing from every later "
+                    f"reading, got {tare_max_n:g}"
+                )
+        if tare_max_n is None:
+            self.mistakes.append(
+                "start.tare_max_n is missing; add it, because the load frame is zeroed at the reference"
+            )
+
+    def _check_size(self) -> None:
+        if self.mistakes:
+            return
+        steps = self.course.steps()
+        if len(steps) > STEPS_MAX:
+            self.mistakes.append(
+                f"phases: at most {STEPS_MAX} steps are expected, got {len(steps)}; take images less often"
+            )
+            return
+        hours = math.fsum(time_s or 0.0 for time_s in motion_times_s(steps, None)) / 3600.0
+        if hours > HOURS_MAX:
+            self.mistakes.append(
+                f"phases: at most {HOURS_MAX} hours are expected, got {hours:.0f}; split the test"
+            )
