@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
-from dic import CorrectionSettings, Motion, StrainSettings
+from dic import CorrectionSettings, Motion, StrainSettings, SurfaceSettings
 from dic.commands.options import Chosen, Grouped, all_of, as_in_results, option, options, use
 from dic.commands.run_output import OutputOptions as RunOutputs
 from dic.commands.run_output import end_run, read_alignment
@@ -20,13 +20,10 @@ _FILE = click.Path(path_type=Path)
 
 @options
 class AnewOptions:
-    """Options for calibration, plate, motion and corrections; None means the value in RESULTS."""
+    """Options for calibration and alignments; None means the value in RESULTS."""
 
     calibration_file: Path | None = option(
         "--calibration", help="Calibration file, for a series of images.", common=True
-    )
-    plate_mm: float | None = option(
-        "--plate-mm", help="Distance of the surface behind the grid's lines, for a run."
     )
     alignments: tuple[str, ...] = option(
         "--alignment",
@@ -62,7 +59,7 @@ class AnewOptions:
         """Raise an error if an option of a run is given for a series, or an option of a series for a run."""
         from dic import CorrelationError
 
-        idle = {"--plate-mm": "anew_plate_mm"}
+        idle = {"--plate-mm": "surface_plate_mm"}
         if not series:
             idle = {"--calibration": "anew_calibration_file", "--motion": "assumed_kind"}
         for name, parameter in idle.items():
@@ -97,12 +94,14 @@ class OutputOptions:
     only=("kind", "poisson_ratio", "shift_std_um", "tilt_axis_mm"),
     common=("kind",),
 )
+@use("surface", SurfaceSettings, title="Motion")
 @use("outputs", OutputOptions, needs=COMMA_NEEDS)
 def strain(
     results: Path,
     strain: Chosen[StrainSettings],
     anew: AnewOptions,
     assumed: Chosen[Motion],
+    surface: Chosen[SurfaceSettings],
     outputs: OutputOptions,
 ) -> None:
     """Compute strain again from the displacement fields in RESULTS, without images and without correlation.
@@ -123,10 +122,10 @@ def strain(
     if series:
         _of_series(results, strain, anew, assumed, outputs, read)
     else:
-        _of_run(results, strain, anew, assumed, outputs, read)
+        _of_run(results, strain, anew, assumed, surface, outputs, read)
 
 
-as_in_results(strain, "strain", "anew", "assumed")
+as_in_results(strain, "strain", "anew", "assumed", "surface")
 
 
 def _of_series(
@@ -174,6 +173,7 @@ def _of_run(
     strain: Chosen[StrainSettings],
     anew: AnewOptions,
     assumed: Chosen[Motion],
+    surface: Chosen[SurfaceSettings],
     outputs: OutputOptions,
     read: list[Path | None],
 ) -> None:
@@ -207,7 +207,7 @@ def _of_run(
             outputs.output,
             strain=how,
             correcting=correcting,
-            plate_mm=anew.plate_mm,
+            plate_mm=surface.values["plate_mm"],
             on_image=bar.advance,
             inputs=[path for path in read if path is not None and path != results],
         )
