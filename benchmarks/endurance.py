@@ -28,7 +28,7 @@ from benchmarks.recorder import CAMERAS, START, header, noise
 from dic.runfile.digests import frame_digest
 from drivers.clock import SystemClock
 from drivers.interfaces import DeviceInfo, Frame, LoadFrameState
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
 
 PERIOD_S = 0.2
@@ -162,7 +162,7 @@ def endure(path: Path, minutes: float, recycle: bool) -> dict[str, Any]:
             filed = rows
             asked_s = clock.now_s()
             step = ProtocolStep(steps, "load", float(steps))
-            recorder.step(StepRecord(step, Reading(asked_s, float(steps)), taken)).result(60)
+            recorder.step(StepRecord(step, RigReading(asked_s, float(steps)), taken)).result(60)
             slowest_step_s = max(slowest_step_s, clock.now_s() - asked_s)
             steps += 1
             memory_mb.append(resident_mb())

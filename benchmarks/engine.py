@@ -102,7 +102,7 @@ class KernelAlone:
         pixels = np.full(shape, self._settings.subset_px**2)
 
         def work(rows: slice) -> None:
-            grid, seeds = kernel.Grid(self._x, self._y[rows], pixels[rows]), np.argwhere(pixels[rows])
+            grid, seeds = kernel.KernelGrid(self._x, self._y[rows], pixels[rows]), np.argwhere(pixels[rows])
             kernel.correlate_seeds(
                 self._reference, self._deformed, self._method, grid, seeds, solution.part(rows)
             )

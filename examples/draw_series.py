@@ -23,7 +23,7 @@ from simulators.scene.optics import PinholeCamera
 from simulators.scene.render import render
 from simulators.scene.scene import Misalignment, Surface
 from simulators.scene.sensor import Sensor
-from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 from simulators.scene.texture import DARK, LineGrid, Speckle
 
 Array = NDArray[np.float64]
@@ -72,7 +72,9 @@ def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
     rng = np.random.default_rng(7)
     strip = Strip(CoarseSpeckle.sprayed(3))
-    specimen = Specimen(SpecimenSettings(width_mm=WIDTH_MM, parallel_length_mm=40.0, grip_slip_mm=0.2))
+    specimen = SimulatedSpecimen(
+        SpecimenSettings(width_mm=WIDTH_MM, parallel_length_mm=40.0, grip_slip_mm=0.2)
+    )
     misalignment = Misalignment(loading_slope_y_deg=-0.1)
 
     def expose(name: str, surface: Surface) -> None:

@@ -13,6 +13,7 @@ last part tells the user what to do. After the start of a run, an error of the e
 the run, and `run_protocol` returns an `Outcome` with the error message.
 """
 
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from rig.devices import Rig, open_rig
     from rig.engine.engine import Engine
     from rig.engine.signals import aborting_on_signals
-    from rig.engine.status import AtRest, Outcome, State, Status
+    from rig.engine.status import AtRest, EngineStatus, Outcome, State
     from rig.errors import (
         Aborted,
         BadImage,
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     from rig.protocol.phased import PhasesProtocol
     from rig.protocol.protocol import Protocol, read_protocol
     from rig.protocol.rotation import RotationProtocol
-    from rig.protocol.step import ProtocolStep, Reading
+    from rig.protocol.step import ProtocolStep, RigReading
     from rig.protocol.tension import TensionProtocol
     from rig.recorder import InterlockRecord, Recorder, RunHeader, StepRecord
     from rig.replay.replay import Replay, replay_run
@@ -56,6 +57,7 @@ __all__ = [
     "CameraCheck",
     "DeviceEntry",
     "Engine",
+    "EngineStatus",
     "InterlockCheck",
     "InterlockRecord",
     "LimitViolation",
@@ -67,7 +69,6 @@ __all__ = [
     "Protocol",
     "ProtocolError",
     "ProtocolStep",
-    "Reading",
     "Recorder",
     "RecordingError",
     "Repair",
@@ -76,6 +77,7 @@ __all__ = [
     "RigError",
     "RigFacts",
     "RigFile",
+    "RigReading",
     "RotationProtocol",
     "RunFile",
     "RunFileError",
@@ -86,7 +88,6 @@ __all__ = [
     "SettleTimeout",
     "SpecimenBroken",
     "State",
-    "Status",
     "StepRecord",
     "TensionProtocol",
     "Verification",
@@ -112,7 +113,7 @@ _NAMES_OF = {
     "rig.devices": ("Rig", "open_rig"),
     "rig.engine.engine": ("Engine",),
     "rig.engine.signals": ("aborting_on_signals",),
-    "rig.engine.status": ("AtRest", "Outcome", "State", "Status"),
+    "rig.engine.status": ("AtRest", "Outcome", "State", "EngineStatus"),
     "rig.errors": (
         "Aborted",
         "BadImage",
@@ -129,13 +130,14 @@ _NAMES_OF = {
     "rig.protocol.phased": ("PhasesProtocol",),
     "rig.protocol.protocol": ("Protocol", "read_protocol"),
     "rig.protocol.rotation": ("RotationProtocol",),
-    "rig.protocol.step": ("ProtocolStep", "Reading"),
+    "rig.protocol.step": ("ProtocolStep", "RigReading"),
     "rig.protocol.tension": ("TensionProtocol",),
     "rig.recorder": ("InterlockRecord", "Recorder", "RunHeader", "StepRecord"),
     "rig.replay.replay": ("Replay", "replay_run"),
     "rig.rigfile": ("DeviceEntry", "RigFile", "read_rig"),
     "rig.run": ("plan_protocol", "run_protocol"),
 }
+_RENAMED = {"Reading": "RigReading", "Status": "EngineStatus"}
 _MODULE_OF = {name: module for module, names in _NAMES_OF.items() for name in names}
 
 
@@ -147,6 +149,9 @@ if not TYPE_CHECKING:  # hide this function from type checkers, because with it 
 
     def __getattr__(name: str) -> Any:
         """Load a public name from its module when it is first used (PEP 562)."""
+        if name in _RENAMED:
+            warnings.warn(f"rig.{name} is rig.{_RENAMED[name]} now", DeprecationWarning, stacklevel=2)
+            name = _RENAMED[name]
         if name not in _MODULE_OF:
             raise AttributeError(f"module 'rig' has no attribute {name!r}")
         value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)

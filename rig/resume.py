@@ -20,7 +20,7 @@ from dic.runfile.reader import RunFile
 from rig.devices import Rig
 from rig.errors import ProtocolError, RigError
 from rig.protocol.protocol import Protocol
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder.records import PHASE_ENDED, STEP_REACHED
 
 _TOLERANCES = 5.0
@@ -35,7 +35,7 @@ class ContinueError(RigError):
 
 
 @dataclass(frozen=True)
-class Earlier:
+class FinishedPart:
     """The finished part of a run.
 
     Attributes
@@ -43,11 +43,11 @@ class Earlier:
     path : Path
     run_id, sha256 : str
         The identity of the run, and the SHA-256 of its whole file.
-    readings : dict of int to Reading
+    readings : dict of int to RigReading
         The settled readings of the finished steps, by the step's number in the plan.
     next : ProtocolStep
         The first step that is not finished.
-    end : Reading
+    end : RigReading
         The last reading of the run.
     identities : dict of str to dict
         The identity of each device of the earlier run, such as its serial number.
@@ -56,12 +56,12 @@ class Earlier:
     path: Path
     run_id: str
     sha256: str
-    readings: dict[int, Reading]
+    readings: dict[int, RigReading]
     next: ProtocolStep
-    end: Reading
+    end: RigReading
     identities: dict[str, dict[str, object]]
 
-    def record(self, start: Reading) -> str:
+    def record(self, start: RigReading) -> str:
         """Return the JSON about the earlier run for the new run file."""
         names = ("load_n", "displacement_mm", "angle_deg")
         readings = {"ended": asdict(self.end), "begins": asdict(start)}
@@ -79,7 +79,7 @@ class Earlier:
         )
 
 
-def read_earlier(path: Path, protocol: Protocol, definition: str, configuration: str) -> Earlier:
+def read_earlier(path: Path, protocol: Protocol, definition: str, configuration: str) -> FinishedPart:
     """Read and verify the finished part of a run.
 
     Parameters
@@ -137,11 +137,11 @@ def read_earlier(path: Path, protocol: Protocol, definition: str, configuration:
                 identities[device] = run.identity(device)
                 end |= {name: float(table[name][-1]) for name in end if name in table and len(table[name])}
         digest = file_sha256(path)
-        last = Reading(0.0, end["load_n"], end["displacement_mm"], end["angle_deg"])
-        return Earlier(path, run.info.run_id, digest, readings, following, last, identities)
+        last = RigReading(0.0, end["load_n"], end["displacement_mm"], end["angle_deg"])
+        return FinishedPart(path, run.info.run_id, digest, readings, following, last, identities)
 
 
-def require_unchanged(earlier: Earlier, protocol: Protocol, rig: Rig) -> Reading:
+def require_unchanged(earlier: FinishedPart, protocol: Protocol, rig: Rig) -> RigReading:
     """Check that devices and readings are those at the end of the earlier run. Return the present reading.
 
     Raises
@@ -164,7 +164,7 @@ def require_unchanged(earlier: Earlier, protocol: Protocol, rig: Rig) -> Reading
             )
     state = None if rig.load_frame is None else rig.load_frame.read()
     stage = None if rig.stage is None else rig.stage.read()
-    start = Reading(
+    start = RigReading(
         rig.clock.now_s(),
         math.nan if state is None else state.load_n,
         math.nan if state is None else state.displacement_mm,
@@ -189,12 +189,12 @@ def require_unchanged(earlier: Earlier, protocol: Protocol, rig: Rig) -> Reading
     return start
 
 
-def _finished(run: RunFile) -> dict[int, Reading]:
+def _finished(run: RunFile) -> dict[int, RigReading]:
     """Return the readings of the finished steps, with and without images, by the steps' numbers."""
     earlier, steps = (run.earlier, run.own_steps) if isinstance(run, JoinedRun) else (None, run.steps)
     readings = {} if earlier is None else _finished(earlier)
     for step in steps:
-        readings[step.index] = Reading(step.time_s, step.load_n, step.displacement_mm, step.angle_deg)
+        readings[step.index] = RigReading(step.time_s, step.load_n, step.displacement_mm, step.angle_deg)
     events = run.columns("events")
     # Run files of earlier versions do not record the order of rows, so leave the events out.
     rows = list(zip(events["message"], events["order"], strict=True)) if "order" in events else []
@@ -210,7 +210,7 @@ def _finished(run: RunFile) -> dict[int, Reading]:
     return readings
 
 
-def _reading_before(run: RunFile, order: int) -> Reading:
+def _reading_before(run: RunFile, order: int) -> RigReading:
     """Return the last reading that was recorded before the row with the number `order`."""
     values = dict.fromkeys(_COLUMNS, math.nan)
     for device in ("stage", "load_frame"):
@@ -219,10 +219,10 @@ def _reading_before(run: RunFile, order: int) -> Reading:
         if row >= 0:
             values |= {name: float(table[name][row]) for name in _COLUMNS if name in table}
     time_s, load_n, displacement_mm, angle_deg = values.values()
-    return Reading(time_s, load_n, displacement_mm, angle_deg)
+    return RigReading(time_s, load_n, displacement_mm, angle_deg)
 
 
-def _following(protocol: Protocol, readings: dict[int, Reading]) -> ProtocolStep | str | None:
+def _following(protocol: Protocol, readings: dict[int, RigReading]) -> ProtocolStep | str | None:
     """Return the first unfinished step, or the reason why the run cannot continue there.
 
     If all steps are finished, return None.
@@ -234,9 +234,9 @@ def _following(protocol: Protocol, readings: dict[int, Reading]) -> ProtocolStep
     found: list[ProtocolStep] = []
     last = max(readings, default=-1)
 
-    def recall(step: ProtocolStep) -> Reading:
+    def recall(step: ProtocolStep) -> RigReading:
         if step.passed:
-            return Reading(0.0)  # return any reading, because a step that is left out has none
+            return RigReading(0.0)  # return any reading, because a step that is left out has none
         if step.index not in readings:
             found.append(step)
             raise Found
@@ -257,7 +257,7 @@ def _following(protocol: Protocol, readings: dict[int, Reading]) -> ProtocolStep
     return step
 
 
-def require_same_folder(earlier: Earlier, run_path: Path) -> None:
+def require_same_folder(earlier: FinishedPart, run_path: Path) -> None:
     """Require that the new run file is in the same folder as the earlier one.
 
     Raises

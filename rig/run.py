@@ -9,7 +9,7 @@ from rig.devices import Rig, open_rig, require_interlocks
 from rig.engine.devices import OnQuestion, unannounced
 from rig.engine.engine import Engine
 from rig.engine.signals import aborting_on_signals
-from rig.engine.status import Outcome, Status
+from rig.engine.status import EngineStatus, Outcome
 from rig.facts import confirm, facts_of_file, narrowed
 from rig.guardian.announced import announce
 from rig.guardian.guardian import Guardian, guarded
@@ -22,7 +22,7 @@ from rig.protocol.protocol import Protocol, read_protocol, read_protocol_text
 from rig.recorder import Recorder, StepRecord
 from rig.recorder.header import interlock_records, make_header
 from rig.recorder.room import make_room
-from rig.resume import Earlier, read_earlier, require_same_folder, require_unchanged
+from rig.resume import FinishedPart, read_earlier, require_same_folder, require_unchanged
 from rig.rigfile import RigFile, read_rig
 
 _NO_OPTIONS = NewsOptions()
@@ -64,7 +64,7 @@ def run_protocol(
     rig_path: str | Path,
     run_path: str | Path,
     *,
-    on_status: Iterable[Callable[[Status], None]] = (),
+    on_status: Iterable[Callable[[EngineStatus], None]] = (),
     on_step: Iterable[Callable[[StepRecord], None]] = (),
     on_progress: Callable[[bool], None] = lambda _: None,
     on_question: OnQuestion = unannounced,
@@ -137,14 +137,14 @@ def run_protocol(
         return told.end(replace(outcome, lost_devices=opened.lost_devices))
 
 
-def _read_earlier_run(path: Path, files: _ReadFiles, run_path: Path) -> Earlier:
+def _read_earlier_run(path: Path, files: _ReadFiles, run_path: Path) -> FinishedPart:
     """Read the earlier run, and require that the new run file is in the same folder."""
     earlier = read_earlier(path, files.protocol, files.definition, files.rig_file.text)
     require_same_folder(earlier, run_path)
     return earlier
 
 
-def _tell_continuing(earlier: Earlier, protocol: Protocol, rig: Rig, news: NewsOptions) -> str:
+def _tell_continuing(earlier: FinishedPart, protocol: Protocol, rig: Rig, news: NewsOptions) -> str:
     """Require that the machine is where the earlier run left it. Return the JSON about the earlier run."""
     start = require_unchanged(earlier, protocol, rig)
     news.on_continue(earlier, start)

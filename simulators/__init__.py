@@ -13,12 +13,13 @@ programs. Each device can also be used alone: a `StageDevice` with a `ZaberServe
 `LoadFrameDevice` with a `LoadFrameServer`, and a `SimulatedCamera` with a `Scene`.
 """
 
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from simulators.load_frame.device import LoadFrameDevice
-    from simulators.load_frame.layout import LAYOUTS, Layout
+    from simulators.load_frame.layout import LAYOUTS, RegisterLayout
     from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameServer
     from simulators.rig.camera import CameraSettings, SimulatedCamera
     from simulators.rig.simulation import Simulation
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from simulators.scene.exact_properties import exact_properties
     from simulators.scene.optics import PinholeCamera
     from simulators.scene.scene import Misalignment, Scene, Surface
-    from simulators.scene.specimen import Specimen, SpecimenSettings, SpecimenState
+    from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings, SpecimenState
     from simulators.stage.device import StageDevice
     from simulators.stage.newport import NewportServer
     from simulators.stage.zaber import ZaberServer
@@ -39,18 +40,18 @@ __all__ = [
     "CameraSettings",
     "Fault",
     "FaultPanel",
-    "Layout",
     "LoadFrameDevice",
     "LoadFrameRtuServer",
     "LoadFrameServer",
     "Misalignment",
     "NewportServer",
     "PinholeCamera",
+    "RegisterLayout",
     "RigFaults",
     "Scene",
     "SimulatedCamera",
+    "SimulatedSpecimen",
     "Simulation",
-    "Specimen",
     "SpecimenSettings",
     "SpecimenState",
     "StageDevice",
@@ -63,7 +64,7 @@ __all__ = [
 
 _NAMES_OF = {
     "simulators.load_frame.device": ("LoadFrameDevice",),
-    "simulators.load_frame.layout": ("LAYOUTS", "Layout"),
+    "simulators.load_frame.layout": ("LAYOUTS", "RegisterLayout"),
     "simulators.load_frame.modbus": ("LoadFrameRtuServer", "LoadFrameServer"),
     "simulators.rig.camera": ("CameraSettings", "SimulatedCamera"),
     "simulators.rig.simulation": ("Simulation",),
@@ -71,13 +72,14 @@ _NAMES_OF = {
     "simulators.scene.exact_properties": ("exact_properties",),
     "simulators.scene.optics": ("PinholeCamera",),
     "simulators.scene.scene": ("Misalignment", "Scene", "Surface"),
-    "simulators.scene.specimen": ("Specimen", "SpecimenSettings", "SpecimenState"),
+    "simulators.scene.specimen": ("SimulatedSpecimen", "SpecimenSettings", "SpecimenState"),
     "simulators.stage.device": ("StageDevice",),
     "simulators.stage.newport": ("NewportServer",),
     "simulators.stage.zaber": ("ZaberServer",),
     "simulators.wire.faults": ("FAULTS", "Fault", "FaultPanel"),
     "simulators.wire.rig_faults": ("RigFaults",),
 }
+_RENAMED = {"Layout": "RegisterLayout", "Specimen": "SimulatedSpecimen"}
 _MODULE_OF = {name: module for module, names in _NAMES_OF.items() for name in names}
 
 
@@ -89,6 +91,11 @@ if not TYPE_CHECKING:  # with this function visible, type checkers would accept 
 
     def __getattr__(name: str) -> Any:
         """Load a public name from its module when it is first used (PEP 562)."""
+        if name in _RENAMED:
+            warnings.warn(
+                f"simulators.{name} is simulators.{_RENAMED[name]} now", DeprecationWarning, stacklevel=2
+            )
+            name = _RENAMED[name]
         if name not in _MODULE_OF:
             raise AttributeError(f"module 'simulators' has no attribute {name!r}")
         value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)

@@ -13,7 +13,7 @@ import numpy as np
 
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame, LoadFrameState
 from rig.protocol.grid import Grid
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.protocol.tables import Sample
 from rig.recorder import Recorder, RunHeader, StepRecord
 
@@ -51,7 +51,7 @@ def write_run(path: Path, loads: int = 4, first: int = 0, header: RunHeader = HE
             recorder.load_frame_state(LoadFrameState(index, 0.1, False, True, True, index, (), float(index)))
             frames = {name: (recorder.frame(name, take(info, index)), 1) for name, info in CAMERAS.items()}
             step = ProtocolStep(index, kind, 1000.0 * index if kind == "load" else np.nan)
-            recorder.step(StepRecord(step, Reading(float(index), 1000.0 * index), frames)).result(20)
+            recorder.step(StepRecord(step, RigReading(float(index), 1000.0 * index), frames)).result(20)
             recorder.event(float(index), "info", "engine", "step")
     return path
 

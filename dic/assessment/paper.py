@@ -56,7 +56,7 @@ class ErrorStatistics:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class PaperSweep:
     """A series of simulated cameras in which one angle or distortion coefficient is varied.
 
     Attributes
@@ -88,8 +88,8 @@ class Sweep:
 _ANGLES = tuple(float(angle) for angle in range(31))
 _DISTORTIONS = tuple(float(k) for k in 10.0 ** np.linspace(-9, -7, 17))
 SWEEPS = (
-    Sweep("pan", "pan", "pan angle, °", _ANGLES, lambda a: Pinhole.swung(pan_deg=a), 2),
-    Sweep(
+    PaperSweep("pan", "pan", "pan angle, °", _ANGLES, lambda a: Pinhole.swung(pan_deg=a), 2),
+    PaperSweep(
         "pan_tilt",
         "pan = tilt",
         "pan angle = tilt angle, °",
@@ -97,7 +97,7 @@ SWEEPS = (
         lambda a: Pinhole.swung(pan_deg=a, tilt_deg=a),
         6,
     ),
-    Sweep(
+    PaperSweep(
         "pincushion",
         "pan 15°, pincushion distortion",
         "distortion coefficient, 1/px²",
@@ -105,7 +105,7 @@ SWEEPS = (
         lambda k: Pinhole.swung(pan_deg=15.0, k1_per_px2=k),
         9,
     ),
-    Sweep(
+    PaperSweep(
         "barrel",
         "pan 15°, barrel distortion",
         "distortion coefficient, 1/px²",
@@ -141,7 +141,7 @@ def statistics(camera: Pinhole, points: PointSet) -> ErrorStatistics:
 class Row:
     """The statistics of the error for one simulated camera of a sweep and one set of points."""
 
-    sweep: Sweep
+    sweep: PaperSweep
     value: float
     points: PointSet
     error: ErrorStatistics
@@ -157,7 +157,7 @@ def assess() -> list[Row]:
     ]
 
 
-def claim_limit(sweep: Sweep) -> float | None:
+def claim_limit(sweep: PaperSweep) -> float | None:
     """Return the angle or distortion coefficient of a sweep at which the largest error reaches 0.02 px.
 
     Helm and Deaner claim that errors are below 0.02 px. The largest error is taken over the points of the

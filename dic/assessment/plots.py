@@ -12,9 +12,9 @@ from dic.assessment.paper import (
     OVERSIZED,
     POINT_SETS,
     SWEEPS,
+    PaperSweep,
     PointSet,
     Row,
-    Sweep,
     back_projected_error,
 )
 from dic.calibration.pinhole.camera import Pinhole
@@ -67,7 +67,7 @@ def plot_assessment(assessment: Assessment, folder: PathLike) -> list[Path]:
     return sorted(paths)
 
 
-def _draw_sweep(axes: Any, rows: Sequence[Row], sweep: Sweep, points: PointSet) -> None:
+def _draw_sweep(axes: Any, rows: Sequence[Row], sweep: PaperSweep, points: PointSet) -> None:
     shown = [row for row in rows if row.sweep is sweep and row.points is points]
     values = [abs(row.value) for row in shown]
     for name, label, style in _CURVES:

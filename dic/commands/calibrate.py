@@ -51,7 +51,7 @@ class CameraOptions:
 
 
 @options
-class OutputOptions:
+class CalibrationOutputOptions:
     """Options that name the output files of `dic calibrate`."""
 
     output: Path | None = option("-o", "--output", help="Calibration file, HDF5.")
@@ -78,7 +78,7 @@ class OutputOptions:
     " that carries them.  [default: 0]",
 )
 @use("camera", CameraOptions)
-@use("outputs", OutputOptions)
+@use("outputs", CalibrationOutputOptions)
 @FORCE
 def calibrate(
     images: tuple[Path, ...],
@@ -86,7 +86,7 @@ def calibrate(
     model: Literal["bicubic", "pinhole", "recommended"],
     plate_mm: float,
     camera: CameraOptions,
-    outputs: OutputOptions,
+    outputs: CalibrationOutputOptions,
     force: bool,
 ) -> None:
     """Find the calibration target in the first of IMAGES and fit the map from pixels to millimetres.

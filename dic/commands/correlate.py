@@ -11,8 +11,8 @@ from dic.commands.map_options import MapOutputs, map_options, map_outputs
 from dic.commands.options import Chosen, Grouped, all_of, gather
 from dic.commands.series_options import (
     AlignmentOptions,
-    OutputOptions,
     RegionOptions,
+    SeriesOutputOptions,
     StartOptions,
     alignment_options,
     motion_options,
@@ -50,7 +50,7 @@ class Given:
     start: StartOptions
     assumed: Chosen[Motion]
     alignment: AlignmentOptions
-    outputs: OutputOptions
+    outputs: SeriesOutputOptions
     maps: MapOutputs
     drawn: Chosen[MapSettings]
 
@@ -170,7 +170,7 @@ def _require_places(
     inputs: "Sequence[Path | None]",
     written: "Sequence[Path | None]",
     new_folders: "Sequence[Path]",
-    outputs: OutputOptions,
+    outputs: SeriesOutputOptions,
 ) -> None:
     """Raise an error if an output file cannot be written; an unfinished result may be continued."""
     from dic.results.place import outputs_of

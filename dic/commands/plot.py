@@ -80,7 +80,7 @@ source_options = use("source", SourceOptions)
 
 
 @dataclass(frozen=True)
-class Picture:
+class PictureOptions:
     """The groups of options of a picture."""
 
     places: PlotOutputs
@@ -89,7 +89,7 @@ class Picture:
 
 def picture_options(command: Command) -> Command:
     """Add the options of a picture to a command, which gets them as the argument `picture`."""
-    decorated = gather("picture", Picture)(command)
+    decorated = gather("picture", PictureOptions)(command)
     return use("places", PlotOutputs)(use("size", PlotSettings)(decorated))
 
 
@@ -117,7 +117,7 @@ def gauges(
     load: str | None,
     time: str | None,
     record: RecordOptions,
-    picture: Picture,
+    picture: PictureOptions,
 ) -> None:
     """Draw gauges in one picture, against the number of the image, time or load.
 
@@ -160,7 +160,7 @@ def cuts(
     quantity: str,
     images: str,
     source: SourceOptions,
-    picture: Picture,
+    picture: PictureOptions,
 ) -> None:
     """Draw displacement or strain along line cuts, in one or several images.
 

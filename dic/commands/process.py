@@ -8,8 +8,8 @@ import click
 
 from dic import CorrectionSettings, CorrelationSettings, ReferenceSettings, StrainSettings, SurfaceSettings
 from dic.commands.options import Chosen, Grouped, all_of, option, options, use
-from dic.commands.run_output import OutputOptions, problems, read_alignment
-from dic.commands.run_regions import RegionOptions, region_options
+from dic.commands.run_output import RunOutputOptions, problems, read_alignment
+from dic.commands.run_regions import RunRegionOptions, region_options
 from dic.commands.settings_file import settings_option, used_settings_file
 from dic.commands.shared_options import COMMA_NEEDS, correlation_options, reference_options, strain_options
 from dic.commands.worker_options import chosen_workers, worker_options
@@ -19,7 +19,7 @@ _FILE = click.Path(path_type=Path)
 
 
 @options
-class AlignmentOptions:
+class RunAlignmentOptions:
     """Options for the alignments of a run's cameras on a rotation stage."""
 
     alignments: tuple[str, ...] = option(
@@ -55,18 +55,18 @@ class AlignmentOptions:
 @strain_options
 @region_options
 @use("assumed", CorrectionSettings, title="Motion", only=("poisson_ratio", "shift_std_um", "tilt_axis_mm"))
-@use("motion", AlignmentOptions)
-@use("outputs", OutputOptions, needs=COMMA_NEEDS)
+@use("motion", RunAlignmentOptions)
+@use("outputs", RunOutputOptions, needs=COMMA_NEEDS)
 def process(
     runs: tuple[Path, ...],
     surface: Chosen[SurfaceSettings],
     correlation: Chosen[CorrelationSettings],
     references: Chosen[ReferenceSettings],
     strain: Chosen[StrainSettings],
-    region: RegionOptions,
+    region: RunRegionOptions,
     assumed: Chosen[CorrectionSettings],
-    motion: AlignmentOptions,
-    outputs: OutputOptions,
+    motion: RunAlignmentOptions,
+    outputs: RunOutputOptions,
 ) -> None:
     """Calibrate every camera of a RUN file, correlate the images of every step, and print the strains.
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @options
-class OutputOptions:
+class RunOutputOptions:
     """Options that name the output files of `dic process`."""
 
     output: Path | None = option(

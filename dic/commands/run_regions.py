@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 @options
-class RegionOptions:
+class RunRegionOptions:
     """Options for the region to measure, each with the name of the camera that it belongs to."""
 
     rois: tuple[str, ...] = option(
@@ -84,4 +84,4 @@ class RegionOptions:
         return found
 
 
-region_options = use("region", RegionOptions)
+region_options = use("region", RunRegionOptions)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dic.commands.run_output import OutputOptions, problems, save_alignments
+from dic.commands.run_output import RunOutputOptions, problems, save_alignments
 from dic.errors import MeasurementError, OutputError, WorkerError
 from dic.shell.console import COULD_NOT, fail, say, sentence_of
 
@@ -42,7 +42,7 @@ class RunWork:
         Files with settings, regions and gauges; None means "no file".
     alignments : Path or None
         Folder for alignments.
-    outputs : OutputOptions
+    outputs : RunOutputOptions
     of_several : bool
         True for one run of several. Of such a run, known results are not printed again.
     """
@@ -55,7 +55,7 @@ class RunWork:
     gauges: "tuple[Gauge, ...]"
     inputs: Sequence[Path | None]
     alignments: Path | None
-    outputs: OutputOptions
+    outputs: RunOutputOptions
     of_several: bool = False
 
     def of_run(self, run: Path) -> "RunWork":

@@ -194,7 +194,7 @@ motion_options = use(
 
 
 @options
-class OutputOptions:
+class SeriesOutputOptions:
     """Options that name the output files of `dic correlate`."""
 
     output: Path | None = option("-o", "--output", help="Result file, HDF5.", common=True)
@@ -231,4 +231,4 @@ class OutputOptions:
         return SeriesFiles(self.output, *folders, deformed, maps.file_format, sheets, gauges)
 
 
-output_options = use("outputs", OutputOptions, needs=COMMA_NEEDS | {"--fields-from": ["-o"]})
+output_options = use("outputs", SeriesOutputOptions, needs=COMMA_NEEDS | {"--fields-from": ["-o"]})

@@ -9,8 +9,7 @@ from click.core import ParameterSource
 
 from dic import CorrectionSettings, Motion, StrainSettings, SurfaceSettings
 from dic.commands.options import Chosen, Grouped, all_of, as_in_results, option, options, use
-from dic.commands.run_output import OutputOptions as RunOutputs
-from dic.commands.run_output import end_run, read_alignment
+from dic.commands.run_output import RunOutputOptions, end_run, read_alignment
 from dic.commands.settings_file import settings_option, used_settings_file
 from dic.commands.shared_options import COMMA_NEEDS, comma, csv, force, json_file, strain_options
 from dic.shell.output_paths import require_places
@@ -72,7 +71,7 @@ class AnewOptions:
 
 
 @options
-class OutputOptions:
+class StrainOutputOptions:
     """Options that name the output files of `dic strain`."""
 
     output: Path | None = option("-o", "--output", help="New result file, HDF5.", common=True)
@@ -95,14 +94,14 @@ class OutputOptions:
     common=("kind",),
 )
 @use("surface", SurfaceSettings, title="Motion")
-@use("outputs", OutputOptions, needs=COMMA_NEEDS)
+@use("outputs", StrainOutputOptions, needs=COMMA_NEEDS)
 def strain(
     results: Path,
     strain: Chosen[StrainSettings],
     anew: AnewOptions,
     assumed: Chosen[Motion],
     surface: Chosen[SurfaceSettings],
-    outputs: OutputOptions,
+    outputs: StrainOutputOptions,
 ) -> None:
     """Compute strain again from the displacement fields in RESULTS, without images and without correlation.
 
@@ -133,7 +132,7 @@ def _of_series(
     strain: Chosen[StrainSettings],
     anew: AnewOptions,
     assumed: Chosen[Motion],
-    outputs: OutputOptions,
+    outputs: StrainOutputOptions,
     read: list[Path | None],
 ) -> None:
     from dic import MapSettings, load_series_result
@@ -174,7 +173,7 @@ def _of_run(
     anew: AnewOptions,
     assumed: Chosen[Motion],
     surface: Chosen[SurfaceSettings],
-    outputs: OutputOptions,
+    outputs: StrainOutputOptions,
     read: list[Path | None],
 ) -> None:
     from dic import load_run_result, strain_of_run
@@ -189,7 +188,7 @@ def _of_run(
     how, correcting = all_of(
         partial(strain.settings, known), partial(anew.of_run, assumed, result.correcting)
     )
-    places = RunOutputs(
+    places = RunOutputOptions(
         outputs.output,
         None,
         outputs.csv_folder,

@@ -83,7 +83,7 @@ _SHARED = ("order", "min_zncc", "smoothing_px")
 
 
 @options
-class OutputOptions:
+class StudyOutputOptions:
     """Options that name the output files of `dic study`."""
 
     json_file: Path | None = option("--json", help="JSON file of all combinations.")
@@ -112,7 +112,7 @@ def _numbers(option: str, text: str) -> tuple[int, ...]:
 @use("shared", CorrelationSettings, title="In all combinations", only=_SHARED)
 @use("strain", StrainSettings, title="In all combinations", only=("measure",))
 @region_options
-@use("outputs", OutputOptions)
+@use("outputs", StudyOutputOptions)
 @each_warning_once()
 def study(
     reference: Path,
@@ -123,7 +123,7 @@ def study(
     shared: Chosen[CorrelationSettings],
     strain: Chosen[StrainSettings],
     region: RegionOptions,
-    outputs: OutputOptions,
+    outputs: StudyOutputOptions,
 ) -> None:
     """Predict the error of strain for many settings on the REFERENCE image, and recommend settings.
 
@@ -164,7 +164,7 @@ def study(
         plot_study(found, outputs.picture)
 
 
-def _write(found: "Study", reference: Path, outputs: OutputOptions) -> None:
+def _write(found: "Study", reference: Path, outputs: StudyOutputOptions) -> None:
     from dic.shell.console import say
 
     if outputs.json_file is not None:

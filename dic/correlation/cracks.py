@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dic.correlation.kernel import Reference
+from dic.correlation.kernel import KernelReference
 from dic.image.point_grid import PointGrid, connected_part
 from dic.typing import Mask
 
@@ -15,12 +15,12 @@ _NEIGHBOUR_REACH = 3
 """Largest distance of a point beside a crack from the neighbour that gives its first guess, in grid steps."""
 
 
-def limited_to(reference: Reference, x: int, y: int, usable: Mask, radius: int) -> Reference:
+def limited_to(reference: KernelReference, x: int, y: int, usable: Mask, radius: int) -> KernelReference:
     """Return a reference that holds one subset only, without the pixels beyond a crack.
 
     Parameters
     ----------
-    reference : Reference
+    reference : KernelReference
     x, y : int
         Centre of the subset. A pixel of the subset is hidden if a crack separates it from the centre.
     usable : ndarray of bool, shape (height, width)

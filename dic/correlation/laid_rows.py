@@ -41,19 +41,19 @@ class LaidReference:
         self._image, self._usable, self._order, self._mean = image, usable, order, mean
         self.in_bands = is_large(image.shape)
         self._flat_variance: float | None = None
-        self._whole: kernel.Reference | None = None
+        self._whole: kernel.KernelReference | None = None
         if self.in_bands:
             self._flat_variance = _flat_variance(image, usable)
         else:
             self._whole = self._laid(slice(0, image.shape[0]), threads)
 
-    def rows(self, first: int, last: int) -> kernel.Reference:
+    def rows(self, first: int, last: int) -> kernel.KernelReference:
         """Return a reference with the rows from `first` to `last` - 1; rows outside the image are ignored."""
         if self._whole is not None:
             return self._whole
         return self._laid(slice(max(0, first), min(self._image.shape[0], last)), 1)
 
-    def _laid(self, rows: slice, threads: int) -> kernel.Reference:
+    def _laid(self, rows: slice, threads: int) -> kernel.KernelReference:
         spline = spline_of_rows(self._image, self._order, rows, threads)
         usable, flat = self._usable[rows], self._flat_variance
         return kernel.lay_reference(spline, usable, self._mean, threads, top=rows.start, flat_variance=flat)

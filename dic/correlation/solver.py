@@ -79,7 +79,7 @@ class Solver:
 
     def _correlate(
         self,
-        image: kernel.Reference,
+        image: kernel.KernelReference,
         deformed: kernel.Deformed,
         indices: Indices,
         chosen: Indices,
@@ -94,7 +94,7 @@ class Solver:
         columns, column = np.unique(indices[chosen, 1], return_inverse=True)
         small = kernel.Solution.empty((len(rows), len(columns)), self._reference.settings.parameters)
         small.put((row, column), solution.part(chosen))
-        small_grid = kernel.Grid(grid.x[columns], grid.y[rows], grid.pixels[np.ix_(rows, columns)])
+        small_grid = kernel.KernelGrid(grid.x[columns], grid.y[rows], grid.pixels[np.ix_(rows, columns)])
         seeds = np.stack([row, column], axis=1)
         kernel.correlate_seeds(image, deformed, self._method, small_grid, seeds, small)
         solution.put((chosen,), small.part((row, column)))
@@ -171,7 +171,7 @@ class Solver:
             return
         if prepared is not None:
             prepared = kernel.Prepared(prepared.known[rows], prepared.records[rows])
-        band = kernel.Grid(grid.x, grid.y[rows], grid.pixels[rows])
+        band = kernel.KernelGrid(grid.x, grid.y[rows], grid.pixels[rows])
         laid = self._reference.image
         if not laid.in_bands:
             image, deformed = laid.rows(0, 0), self._deformed.rows(0, 0)

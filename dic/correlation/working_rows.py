@@ -21,7 +21,7 @@ _SAMPLE = 2000
 """Number of converged points from which the motion of a band is estimated."""
 
 
-class Strip(NamedTuple):
+class PointStrip(NamedTuple):
     """Points that are solved with the same rows of both images.
 
     Attributes
@@ -37,7 +37,7 @@ class Strip(NamedTuple):
     there: Rows
 
 
-def strips(points: Indices, warps: Float, radius: int, *, whole: bool) -> Iterator[Strip]:
+def strips(points: Indices, warps: Float, radius: int, *, whole: bool) -> Iterator[PointStrip]:
     """Divide points into strips of rows.
 
     Parameters
@@ -54,7 +54,7 @@ def strips(points: Indices, warps: Float, radius: int, *, whole: bool) -> Iterat
     if not len(points):
         return
     if whole:
-        yield Strip(np.arange(len(points)), (0, 0), (0, 0))
+        yield PointStrip(np.arange(len(points)), (0, 0), (0, 0))
         return
     order = np.argsort(points[:, 1], kind="stable")
     y = points[order, 1]
@@ -63,7 +63,7 @@ def strips(points: Indices, warps: Float, radius: int, *, whole: bool) -> Iterat
         last = int(np.searchsorted(y, y[first] + _STRIP_PX, side="right"))
         members = order[first:last]
         here = int(y[first]) - radius, int(y[last - 1]) + radius + 1
-        yield Strip(members, here, _rows_of_guesses(points[members, 1], warps[members], radius))
+        yield PointStrip(members, here, _rows_of_guesses(points[members, 1], warps[members], radius))
         first = last
 
 
@@ -76,7 +76,7 @@ def _rows_of_guesses(y: Indices, warps: Float, radius: int) -> Rows:
 
 
 def propagation_rows(
-    grid: kernel.Grid, solution: kernel.Solution, radius: int, height: int
+    grid: kernel.KernelGrid, solution: kernel.Solution, radius: int, height: int
 ) -> Iterator[Rows]:
     """Yield rows of the deformed image that may show the points of some rows of the grid.
 
@@ -85,7 +85,7 @@ def propagation_rows(
 
     Parameters
     ----------
-    grid : kernel.Grid
+    grid : kernel.KernelGrid
         The points.
     solution : kernel.Solution
         The results of these points; some of them have converged.

@@ -18,7 +18,7 @@ from dic.pipeline.measured_images import CameraView, MeasuredImage, require_came
 from dic.pipeline.result import SeriesResult
 from dic.pipeline.result_file import Loaded, Results, with_results
 from dic.pipeline.series_image import of_page
-from dic.results.job import Outcome, content_of
+from dic.results.job import ImageOutcome, content_of
 from dic.typing import PathLike
 
 _DPI = 130
@@ -91,7 +91,7 @@ def measure_gauges(results: Results, gauges: Sequence[Gauge], *, camera: str | N
 def _read_all(results: Loaded, gauges: Sequence[Gauge], camera: str | None) -> GaugeSeries:
     images = tuple(_images(results, gauges, camera))
     source, run = getattr(results, "source", ""), getattr(results, "info", None)
-    outcomes: Sequence[Outcome] | None = getattr(results, "outcomes", None)
+    outcomes: Sequence[ImageOutcome] | None = getattr(results, "outcomes", None)
     found = GaugeSeries(source, tuple(gauges), images, outcomes is None or bool(outcomes), run)
     if not isinstance(results, SeriesResult):
         return found
@@ -173,7 +173,7 @@ def _images(results: Loaded, gauges: Sequence[Gauge], camera: str | None) -> Ite
             yield reader.read(image, **{name: known[name] for name in _KNOWN if name in known})
 
 
-def _contents(images: Sequence[GaugeImage], outcomes: Sequence[Outcome]) -> tuple[str, ...]:
+def _contents(images: Sequence[GaugeImage], outcomes: Sequence[ImageOutcome]) -> tuple[str, ...]:
     """Return the content of each image of a result file; an empty tuple for files of earlier versions.
 
     The stored content depends on the expected motion of the specimen. So it is used only for an image that

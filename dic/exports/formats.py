@@ -9,21 +9,23 @@ if TYPE_CHECKING:
     from dic.exports.image import Exporter, ExportSeries
 
 
-class Format(NamedTuple):
+class ExportFormat(NamedTuple):
     """The class that writes a format, as text, and what the files are or which program reads them."""
 
     exporter: str
     about: str
 
 
-EXPORTS: Mapping[str, Format] = {
-    "csv": Format("dic.exports.tables:CsvExporter", "tables"),
-    "tiff": Format("dic.exports.tiff:TiffExporter", "one picture of floating point per value and image"),
-    "vtk": Format("dic.exports.vtk:VtkExporter", "ParaView"),
-    "mat": Format("dic.exports.arrays:MatlabExporter", "MATLAB"),
-    "npz": Format("dic.exports.arrays:NumpyExporter", "NumPy"),
-    "netcdf": Format("dic.exports.netcdf:NetcdfExporter", "xarray"),
-    "dice": Format("dic.exports.dice:DiceExporter", "text in the columns of DICe"),
+EXPORTS: Mapping[str, ExportFormat] = {
+    "csv": ExportFormat("dic.exports.tables:CsvExporter", "tables"),
+    "tiff": ExportFormat(
+        "dic.exports.tiff:TiffExporter", "one picture of floating point per value and image"
+    ),
+    "vtk": ExportFormat("dic.exports.vtk:VtkExporter", "ParaView"),
+    "mat": ExportFormat("dic.exports.arrays:MatlabExporter", "MATLAB"),
+    "npz": ExportFormat("dic.exports.arrays:NumpyExporter", "NumPy"),
+    "netcdf": ExportFormat("dic.exports.netcdf:NetcdfExporter", "xarray"),
+    "dice": ExportFormat("dic.exports.dice:DiceExporter", "text in the columns of DICe"),
 }
 """The formats by their names; the class of a format is imported only when the format is used."""
 

@@ -46,7 +46,7 @@ _READ_BYTES_MAX = 16 << 20
 _FILTERS = {h5py.h5z.FILTER_FLETCHER32, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE}
 
 
-class Refusal(Exception):
+class RefusedFileError(Exception):
     """The file is refused. The message names the object that is the reason."""
 
 
@@ -88,7 +88,7 @@ def inspect(path: Path) -> None:
 
     Raises
     ------
-    Refusal
+    RefusedFileError
         If the file contains an object that files of this program never contain.
     Exception
         If the file is damaged. The type of the exception depends on the damage.
@@ -96,7 +96,7 @@ def inspect(path: Path) -> None:
     try:
         opened = open_for_reading(path)
     except OSError as error:
-        raise Refusal(
+        raise RefusedFileError(
             LOCKED if error.errno in _IN_USE else "a file that was cut off or is no HDF5"
         ) from error
     with opened as file:
@@ -122,7 +122,7 @@ class Walk:
         for key in identifier:
             place = f"{name.rstrip('/')}/{key.decode()}"
             if identifier.links.get_info(key).type != h5py.h5l.TYPE_HARD:
-                raise Refusal(f"the link {place} to another place or file")
+                raise RefusedFileError(f"the link {place} to another place or file")
             child = h5py.h5o.open(identifier, key)
             if isinstance(child, h5py.h5g.GroupID):
                 self.group(child, place, depth + 1)
@@ -130,17 +130,17 @@ class Walk:
                 self._enter(child, place, depth + 1)
                 self.dataset(child, place)
             else:
-                raise Refusal(f"the data type {place}, which is neither a group nor a data set")
+                raise RefusedFileError(f"the data type {place}, which is neither a group nor a data set")
 
     def _enter(self, identifier: Any, name: str, depth: int) -> None:
         info = h5py.h5o.get_info(identifier)
         if depth > _DEPTH_MAX or len(self._seen) >= _OBJECTS_MAX:
-            raise Refusal(f"too many groups and data sets, at {name}")
+            raise RefusedFileError(f"too many groups and data sets, at {name}")
         if info.addr in self._seen or info.rc != 1:
-            raise Refusal(f"{name}, which has two names in the file")
+            raise RefusedFileError(f"{name}, which has two names in the file")
         self._seen.add(info.addr)
         if info.num_attrs > _ATTRIBUTES_MAX:
-            raise Refusal(f"{info.num_attrs} attributes of {name}")
+            raise RefusedFileError(f"{info.num_attrs} attributes of {name}")
         for number in range(info.num_attrs):
             self._attribute(h5py.h5a.open(identifier, index=number), name)
 
@@ -150,7 +150,7 @@ class Walk:
         _require_plain(kind, place)
         size = space.get_simple_extent_npoints() * kind.get_size()
         if size > _ATTRIBUTE_BYTES_MAX:
-            raise Refusal(f"{place}, of {size} bytes")
+            raise RefusedFileError(f"{place}, of {size} bytes")
         # The type and the size of the attribute are acceptable, so read the value as well.
         if size:
             attribute.read(np.empty(space.shape, kind.dtype))
@@ -160,21 +160,23 @@ class Walk:
         kind, space, properties = dataset.get_type(), dataset.get_space(), dataset.get_create_plist()
         _require_plain(kind, name)
         if properties.get_external_count():
-            raise Refusal(f"{name}, whose data are stored in another file")
+            raise RefusedFileError(f"{name}, whose data are stored in another file")
         layout = properties.get_layout()
         if layout == h5py.h5d.VIRTUAL:
-            raise Refusal(f"{name}, whose data are views of other files")
+            raise RefusedFileError(f"{name}, whose data are views of other files")
         for number in range(properties.get_nfilters()):
             if properties.get_filter(number)[0] not in _FILTERS:
-                raise Refusal(f"{name}, compressed by an unknown filter")
+                raise RefusedFileError(f"{name}, compressed by an unknown filter")
         if space.get_simple_extent_type() == h5py.h5s.NULL or len(space.shape) > _RANK_MAX:
             dimensions = "no" if space.get_simple_extent_type() == h5py.h5s.NULL else len(space.shape)
-            raise Refusal(f"{name}, of {dimensions} dimensions")
+            raise RefusedFileError(f"{name}, of {dimensions} dimensions")
         size = prod(space.shape) * kind.get_size()
         chunk = prod(properties.get_chunk()) * kind.get_size() if layout == h5py.h5d.CHUNKED else 0
         self._left_bytes -= size
         if max(size, chunk) > self._declared_bytes_max or self._left_bytes < 0:
-            raise Refusal(f"{name}, with {max(size, chunk)} bytes declared in a file that holds far less")
+            raise RefusedFileError(
+                f"{name}, with {max(size, chunk)} bytes declared in a file that holds far less"
+            )
         if layout == h5py.h5d.CHUNKED:
             dataset.chunk_iter(lambda _: None)
         if 0 < size <= _READ_BYTES_MAX and len(space.shape) < 3:
@@ -185,14 +187,14 @@ def _require_plain(kind: Any, place: str) -> None:
     """Refuse a data type if it is not a number, a truth value or a text."""
     plain = isinstance(kind, h5py.h5t.TypeIntegerID | h5py.h5t.TypeFloatID | h5py.h5t.TypeStringID)
     if not plain and not isinstance(kind, h5py.h5t.TypeEnumID):
-        raise Refusal(f"{place}, which is neither a number nor a text")
+        raise RefusedFileError(f"{place}, which is neither a number nor a text")
 
 
 def _report(path: Path) -> str:
     """Return the reason why a file is refused, or an empty text if the file is good."""
     try:
         inspect(path)
-    except Refusal as refusal:
+    except RefusedFileError as refusal:
         return " ".join(str(refusal).split())
     except Exception as error:
         return f"a damaged file ({type(error).__name__})"

@@ -22,7 +22,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from dic.hdf5.inspection import Refusal, Walk, limit_memory, open_for_reading
+from dic.hdf5.inspection import RefusedFileError, Walk, limit_memory, open_for_reading
 from dic.hdf5.inspector import environment
 from dic.hdf5.open import NotReadable
 from dic.typing import Float
@@ -85,7 +85,7 @@ def elements_of(file: Any, wanted: Mapping[str, int], walk: Walk) -> list[Elemen
 
     Raises
     ------
-    Refusal
+    RefusedFileError
         If an object on the way holds something else than numbers in this file.
     """
     return [_element(file, name.split("/"), number, walk) for name, number in wanted.items()]
@@ -98,7 +98,7 @@ def _element(file: Any, names: list[str], number: int, walk: Walk) -> Element:
         if not isinstance(place, h5py.Group) or name not in place:
             return Element(0, None)
         if not isinstance(place.get(name, getlink=True), h5py.HardLink):
-            raise Refusal(f"the link {name} to another place or file")
+            raise RefusedFileError(f"the link {name} to another place or file")
         place = place[name]
     if not isinstance(place, h5py.Dataset):
         return Element(1, None)
@@ -132,7 +132,7 @@ if __name__ == "__main__":
         limit_memory()
     try:
         _answer(Path(sys.argv[1]))
-    except Refusal as refusal:
+    except RefusedFileError as refusal:
         sys.exit(str(refusal))
     except Exception as error:
         # The type of the exception depends on the damage.

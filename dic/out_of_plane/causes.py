@@ -56,7 +56,7 @@ def places() -> Mapping[str, slice]:
 
 
 @dataclass(frozen=True)
-class Sight:
+class CameraSight:
     """The positions of a specimen's points as one camera measures them.
 
     Attributes
@@ -92,13 +92,13 @@ class Sight:
 
 
 def fields(
-    sight: Sight, plane: Plane, gradient: Float, poisson_ratio: float, along: Float, per_slope_mm: Float
+    sight: CameraSight, plane: Plane, gradient: Float, poisson_ratio: float, along: Float, per_slope_mm: Float
 ) -> Float:
     """Return the fields of all causes, shape (n, 2, 19), in the order of `SIZES`.
 
     Parameters
     ----------
-    sight : Sight
+    sight : CameraSight
     plane : Plane
         Plane of the deformed specimen. The causes out of the plane are linearised about this plane.
     gradient : ndarray, shape (2, 2)
@@ -141,7 +141,7 @@ def fields(
     )
 
 
-def curved(sight: Sight, plane: Plane, curvatures: Float) -> Float:
+def curved(sight: CameraSight, plane: Plane, curvatures: Float) -> Float:
     """Return the displacement field (n, 2) that three curvatures (along X, mixed, along Y; 1/mm) cause."""
     on_plane = plane.within(sight.after_mm, sight.centre_mm)
     X, Y = (on_plane - on_plane.mean(axis=0)).T

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dic.out_of_plane.causes import OUT_OF_PLANE, Sight, fields, places, strain_along
+from dic.out_of_plane.causes import OUT_OF_PLANE, CameraSight, fields, places, strain_along
 from dic.out_of_plane.evidence import Model, probabilities, weigh
 from dic.out_of_plane.expectations import Expectations
 from dic.out_of_plane.plane import Plane
@@ -23,7 +23,7 @@ PARTS = {
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ModelOutcome:
     """The result of one model for a displacement field.
 
     Attributes
@@ -93,7 +93,7 @@ class Linearised:
     def about(
         cls,
         plane: Plane,
-        sight: Sight,
+        sight: CameraSight,
         polynomial: Polynomial,
         poisson_ratio: float,
         along: Float,
@@ -129,7 +129,7 @@ class Linearised:
         share = probabilities(np.array([model.log_evidence for model in models]))
         return np.asarray(share @ np.array([model.estimate[places()["tilt"]] for model in models]))
 
-    def outcomes(self, models: Sequence[Model], expected: Expectations) -> list[Outcome]:
+    def outcomes(self, models: Sequence[Model], expected: Expectations) -> list[ModelOutcome]:
         """Return the results of the models for the field."""
         return [self._outcome(m, expected.std[m.index], expected.kind(m.index)) for m in models]
 
@@ -138,7 +138,7 @@ class Linearised:
         noise = self.polynomial.noise + self.polynomial.by_calibration
         return np.asarray(noise[COEFFICIENTS, COEFFICIENTS])
 
-    def _outcome(self, model: Model, std: Float, kind: tuple[bool, bool]) -> Outcome:
+    def _outcome(self, model: Model, std: Float, kind: tuple[bool, bool]) -> ModelOutcome:
         at, gain = places(), model.gain
         out = np.concatenate([np.arange(len(std))[at[name]] for name in OUT_OF_PLANE])
         false, tilt = self.columns[GRADIENT, out], at["tilt"]
@@ -158,7 +158,7 @@ class Linearised:
             for name in names:
                 here = false @ missed[out][:, at[name]]
                 parts[part] = parts.get(part, np.zeros((4, 4))) + here @ here.T
-        return Outcome(
+        return ModelOutcome(
             model.log_evidence,
             *kind,
             model.misfit,

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dic.out_of_plane.causes import Sight
+from dic.out_of_plane.causes import CameraSight
 from dic.out_of_plane.correction import by_centre
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.uncertainty import Points, weighted_sums
@@ -49,7 +49,9 @@ class Polynomial:
         weights = np.concatenate([coefficients, gradient_weights(points.before_mm)], axis=2)
 
         def estimate(centre_mm: Float) -> Float:
-            return weighted_sums(weights, Sight(points.before_mm, points.after_mm, centre_mm).moved(Plane()))
+            return weighted_sums(
+                weights, CameraSight(points.before_mm, points.after_mm, centre_mm).moved(Plane())
+            )
 
         noise = points.noise_covariance(weights) + points.smooth_covariance(weights, _DEGREE, smooth_px)
         of_map, of_centre = points.calibration_factors(weights)

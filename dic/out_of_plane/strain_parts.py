@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dic.out_of_plane.causes import OUT_OF_PLANE, Sight, fields, places
+from dic.out_of_plane.causes import OUT_OF_PLANE, CameraSight, fields, places
 from dic.out_of_plane.expectations import unmeasured
 from dic.out_of_plane.linearised import PARTS
 from dic.out_of_plane.plane import Plane
@@ -79,7 +79,7 @@ def open_parts(points: Points, shift: Shift) -> tuple[Float, dict[str, Float]]:
     if pinhole is None:
         raise ValueError("this calibration knows no camera centre")
     sight, weights = (
-        Sight(points.before_mm, points.after_mm, pinhole.centre_mm),
+        CameraSight(points.before_mm, points.after_mm, pinhole.centre_mm),
         gradient_weights(points.before_mm),
     )
     gradient = slopes_of(points.before_mm, points.after_mm - points.before_mm)

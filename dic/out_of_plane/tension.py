@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from dic.calibration.calibration import Calibration
-from dic.out_of_plane.causes import Sight, curved
+from dic.out_of_plane.causes import CameraSight, curved
 from dic.out_of_plane.correction import Correction, points_of
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
 from dic.out_of_plane.reasons import turned_camera_reason, uncertain_mounting, uneven_reason
@@ -174,7 +174,7 @@ def _doubt(fit: TiltFit) -> str:
 def _flattened(points: Points, fit: TiltFit, centre_mm: Float) -> Displacement:
     """Return the displacements within the specimen's surface, without tilt and curvature."""
     moved = moved_out_of_plane(points.displacement, centre_mm, Plane(), fit.plane)
-    sight = Sight(points.before_mm, points.after_mm, centre_mm)
+    sight = CameraSight(points.before_mm, points.after_mm, centre_mm)
     vector = moved.vector.copy()
     vector[points.use] -= curved(sight, fit.plane, fit.curvatures)
     return replace(moved, vector=vector)

@@ -14,10 +14,10 @@ from itertools import product
 
 import numpy as np
 
-from dic.out_of_plane.causes import Sight, main_direction
+from dic.out_of_plane.causes import CameraSight, main_direction
 from dic.out_of_plane.evidence import probabilities
 from dic.out_of_plane.expectations import Expectations
-from dic.out_of_plane.linearised import Linearised, Outcome
+from dic.out_of_plane.linearised import Linearised, ModelOutcome
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.polynomial import Polynomial
 from dic.out_of_plane.shift import Shift
@@ -53,7 +53,7 @@ class TiltFit:
         Covariances of the gradient's elements xx, xy, yx, yy by their cause: "images" and the names in
         `PARTS`.
     mounting : ndarray, shape (4, 3)
-        Errors of the gradient's elements by the mounting; see `Outcome.mounting`.
+        Errors of the gradient's elements by the mounting; see `ModelOutcome.mounting`.
     curved, graded : float
         Probability that the specimen bent out of its plane, and that its strain has a gradient.
     misfit : float
@@ -108,9 +108,9 @@ def _fit(
     points: Points, centre_mm: Float, poisson_ratio: float, shift: Shift, smooth_px: float | None
 ) -> TiltFit:
     polynomial = Polynomial.of(points, centre_mm, smooth_px)
-    sight = Sight(points.before_mm, points.after_mm, centre_mm)
+    sight = CameraSight(points.before_mm, points.after_mm, centre_mm)
     expected = Expectations.of(shift.std_mm, float(np.abs(sight.centred_mm).max()))
-    outcomes: list[Outcome] = []
+    outcomes: list[ModelOutcome] = []
     # The equations are linearised about a plane. Different kinds of models find different planes, so each
     # kind is solved about its own plane.
     for curved, graded in product((False, True), repeat=2):
@@ -146,7 +146,7 @@ class Suspicion:
 def suspect(points: Points, centre_mm: Float, poisson_ratio: float, shift: Shift) -> Suspicion:
     """Find out whether one strong cause explains a field; the parameters are those of `fit_tilt`."""
     polynomial = Polynomial.of(points, centre_mm, _ROUGH_PX)
-    sight = Sight(points.before_mm, points.after_mm, centre_mm)
+    sight = CameraSight(points.before_mm, points.after_mm, centre_mm)
     expected = Expectations.of(shift.std_mm, float(np.abs(sight.centred_mm).max())).wide()
     bent = _converged(
         Plane(),
@@ -170,7 +170,7 @@ def suspect(points: Points, centre_mm: Float, poisson_ratio: float, shift: Shift
     return Suspicion(best_bent.misfit, best_graded.misfit, largest, best_graded.relative_gradient)
 
 
-def _directions(outcomes: Sequence[Outcome]) -> list[Float]:
+def _directions(outcomes: Sequence[ModelOutcome]) -> list[Float]:
     """Return the directions in which the strain may have a gradient.
 
     Specimens are mostly stretched along an axis of the grid. The direction of the largest strain is another
@@ -183,8 +183,8 @@ def _directions(outcomes: Sequence[Outcome]) -> list[Float]:
 
 
 def _converged(
-    plane: Plane, kind: Expectations, equations: tuple[Sight, Polynomial, float, Float], shift: Shift
-) -> list[Outcome]:
+    plane: Plane, kind: Expectations, equations: tuple[CameraSight, Polynomial, float, Float], shift: Shift
+) -> list[ModelOutcome]:
     """Return the outcomes of one kind of models, linearised about the plane that these models give."""
     for _ in range(_STEPS):
         linear = Linearised.about(plane, *equations, shift.per_slope_mm)
@@ -197,13 +197,13 @@ def _converged(
     return linear.outcomes(models, scaled)
 
 
-def _mean_plane(outcomes: Sequence[Outcome], shift: Shift) -> Plane:
+def _mean_plane(outcomes: Sequence[ModelOutcome], shift: Shift) -> Plane:
     share = probabilities(np.array([o.log_evidence for o in outcomes]))
     slopes = share @ np.array([o.slopes for o in outcomes])
     return shift.plane(float(slopes[0]), float(slopes[1]))
 
 
-def _averaged(outcomes: Sequence[Outcome], shift: Shift, residual_mm: Float) -> TiltFit:
+def _averaged(outcomes: Sequence[ModelOutcome], shift: Shift, residual_mm: Float) -> TiltFit:
     """Return the average of all outcomes, weighted by their evidence."""
     share = probabilities(np.array([o.log_evidence for o in outcomes]))
     slopes, slope_std, curvatures, gradient, mounting = (

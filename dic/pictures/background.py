@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.pictures.places import Places, mapped
+from dic.pictures.places import PointCells, mapped
 from dic.typing import Float
 
 _MOST_PX = 1200
@@ -40,7 +40,7 @@ class Background:
         return abs(upper - lower) / abs(right - left)
 
 
-def background_of(image: NDArray[Any], places: Places) -> Background:
+def background_of(image: NDArray[Any], places: PointCells) -> Background:
     """Return the image under a map, in the axes of the places."""
     import cv2
 

@@ -10,7 +10,7 @@ from dic.files.writing import write_figure
 from dic.image.given import grey_image
 from dic.out_of_plane.correction import Correction
 from dic.pictures.background import background_of
-from dic.pictures.layout import FONT_PT, Layout
+from dic.pictures.layout import FONT_PT, PanelLayout
 from dic.pictures.maps import cut_ends, draw_background, draw_bar, draw_panel
 from dic.pictures.panels import Maps, Scale, common_name, in_readable_unit, map_scale, maps_of
 from dic.pictures.settings import MapSettings
@@ -101,7 +101,7 @@ def draw_contact_sheet(
         raise CorrelationError("contact sheet", "draw", "at least one measured image", "none", "measure one")
     panels, scale = in_readable_unit([maps.panels[0] for _, maps in images], scale)
     background = background_of(reference, images[0][1].places)
-    layout = Layout.fitting(
+    layout = PanelLayout.fitting(
         len(images), settings.width_mm, background.aspect, ticks=False, title=True, bars=False
     )
     figure = layout.new_figure()

@@ -25,7 +25,7 @@ a row in any case.
 
 
 @dataclass(frozen=True)
-class Layout:
+class PanelLayout:
     """The places of panels of equal size, and of their colour bars: one for each panel, or one for all.
 
     Attributes
@@ -55,7 +55,7 @@ class Layout:
     @classmethod
     def fitting(
         cls, number: int, width_mm: float, aspect: float, *, ticks: bool, title: bool, bars: bool = True
-    ) -> "Layout":
+    ) -> "PanelLayout":
         """Return the layout with the largest panels in a picture that is clearly wider than high.
 
         A high and narrow specimen gets many columns, and a wide one few. If no number of columns makes the

@@ -10,7 +10,7 @@ from dic.files.writing import write_figure
 from dic.image.given import grey_image
 from dic.out_of_plane.correction import Correction
 from dic.pictures.background import Background, background_of
-from dic.pictures.layout import FONT_PT, MM_PER_IN, Layout
+from dic.pictures.layout import FONT_PT, MM_PER_IN, PanelLayout
 from dic.pictures.panels import Maps, Panel, Scale, in_readable_unit, maps_of, scale_of
 from dic.pictures.settings import COLOURS, MapSettings
 from dic.strain.measurement import Measurement
@@ -72,7 +72,7 @@ def draw_maps(maps: Maps, image: NDArray[Any], title: str, settings: MapSettings
     background = background_of(image, maps.places)
     panels, scale = in_readable_unit(maps.panels, scale)
     unit = maps.places.unit
-    layout = Layout.fitting(
+    layout = PanelLayout.fitting(
         len(panels), settings.width_mm, background.aspect, ticks=unit is not None, title=bool(title)
     )
     figure = layout.new_figure()
@@ -112,7 +112,7 @@ def draw_background(axis: Any, background: Background) -> None:
     axis.set_axis_off()
 
 
-def draw_numbers(axis: Any, unit: str, layout: Layout, index: int) -> None:
+def draw_numbers(axis: Any, unit: str, layout: PanelLayout, index: int) -> None:
     """Draw the numbers at the axes of a panel, at its sides that no other panel adjoins."""
     axis.set_axis_on()
     below, beside = layout.is_outer(index)

@@ -7,7 +7,7 @@ import numpy as np
 
 from dic.errors import CorrelationError
 from dic.out_of_plane.correction import Correction
-from dic.pictures.places import Places, places_of
+from dic.pictures.places import PointCells, places_of
 from dic.pictures.settings import QUANTITIES, MapSettings
 from dic.strain.measurement import Measurement
 from dic.strain.strain import StrainField, strain_field
@@ -90,7 +90,7 @@ class Maps:
     """All maps of one image: the values, and the places of the points in the picture."""
 
     panels: tuple[Panel, ...]
-    places: Places
+    places: PointCells
 
     def only(self, quantities: Collection[str]) -> "Maps":
         """Return the maps of some of the quantities."""

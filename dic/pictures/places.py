@@ -18,7 +18,7 @@ Points on a line give 1e-16, and a grid of 2 × 1000 points gives 0.1.
 
 
 @dataclass(frozen=True)
-class Places:
+class PointCells:
     """Cells around the points of a field, as they are drawn.
 
     Attributes
@@ -43,7 +43,7 @@ class Places:
         return mapped(self.to_axes, self.corners)
 
 
-def places_of(measurement: Measurement, settings: MapSettings) -> Places:
+def places_of(measurement: Measurement, settings: MapSettings) -> PointCells:
     """Return where the points of a measurement are drawn.
 
     The axes "auto" are in px if there is no calibration, or if the points do not determine how to rectify the
@@ -57,12 +57,12 @@ def places_of(measurement: Measurement, settings: MapSettings) -> Places:
     corners = _cell_corners(measurement.field, deformed=settings.on == "deformed")
     settings.require_calibration(settings.axes, calibrated=measurement.calibrated is not None)
     if measurement.calibrated is None or settings.axes not in ("auto", "mm"):
-        return Places(corners, np.eye(3), None if settings.axes == "off" else "px")
+        return PointCells(corners, np.eye(3), None if settings.axes == "off" else "px")
     homography = _homography(measurement.field.points, measurement.calibrated.position)
     if homography is not None:
-        return Places(corners, homography, "mm")
+        return PointCells(corners, homography, "mm")
     if settings.axes == "auto":
-        return Places(corners, np.eye(3), "px")
+        return PointCells(corners, np.eye(3), "px")
     raise CorrelationError(
         measurement.label,
         "draw axes in mm",

@@ -16,7 +16,7 @@ Kept = Callable[[int], SeriesFields]
 """Function that returns the fields of an image again, by its index among the images that have fields."""
 
 
-class Camera(Protocol):
+class CorrectedCamera(Protocol):
     """What the corrections need to know of a camera."""
 
     @property

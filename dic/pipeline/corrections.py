@@ -16,7 +16,7 @@ from dic.out_of_plane.motion import Motion
 from dic.out_of_plane.reference_match import match_references
 from dic.out_of_plane.reference_surface import ReferenceSurface
 from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
-from dic.pipeline.camera import Camera
+from dic.pipeline.camera import CorrectedCamera
 from dic.pipeline.measured_images import MeasuredImage
 from dic.runfile.reader import RunStep
 from dic.strain.measurement import Measurement
@@ -165,7 +165,7 @@ class Corrector:
         The calibration of each camera, by the camera's name.
     motions : mapping of str to (Motion or None)
         The specimen's motion, by the camera's name; None for no correction.
-    pair : tuple of Camera, optional
+    pair : tuple of CorrectedCamera, optional
         Two cameras that correct together.
     """
 
@@ -173,7 +173,7 @@ class Corrector:
         self,
         calibrations: Mapping[str, Calibration | None],
         motions: Mapping[str, Motion | None],
-        pair: tuple[Camera, Camera] | None = None,
+        pair: tuple[CorrectedCamera, CorrectedCamera] | None = None,
     ) -> None:
         self._calibrations, self._motions = calibrations, motions
         self._solved: dict[str, Corrections] = {}
@@ -184,7 +184,7 @@ class Corrector:
             self._surface = match_references(images, both)
 
     @classmethod
-    def of(cls, cameras: Sequence[Camera], motions: Mapping[str, Motion | None]) -> "Corrector":
+    def of(cls, cameras: Sequence[CorrectedCamera], motions: Mapping[str, Motion | None]) -> "Corrector":
         """Return the corrector of cameras; if the motion is a tension, two of them correct together."""
         kinds = {motion and motion.kind for motion in motions.values()}
         pair = _pair(cameras) if kinds == {"tension"} else None
@@ -369,7 +369,7 @@ def _findings(
     return findings + [f"not corrected: {reason}" for reason in sorted(reasons)]
 
 
-def _pair(cameras: Sequence[Camera]) -> tuple[Camera, Camera] | None:
+def _pair(cameras: Sequence[CorrectedCamera]) -> tuple[CorrectedCamera, CorrectedCamera] | None:
     """Return the two cameras with the most different directions, the more oblique camera first."""
     aside = [
         (c.calibration.pinhole.centre_mm[:2] / c.calibration.pinhole.centre_mm[2], c)

@@ -24,7 +24,7 @@ from dic.pipeline.measured_images import MeasuredImage
 from dic.pipeline.result_writer import MeasurementWriter
 from dic.pipeline.set_up import RunSetUp, SetUp
 from dic.results.finished import FinishedImage
-from dic.results.job import Outcome
+from dic.results.job import ImageOutcome
 from dic.results.place import ResultPlace
 from dic.results.provenance import Provenance
 from dic.runfile.reader import RunStep
@@ -82,7 +82,7 @@ class Measuring:
     ----------
     stopped : bool
         The caller sets this to True to end the measurement after the current image.
-    outcomes : dict of str to list of Outcome
+    outcomes : dict of str to list of ImageOutcome
         The outcomes of each camera's images so far.
     """
 
@@ -103,7 +103,7 @@ class Measuring:
         self._in_memory: dict[str, list[FinishedImage]] = {camera.camera: [] for camera in cameras}
         self._corrector = Corrector({}, {})
         self.stopped = False
-        self.outcomes: dict[str, list[Outcome]] = {camera.camera: [] for camera in cameras}
+        self.outcomes: dict[str, list[ImageOutcome]] = {camera.camera: [] for camera in cameras}
 
     def steps(self) -> Iterator[MeasuredStep]:
         """Yield the steps, or the images of a series, in their order.

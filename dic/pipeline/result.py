@@ -12,7 +12,7 @@ from dic.pipeline.corrections import Corrector, RunCorrections
 from dic.pipeline.measured_images import CameraView, MeasuredImage, MeasuredSeries, require_camera
 from dic.results.fields import StoredFields
 from dic.results.finished import FinishedImage
-from dic.results.job import Outcome
+from dic.results.job import ImageOutcome
 from dic.results.provenance import Provenance
 from dic.runfile.reader import RunInfo, RunStep
 from dic.specimen.find import Specimen
@@ -41,7 +41,7 @@ class CameraResult:
         One sentence per step that could not be measured; the sentence gives the reason.
     specimen : Specimen or None
         The specimen in the calibrated part of the reference image; None for results from a file.
-    outcomes : sequence of Outcome
+    outcomes : sequence of ImageOutcome
         The outcome of each image except the reference; empty for files of earlier versions.
     fields : StoredFields or None
         The fields of the measurements in a result file; None without a file or without a measurement.
@@ -54,7 +54,7 @@ class CameraResult:
     measurements: Sequence[Measurement]
     failures: list[str]
     specimen: Specimen | None = None
-    outcomes: Sequence[Outcome] = ()
+    outcomes: Sequence[ImageOutcome] = ()
     fields: StoredFields | None = None
 
     def __repr__(self) -> str:
@@ -134,7 +134,7 @@ class SeriesResult:
         return self.camera.calibration
 
     @property
-    def outcomes(self) -> Sequence[Outcome]:
+    def outcomes(self) -> Sequence[ImageOutcome]:
         """The outcome of each image, in the order of the series; empty for files of earlier versions."""
         return self.camera.outcomes
 

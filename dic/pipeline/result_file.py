@@ -29,17 +29,17 @@ from dic.pipeline.result import CameraResult, RunResult, SeriesResult, correct_r
 from dic.pipeline.result_writer import steps_of
 from dic.results.alignment import read_alignment
 from dic.results.fields import NOT_SMOOTHED, StoredFields, plain, read_reference
-from dic.results.job import Outcome, read_outcomes
+from dic.results.job import ImageOutcome, read_outcomes
 from dic.results.loading import Result, load_result, require_known, use_result
 from dic.results.reader import read_corrections, read_measurements, read_provenance, read_two_cameras
-from dic.results.schema import FINISHED, FORMAT, JOINT, STEP_UNITS, VERSION, Layout
+from dic.results.schema import FINISHED, FORMAT, JOINT, STEP_UNITS, VERSION, CameraLayout
 from dic.results.shapes import require_shapes
 from dic.runfile.reader import RunInfo, RunStep
 from dic.runfile.schema import FORMAT as RUN_FORMAT
 from dic.strain.measurement import Measurement
 from dic.typing import PathLike
 
-_SERIES, _CAMERAS = Layout.of("").place, "cameras"
+_SERIES, _CAMERAS = CameraLayout.of("").place, "cameras"
 AnyResult = SeriesResult | RunResult
 Loaded = MeasuredSeries | SeriesResult | RunResult
 Results = PathLike | Loaded
@@ -229,11 +229,11 @@ def _read_run(path: Path, file: h5py.File, *, local_strain: bool = True) -> RunR
     # cameras together.
     run = dict(file["run"].attrs)
     anew = None if "motion" in run else correct_run(cameras, correcting)
-    corrected = {c.camera: _read_corrections(file[Layout.of(c.camera).place], c, anew) for c in cameras}
+    corrected = {c.camera: _read_corrections(file[CameraLayout.of(c.camera).place], c, anew) for c in cameras}
     if anew is not None:
         corrections = replace(anew, cameras=corrected)
     else:
-        findings = {c.camera: _read_texts(file[Layout.of(c.camera).place], "findings") for c in cameras}
+        findings = {c.camera: _read_texts(file[CameraLayout.of(c.camera).place], "findings") for c in cameras}
         joint = _read_joint(file[JOINT], cameras) if JOINT in file else None
         corrections = RunCorrections(str(run["motion"]), corrected, findings, joint)
     origin = read_provenance(file)
@@ -258,7 +258,7 @@ def _read_series(path: Path, file: h5py.File, *, local_strain: bool = True) -> S
 
     def image(k: int) -> MeasuredImage:
         row = places[k]
-        if isinstance(row, Outcome):
+        if isinstance(row, ImageOutcome):
             return MeasuredImage(row.label, failure=row.failure, time=row.time)
         time = outcomes[k].time if outcomes else ImageTime()
         return MeasuredImage(measurements[row].label, measurements[row], corrections[row], time=time)
@@ -312,7 +312,7 @@ def _read_info(run: Mapping[str, Any]) -> RunInfo:
 
 def _read_fields(name: str, file: h5py.File) -> CameraResult:
     """Return what is known of a camera without its strains."""
-    layout = Layout.of(name)
+    layout = CameraLayout.of(name)
     group, rows = file[layout.place], file.get(layout.rows)
     calibration = read_calibration(file[layout.calibration]) if layout.calibration in file else None
     measured = rows is not None and "x_px" in rows
@@ -331,7 +331,7 @@ def _read_fields(name: str, file: h5py.File) -> CameraResult:
 
 
 def _read_camera(name: str, file: h5py.File, *, local_strain: bool) -> CameraResult:
-    camera, layout = _read_fields(name, file), Layout.of(name)
+    camera, layout = _read_fields(name, file), CameraLayout.of(name)
     group, measurements = file[layout.place], list[Measurement]()
     failures: list[str] = []
     steps = []
@@ -368,14 +368,14 @@ def _read_texts(group: h5py.Group, name: str) -> list[str]:
     return [str(text) for text in group[name].asstr()[:]]
 
 
-def _older_outcomes(group: Any, measured: int) -> list[Outcome]:
+def _older_outcomes(group: Any, measured: int) -> list[ImageOutcome]:
     """Return the outcomes of a file of an earlier version, which lists failures without their positions."""
     labels, reasons = (group[name].asstr()[:] for name in ("failed_label", "failure"))
-    failures = [Outcome(str(label), "", str(why)) for label, why in zip(labels, reasons, strict=True)]
-    return [Outcome("", "")] * measured + failures
+    failures = [ImageOutcome(str(label), "", str(why)) for label, why in zip(labels, reasons, strict=True)]
+    return [ImageOutcome("", "")] * measured + failures
 
 
-def _places(outcomes: Sequence[Outcome]) -> list[int | Outcome]:
+def _places(outcomes: Sequence[ImageOutcome]) -> list[int | ImageOutcome]:
     """Return the row number of each image; for an image that failed and has no row, its outcome."""
     rows = count()
     return [next(rows) if each.failure is None else each for each in outcomes]

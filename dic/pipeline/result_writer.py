@@ -21,7 +21,7 @@ from dic.correlation.series_state import SeriesFields
 from dic.errors import require_kind
 from dic.image.threads import bands_of
 from dic.out_of_plane.alignment import Alignment
-from dic.pipeline.camera import Camera
+from dic.pipeline.camera import CorrectedCamera
 from dic.pipeline.corrections import MeasuredStep, RunCorrections
 from dic.pipeline.measured_images import MeasuredImage
 from dic.pipeline.result import CameraResult, RunResult, measured_steps
@@ -29,10 +29,10 @@ from dic.pipeline.set_up import RunSetUp, SetUp
 from dic.results.alignment import write_alignment
 from dic.results.fields import StoredFields
 from dic.results.finished import FinishedImage
-from dic.results.job import Outcome
+from dic.results.job import ImageOutcome
 from dic.results.place import ResultPlace
 from dic.results.provenance import Provenance
-from dic.results.schema import JOINT, STEP_UNITS, Layout
+from dic.results.schema import JOINT, STEP_UNITS, CameraLayout
 from dic.results.writer import ResultWriter
 from dic.runfile.reader import RunStep
 from dic.strain.settings import StrainSettings
@@ -48,7 +48,7 @@ class MeasurementWriter:
     Parameters
     ----------
     place : ResultPlace
-    cameras : sequence of Camera
+    cameras : sequence of CorrectedCamera
     set_up : SetUp
     origin : Provenance
     images_before : float
@@ -58,7 +58,7 @@ class MeasurementWriter:
     def __init__(
         self,
         place: ResultPlace,
-        cameras: Sequence[Camera],
+        cameras: Sequence[CorrectedCamera],
         set_up: SetUp,
         origin: Provenance,
         images_before: float = 0,
@@ -67,13 +67,13 @@ class MeasurementWriter:
         self._cameras, self._set_up = list(cameras), set_up
         self._stored: dict[str, StoredFields] = {}
         self._shared: dict[str, dict[str, Any]] = {}
-        self._failed: dict[str, list[Outcome]] = {camera.camera: [] for camera in cameras}
+        self._failed: dict[str, list[ImageOutcome]] = {camera.camera: [] for camera in cameras}
 
     def __enter__(self) -> Self:
         self._writer.__enter__()
         try:
             for camera in self._cameras:
-                layout = Layout.of(camera.camera)
+                layout = CameraLayout.of(camera.camera)
                 _write_reference(self._writer.group(layout.place), camera.reference)
                 if camera.calibration is not None:
                     write_calibration(self._writer.group(layout.calibration), camera.calibration)
@@ -94,13 +94,13 @@ class MeasurementWriter:
             self._failed[camera].append(image.outcome)
         elif camera not in self._shared:
             self._shared[camera] = {"region": image.field.region, "grid": image.field.grid}
-        self._writer.add_field(Layout.of(camera), image)
+        self._writer.add_field(CameraLayout.of(camera), image)
 
     def fields_of_row(self, camera: str, row: int) -> SeriesFields:
         """Return the fields of an image again, by its index among the images with fields."""
         return self._fields(camera).of_row(row)
 
-    def finished_images(self, camera: str, outcomes: Sequence[Outcome]) -> Sequence[FinishedImage]:
+    def finished_images(self, camera: str, outcomes: Sequence[ImageOutcome]) -> Sequence[FinishedImage]:
         """Return the images of a camera again; each is read when it is used."""
         if all(outcome.failure is not None for outcome in outcomes):
             return [FinishedImage(each.label, failure=each.failure, time=each.time) for each in outcomes]
@@ -116,7 +116,9 @@ class MeasurementWriter:
         for name, image in step.images.items():
             if image.measurement is not None:
                 together = joint is not None and joint.declined is None and name in (pair or ())
-                self._writer.add(Layout.of(name), image.measurement, image.correction, elsewhere=together)
+                self._writer.add(
+                    CameraLayout.of(name), image.measurement, image.correction, elsewhere=together
+                )
         if joint is not None and pair is not None and step.step is not None:
             self._writer.add_two_cameras(JOINT, pair, step.step.index, joint)
 
@@ -145,7 +147,7 @@ class MeasurementWriter:
             False if the measurement was stopped before the last image.
         """
         for camera, alignment in alignments.items():
-            group = self._writer.group(Layout.of(camera).place)
+            group = self._writer.group(CameraLayout.of(camera).place)
             if alignment is not None:
                 write_alignment(group, alignment)
             failed = [(each.label, each.failure or "") for each in self._failed[camera]]
@@ -178,7 +180,7 @@ class MeasurementWriter:
 
     def _fields(self, camera: str) -> StoredFields:
         if camera not in self._stored:
-            group = self._writer.stored(Layout.of(camera))
+            group = self._writer.stored(CameraLayout.of(camera))
             self._stored[camera] = StoredFields(group, self._shared[camera])
         return self._stored[camera]
 
@@ -209,9 +211,9 @@ def save_run_result(result: RunResult, path: PathLike) -> None:
 def _finished_images(camera: CameraResult) -> Iterator[FinishedImage]:
     """Yield the images of a camera; those of a result that was not read from a file are its measurements."""
     rows = count()
-    outcomes = camera.outcomes or [Outcome(f"step {step.index}", "") for step in camera.steps]
+    outcomes = camera.outcomes or [ImageOutcome(f"step {step.index}", "") for step in camera.steps]
 
-    def image(outcome: Outcome) -> FinishedImage:
+    def image(outcome: ImageOutcome) -> FinishedImage:
         if outcome.failure is not None:
             return FinishedImage(outcome.label, failure=outcome.failure, content=outcome.content)
         measurement = camera.measurements[next(rows)]

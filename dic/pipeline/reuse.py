@@ -11,12 +11,12 @@ from dic.errors import OutputError, RunFileError
 from dic.pipeline.result import RunResult, SeriesResult
 from dic.pipeline.result_file import load_fields, load_results, require_fields
 from dic.results.finished import FinishedImage
-from dic.results.job import Job, Outcome
+from dic.results.job import ImageOutcome, Job
 from dic.results.loading import use_result
 from dic.results.place import ResultPlace
 from dic.results.reader import read_provenance
 
-Outcomes = Mapping[str, Sequence[Outcome]]
+Outcomes = Mapping[str, Sequence[ImageOutcome]]
 """The outcomes of images by the camera's name, which is "" for a series of image files."""
 
 SAME = "holds these results already: equal input, settings and versions; nothing is correlated"
@@ -24,7 +24,7 @@ FIELDS = "its displacement fields are used again; nothing is correlated"
 
 
 @dataclass(frozen=True)
-class Earlier:
+class EarlierMeasurement:
     """What an earlier measurement has left.
 
     Attributes
@@ -48,7 +48,7 @@ class Earlier:
     note: str = ""
 
 
-def look_up(place: ResultPlace, job: Job, images: Callable[[], Outcomes]) -> Earlier:
+def look_up(place: ResultPlace, job: Job, images: Callable[[], Outcomes]) -> EarlierMeasurement:
     """Search for a result file whose fields are those of a measurement.
 
     Parameters
@@ -77,10 +77,10 @@ def look_up(place: ResultPlace, job: Job, images: Callable[[], Outcomes]) -> Ear
             require_replaceable(place)
         return _used(found, images(), place, job)
     if not place.path.exists():
-        return Earlier()
+        return EarlierMeasurement()
     if _is_of_other_job(place.path, job):
         require_replaceable(place)
-        return Earlier()
+        return EarlierMeasurement()
     try:
         found = load_fields(place.path)
         wanted = images()
@@ -89,12 +89,12 @@ def look_up(place: ResultPlace, job: Job, images: Callable[[], Outcomes]) -> Ear
             return _used(found, wanted, place, job)
     except RunFileError as error:
         if place.replace:
-            return Earlier()
+            return EarlierMeasurement()
         got = f"one that exists and cannot be used: {error.step}: {error.got}"
         remedy = "name another place, or replace it with --force"
         raise OutputError(str(place.path), "write results", "a file of its own", got, remedy) from error
     require_replaceable(place)
-    return Earlier()
+    return EarlierMeasurement()
 
 
 def require_replaceable(place: ResultPlace) -> None:
@@ -130,7 +130,9 @@ def job_of_fields(result: SeriesResult | RunResult) -> Job:
     )
 
 
-def _used(found: SeriesResult | RunResult, wanted: Outcomes, place: ResultPlace, job: Job) -> Earlier:
+def _used(
+    found: SeriesResult | RunResult, wanted: Outcomes, place: ResultPlace, job: Job
+) -> EarlierMeasurement:
     """Return which images of a result file with the same fields are used, and whether its results are the
     same.
 
@@ -149,18 +151,18 @@ def _used(found: SeriesResult | RunResult, wanted: Outcomes, place: ResultPlace,
     )
     name, known = found.result_file, used == count
     if at_place and found.finished and known and named and strains == job.strains:
-        return Earlier(known=True, same=load_results(place.path), note=f"{name}: {SAME}")
+        return EarlierMeasurement(known=True, same=load_results(place.path), note=f"{name}: {SAME}")
     if at_place and found.finished and (known or strains != job.strains):
         require_replaceable(place)
     require_fields(found)
     images = {c.camera: c.finished_images[: equal[c.camera]] for c in found.cameras}
     before = 0 if not at_place else math.inf if found.finished and known else used
     if known:
-        return Earlier(images, known=True, images_before=before, note=f"{name}: {FIELDS}")
+        return EarlierMeasurement(images, known=True, images_before=before, note=f"{name}: {FIELDS}")
     which = "their fields are used again" if used == held else f"the fields of {used} are used again"
     what = "images" if found.finished or isinstance(found, SeriesResult) else "images of all cameras"
     note = f"{name}: holds the first {held} of {count} {what}; {which}, and {count - used} are correlated"
-    return Earlier(images, images_before=before, note=note)
+    return EarlierMeasurement(images, images_before=before, note=note)
 
 
 def _is_at(found: SeriesResult | RunResult, path: Path) -> bool:
@@ -208,13 +210,13 @@ def _different_images(found: SeriesResult | RunResult, wanted: Outcomes) -> list
     return [] if same else ["images"]
 
 
-def _equal(found: Sequence[Outcome], wanted: Sequence[Outcome]) -> int:
+def _equal(found: Sequence[ImageOutcome], wanted: Sequence[ImageOutcome]) -> int:
     """Return how many images at the beginning are the same."""
     pairs = zip(found, wanted, strict=False)
     return next((k for k, pair in enumerate(pairs) if not _is_same(*pair)), min(len(found), len(wanted)))
 
 
-def _is_same(found: Outcome, wanted: Outcome) -> bool:
+def _is_same(found: ImageOutcome, wanted: ImageOutcome) -> bool:
     """Return True if the outcome of an image in the file is the outcome of an image to be measured.
 
     The reason for a failure may name the image, so images that failed must have the same name. An image that

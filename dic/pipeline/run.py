@@ -16,7 +16,7 @@ from dic.pipeline.correlated import FIRST_GUESSES
 from dic.pipeline.measuring import measuring_into
 from dic.pipeline.result import RunResult
 from dic.pipeline.result_file import load_written
-from dic.pipeline.reuse import Earlier, look_up
+from dic.pipeline.reuse import EarlierMeasurement, look_up
 from dic.pipeline.run_cameras import RunCameras
 from dic.pipeline.run_source import RunSource, region_digests
 from dic.pipeline.set_up import RunSetUp
@@ -117,7 +117,7 @@ def process_run(
 def _measure(
     of_run: RunCameras,
     set_up: RunSetUp,
-    earlier: Earlier,
+    earlier: EarlierMeasurement,
     place: ResultPlace,
     origin: Provenance,
     on_image: Callable[[], None],

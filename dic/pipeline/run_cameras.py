@@ -20,7 +20,7 @@ from dic.pipeline.correlated import correlate_series
 from dic.pipeline.run_image import RunImage
 from dic.pipeline.series_image import UNREADABLE, SeriesImage
 from dic.results.finished import FinishedImage
-from dic.results.job import Outcome, content_of
+from dic.results.job import ImageOutcome, content_of
 from dic.runfile.reader import RunFile, RunStep
 from dic.settings import either
 from dic.specimen.find import SpecimenNotFound
@@ -62,11 +62,11 @@ class RunCameras:
         with ThreadPoolExecutor() as pool:
             return list(pool.map(self._calibrated, self.run.cameras))
 
-    def outcomes(self) -> dict[str, list[Outcome]]:
+    def outcomes(self) -> dict[str, list[ImageOutcome]]:
         """Return the names and the contents of the images of each camera."""
         return {
             camera: [
-                Outcome(f"step {step.index}", step_content(self.run, camera, step))
+                ImageOutcome(f"step {step.index}", step_content(self.run, camera, step))
                 for step in self.run.series()[1:]
             ]
             for camera in self.run.cameras

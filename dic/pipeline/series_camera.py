@@ -15,12 +15,12 @@ from dic.image.times import SeriesTimes
 from dic.pipeline.camera import CameraImages, Kept
 from dic.pipeline.correlated import correlate_series, series_job
 from dic.pipeline.measuring import Measuring, measuring_into
-from dic.pipeline.reuse import Earlier, look_up
+from dic.pipeline.reuse import EarlierMeasurement, look_up
 from dic.pipeline.series_image import FileDigests, SeriesImage, of_page
 from dic.pipeline.series_sources import SeriesSources
 from dic.pipeline.set_up import SeriesSetUp
 from dic.results.finished import FinishedImage
-from dic.results.job import Job, Outcome
+from dic.results.job import ImageOutcome, Job
 from dic.results.place import ResultPlace, alone, result_place
 from dic.results.provenance import Provenance
 from dic.typing import Float
@@ -30,7 +30,7 @@ from dic.workers.workers import Workers
 class BegunSeries(NamedTuple):
     """What an earlier measurement has left, and the measurement that goes on, or None if it is complete."""
 
-    earlier: Earlier
+    earlier: EarlierMeasurement
     measuring: Measuring | None
 
 
@@ -69,10 +69,10 @@ class SeriesCamera:
         known = of_page(self.digests.of(reference), reference)
         return series_job(self.series, known, self.incremental)
 
-    def outcomes(self) -> dict[str, list[Outcome]]:
+    def outcomes(self) -> dict[str, list[ImageOutcome]]:
         """Return the names and the contents of the images, for `look_up`."""
         images = map(self._image, self.sources.images)
-        return {"": [Outcome(image.label, image.content) for image in images]}
+        return {"": [ImageOutcome(image.label, image.content) for image in images]}
 
     @contextmanager
     def begun(
@@ -101,7 +101,7 @@ class SeriesCamera:
             If the user named a file whose fields are of another measurement.
         """
         with ExitStack() as stack:
-            earlier, origin = Earlier(), Provenance.of([])
+            earlier, origin = EarlierMeasurement(), Provenance.of([])
             motion = set_up.motion
             if place is None and motion is not None and motion.kind == "rigid":
                 place = ResultPlace(stack.enter_context(result_place(None)))
@@ -119,7 +119,7 @@ class SeriesCamera:
             yield BegunSeries(earlier, measuring)
 
     def _camera(
-        self, reference: NDArray[Any], calibration: Calibration | None, earlier: Earlier
+        self, reference: NDArray[Any], calibration: Calibration | None, earlier: EarlierMeasurement
     ) -> CameraImages:
         finished = earlier.images.get("", ())
         before = Computed(len(finished), lambda k: self._renamed(finished[k], self.sources.images[k]))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.errors import CurveError, require_all
-from dic.records.table import Table
+from dic.records.table import CellTable
 from dic.records.table_file import read_table
 from dic.records.units import FORCE, STRESS, TIME, ColumnUnit, column_unit, strain_units
 from dic.typing import Float, PathLike
@@ -206,5 +206,5 @@ def _pull(path: PathLike, load: str | None, stress: str | None) -> ColumnUnit:
     raise CurveError(str(path), "--load", "a column of load or of stress, and its unit", got, remedy)
 
 
-def _optional(table: Table, column: ColumnUnit | None) -> Float | None:
+def _optional(table: CellTable, column: ColumnUnit | None) -> Float | None:
     return None if column is None else table.values(column)

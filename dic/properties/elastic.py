@@ -10,7 +10,7 @@ from dic.properties.objective_slope import RULE, objective_slope
 from dic.properties.record import Record
 from dic.properties.settings import PropertySettings
 from dic.properties.value import NORMAL_95, PropertyValue, missing, root_sum
-from dic.properties.windows import Line, fit_line
+from dic.properties.windows import FittedLine, fit_line
 from dic.typing import Float
 
 FIXED_RULE = "least squares between fixed stresses"
@@ -30,7 +30,7 @@ class Elastic:
 
     Attributes
     ----------
-    line : Line
+    line : FittedLine
         Stress in MPa against strain.
     std_mpa : float
         Standard deviation of the slope due to noise and the choice of the window, without errors that are
@@ -43,7 +43,7 @@ class Elastic:
     flags : tuple of str
     """
 
-    line: Line
+    line: FittedLine
     std_mpa: float
     centre: tuple[float, float]
     window: dict[str, Any]
@@ -118,7 +118,7 @@ def _in_fixed_window(record: Record, window_mpa: tuple[float, float]) -> Elastic
     return _elastic(record, line, spread, FIXED_RULE, {}, _fixed_objections(line, halves))
 
 
-def _fixed_objections(line: Line, halves: list[Line]) -> tuple[str, ...]:
+def _fixed_objections(line: FittedLine, halves: list[FittedLine]) -> tuple[str, ...]:
     flags = []
     if line.residual > 5e-4:
         flags.append(f"curvature: R² is {1 - line.residual:.5f}, less than 0.9995")
@@ -129,7 +129,12 @@ def _fixed_objections(line: Line, halves: list[Line]) -> tuple[str, ...]:
 
 
 def _elastic(
-    record: Record, line: Line, spread: float, rule: str, extra: dict[str, Any], objections: tuple[str, ...]
+    record: Record,
+    line: FittedLine,
+    spread: float,
+    rule: str,
+    extra: dict[str, Any],
+    objections: tuple[str, ...],
 ) -> Elastic:
     part = slice(line.first, line.stop)
     x, y = record.strain[part], record.strained_stress[part]
@@ -148,7 +153,7 @@ def _elastic(
     return Elastic(line, std, (float(x.mean()), float(y.mean())), window, rule, flags)
 
 
-def _noise_of_slope(record: Record, line: Line, x: Float, y: Float) -> tuple[float, float]:
+def _noise_of_slope(record: Record, line: FittedLine, x: Float, y: Float) -> tuple[float, float]:
     """Return a slope's standard deviation due to noise, and its decrease due to noise of the strain."""
     rest = y - line.slope * x - line.intercept
     across = float(((x - x.mean()) ** 2).sum())
@@ -162,7 +167,7 @@ def _noise_of_slope(record: Record, line: Line, x: Float, y: Float) -> tuple[flo
     return std, line.slope * record.noise(x) ** 2 * len(x) / across
 
 
-def _course_flags(record: Record, line: Line, points: int) -> list[str]:
+def _course_flags(record: Record, line: FittedLine, points: int) -> list[str]:
     """Return flags for objections to the elastic slope: few points, a toe, hysteresis, or load in steps."""
     flags = []
     if points < FEW_POINTS:

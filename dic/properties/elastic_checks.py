@@ -7,7 +7,7 @@ lie in the hardening. The checks of this module find such windows. They allow fo
 
 import numpy as np
 
-from dic.properties.windows import Line, fit_line, steepest_run
+from dic.properties.windows import FittedLine, fit_line, steepest_run
 from dic.typing import Float
 
 ENOUGH_POINTS = 20
@@ -27,14 +27,14 @@ their strain is too large by more than `LAST_STDS` standard deviations.
 """
 
 
-def not_elastic(x: Float, y: Float, line: Line) -> str | None:
+def not_elastic(x: Float, y: Float, line: FittedLine) -> str | None:
     """Return the reason why a window is not the elastic part of the record; None if it may be this part.
 
     Parameters
     ----------
     x, y : ndarray, shape (n,)
         Strain and stress, or both scaled to one, from the beginning of the record to beyond the window.
-    line : Line
+    line : FittedLine
         The fit of stress against strain in the window.
     """
     if line.slope <= 0.0:
@@ -57,7 +57,7 @@ def not_elastic(x: Float, y: Float, line: Line) -> str | None:
     return None
 
 
-def _end_yields(x: Float, y: Float, line: Line) -> bool:
+def _end_yields(x: Float, y: Float, line: FittedLine) -> bool:
     """Return True if the last points of a window have too much strain for the line of its other points."""
     for count in range(1, LAST_POINTS + 1):
         stop = line.stop - count

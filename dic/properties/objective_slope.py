@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dic.properties.elastic_checks import not_elastic
-from dic.properties.windows import Line, fit_line, spread_of_slopes, straightest
+from dic.properties.windows import FittedLine, fit_line, spread_of_slopes, straightest
 from dic.typing import Float
 
 RULE = "objective window, rule of ASTM E3076-18"
@@ -40,7 +40,7 @@ class ObjectiveSlope:
 
     Attributes
     ----------
-    line : Line
+    line : FittedLine
         Fit to all points of the window, in the record's units.
     cut : int
         Index of the point at which the record was cut.
@@ -54,7 +54,7 @@ class ObjectiveSlope:
         Checks of the rule that failed; empty if the rule accepts the slope.
     """
 
-    line: Line
+    line: FittedLine
     cut: int
     raised: int
     range_share: float
@@ -180,7 +180,7 @@ def _data_objections(u: Float, v: Float) -> list[str]:
     return objections
 
 
-def _fit_objections(u: Float, v: Float, line: Line, range_share: float) -> list[str]:
+def _fit_objections(u: Float, v: Float, line: FittedLine, range_share: float) -> list[str]:
     """Return the objections to a fit: curvature at one of its ends, or too small a range of stress."""
     objections = []
     x, rest = u[line.first : line.stop], v[line.first : line.stop]

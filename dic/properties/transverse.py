@@ -6,7 +6,7 @@ from dic.properties.elastic import Elastic
 from dic.properties.record import Record
 from dic.properties.settings import PropertySettings
 from dic.properties.value import PropertyValue, missing, root_sum
-from dic.properties.windows import Line, fit_line
+from dic.properties.windows import FittedLine, fit_line
 from dic.typing import Float
 
 NU_RULE = "slope of transverse strain over slope of axial strain, both against the load (rule of ASTM E132)"
@@ -99,7 +99,7 @@ def _ratio(stress: Float, axial: Float, across: Float) -> float:
     return -lines[1].slope / lines[0].slope
 
 
-def _std_of_slope(x: Float, y: Float, line: Line) -> float:
+def _std_of_slope(x: Float, y: Float, line: FittedLine) -> float:
     rest = y - line.slope * x - line.intercept
     across = float(((x - x.mean()) ** 2).sum())
     return float(np.sqrt(rest @ rest / max(len(x) - 2, 1) / across))

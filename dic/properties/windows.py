@@ -15,7 +15,7 @@ _MOST_IN_RUNS = 100
 
 
 @dataclass(frozen=True)
-class Line:
+class FittedLine:
     """A least squares line through the points from `first` to before `stop`.
 
     Attributes
@@ -34,7 +34,7 @@ class Line:
     residual: float
 
 
-def fit_line(x: Float, y: Float, first: int, stop: int) -> Line:
+def fit_line(x: Float, y: Float, first: int, stop: int) -> FittedLine:
     """Fit a line to the points from `first` to before `stop`; x must not be constant there."""
     x_part, y_part = x[first:stop], y[first:stop]
     x_mean, y_mean = float(x_part.mean()), float(y_part.mean())
@@ -43,10 +43,10 @@ def fit_line(x: Float, y: Float, first: int, stop: int) -> Line:
     spread = float(dy @ dy)
     rest = dy - slope * dx
     residual = float(rest @ rest) / spread if spread > 0.0 else 1.0
-    return Line(first, stop, slope, y_mean - slope * x_mean, residual)
+    return FittedLine(first, stop, slope, y_mean - slope * x_mean, residual)
 
 
-def straightest(x: Float, y: Float, least: int) -> Line | None:
+def straightest(x: Float, y: Float, least: int) -> FittedLine | None:
     """Return the line of the window with the least normalised residual.
 
     Parameters
@@ -58,7 +58,7 @@ def straightest(x: Float, y: Float, least: int) -> Line | None:
 
     Returns
     -------
-    Line or None
+    FittedLine or None
         If several windows are equally good, the one that begins first, and of these the longest. None if x or
         y does not change in any window.
     """
@@ -78,13 +78,13 @@ def straightest(x: Float, y: Float, least: int) -> Line | None:
     return min(lines, key=lambda line: (line.residual, line.first, -line.stop))
 
 
-def spread_of_slopes(x: Float, y: Float, line: Line, least: int, factor: float) -> float:
+def spread_of_slopes(x: Float, y: Float, line: FittedLine, least: int, factor: float) -> float:
     """Return the root mean square difference from a line's slope over all windows that are nearly as good.
 
     Parameters
     ----------
     x, y : ndarray, shape (n,)
-    line : Line
+    line : FittedLine
         The straightest line.
     least : int
         Smallest number of points of a window.
@@ -100,7 +100,7 @@ def spread_of_slopes(x: Float, y: Float, line: Line, least: int, factor: float) 
     return float(np.sqrt(total / count)) if count else 0.0
 
 
-def steepest_run(x: Float, y: Float, least_range: float, margin_x: float) -> Line | None:
+def steepest_run(x: Float, y: Float, least_range: float, margin_x: float) -> FittedLine | None:
     """Return the run of points with the least slope of x against y; an error of x is allowed for.
 
     Parameters
@@ -113,12 +113,12 @@ def steepest_run(x: Float, y: Float, least_range: float, margin_x: float) -> Lin
 
     Returns
     -------
-    Line or None
+    FittedLine or None
         The line of x against y, with the slope that allows for the error; None if no run is long enough.
     """
     width = -(-len(x) // _MOST_IN_RUNS)
     x, y = (part[: len(x) // width * width].reshape(-1, width).mean(axis=1) for part in (x, y))
-    best: Line | None = None
+    best: FittedLine | None = None
     for first in range(len(x) - 1):
         dx, dy = x[first:] - x[first], y[first:] - y[first]
         count = np.arange(1, len(dx) + 1)
@@ -131,7 +131,7 @@ def steepest_run(x: Float, y: Float, least_range: float, margin_x: float) -> Lin
         k = int(np.argmin(slopes))
         if best is None or slopes[k] < best.slope:
             stop = first + int(stops[k]) + 1
-            best = Line(first * width, stop * width, float(slopes[k]), float("nan"), float("nan"))
+            best = FittedLine(first * width, stop * width, float(slopes[k]), float("nan"), float("nan"))
     return best
 
 

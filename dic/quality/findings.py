@@ -7,7 +7,7 @@ Correlation Society, "A Good Practices Guide for Digital Image Correlation", 201
 
 import numpy as np
 
-from dic.quality.picture import Picture
+from dic.quality.picture import PictureValues
 from dic.quality.quality import SPECKLES_PER_SUBSET, Quality
 
 FINEST_SPECKLE_PX = 3.0
@@ -33,7 +33,7 @@ def quality_findings(quality: Quality) -> list[str]:
     ]
 
 
-def picture_findings(picture: Picture) -> list[str]:
+def picture_findings(picture: PictureValues) -> list[str]:
     """Return sentences on light and focus, with remedies, for a picture with or without a pattern."""
     return [*_light_findings(picture), *_focus_findings(picture)]
 
@@ -71,7 +71,7 @@ def _pattern_findings(quality: Quality) -> list[str]:
     return sentences
 
 
-def _light_findings(picture: Picture) -> list[str]:
+def _light_findings(picture: PictureValues) -> list[str]:
     sentences = []
     for share, what, remedy in (
         (picture.dark_share, "darkest", "use more light or a lower black level"),
@@ -96,7 +96,7 @@ def _noise_findings(quality: Quality) -> list[str]:
     return []
 
 
-def _focus_findings(picture: Picture) -> list[str]:
+def _focus_findings(picture: PictureValues) -> list[str]:
     known = picture.blur_px[np.isfinite(picture.blur_px)]
     if not known.size:
         return []

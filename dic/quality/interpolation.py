@@ -18,7 +18,7 @@ _UNKNOWN = (float("nan"), float("nan"))
 
 
 @dataclass(frozen=True)
-class Interpolation:
+class InterpolationBias:
     """Predicted errors of interpolation.
 
     Attributes
@@ -85,7 +85,7 @@ def assess_interpolation(
     *,
     noise_known: bool,
     strain_range: float,
-) -> Interpolation:
+) -> InterpolationBias:
     """Return the predicted errors of interpolation.
 
     Parameters
@@ -111,4 +111,4 @@ def assess_interpolation(
         bias_px = greatest_bias(spectrum, settings.order, shares=shares)
         unaliased_px = greatest_bias(spectrum.without(noise_variance), settings.order)
     smoothing = chosen_smoothing(grey, region, settings)
-    return Interpolation(bias_px, unaliased_px, smoothing, strain_range, gauge_px, settings.subset_px)
+    return InterpolationBias(bias_px, unaliased_px, smoothing, strain_range, gauge_px, settings.subset_px)

@@ -14,7 +14,7 @@ TILES = 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Picture:
+class PictureValues:
     """Values that describe the light and the focus of a picture.
 
     Attributes
@@ -53,7 +53,7 @@ class Picture:
 
 def assess_picture(
     grey: Grey, region: Mask | None = None, *, noise: float | None = None, full_level: float | None = None
-) -> Picture:
+) -> PictureValues:
     """Return values for the light and the focus of a picture, with or without a speckle pattern.
 
     Parameters
@@ -71,7 +71,7 @@ def assess_picture(
     noise = noise_of_one(grey, region) if noise is None else noise
     levels = grey[region]
     dark, bright = np.percentile(levels, (2, 98))
-    return Picture(
+    return PictureValues(
         dark_share=float(np.mean(levels == grey.min())),
         bright_share=float(np.mean(levels >= (grey.max() if full_level is None else full_level))),
         contrast=float((bright - dark) / max(abs(bright + dark), 1e-9)),

@@ -10,7 +10,7 @@ from dic.errors import CorrelationError, require_kind
 from dic.image.given import checked_region, grey_image, name_of
 from dic.image.read import require_same_size
 from dic.image.spline import spline_image
-from dic.quality.interpolation import Interpolation, assess_interpolation
+from dic.quality.interpolation import InterpolationBias, assess_interpolation
 from dic.quality.noise import noise_of_one, noise_of_two
 from dic.quality.noise_floor import (
     LEAST_SHARE,
@@ -20,7 +20,7 @@ from dic.quality.noise_floor import (
     smallest_subset,
     squared_gradients,
 )
-from dic.quality.picture import Picture, assess_picture
+from dic.quality.picture import PictureValues, assess_picture
 from dic.quality.speckle import autocovariance, even_light, speckle_size
 from dic.specimen.find import Specimen, find_specimen
 from dic.typing import Float, Grey, ImageLike, Indices, Mask, PathLike
@@ -30,8 +30,8 @@ SPECKLES_PER_SUBSET = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Quality(Picture):
-    """The quality of an image: speckles, noise and noise floor, and the light and the focus of `Picture`.
+class Quality(PictureValues):
+    """The quality of an image: speckles, noise and noise floor, and the light and focus of `PictureValues`.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Quality(Picture):
         texture; None if no subset is large enough.
     mean_gradient : float
         Mean magnitude of the grey level gradient, grey levels per px.
-    interpolation : Interpolation
+    interpolation : InterpolationBias
         Predicted interpolation bias, and the smoothing that the correlation will apply. `sssig` is computed
         from the image without smoothing, and `std_px` from the smoothed image.
     """
@@ -85,7 +85,7 @@ class Quality(Picture):
     std_px: Float
     subset_for_wanted_px: int | None
     mean_gradient: float
-    interpolation: Interpolation
+    interpolation: InterpolationBias
 
     def __repr__(self) -> str:
         speckles = f"speckles {self.speckle_x_px:.1f} × {self.speckle_y_px:.1f} px"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.errors import CurveError
-from dic.records.table import Table
+from dic.records.table import CellTable
 from dic.records.table_file import read_table
 from dic.records.units import FORCE, LENGTH, TIME, ColumnUnit, column_unit
 from dic.typing import Float, PathLike
@@ -137,5 +137,5 @@ def read_image_times(path: PathLike, *, image: str, time: str) -> dict[str, floa
     return dict(zip(names, table.values(stamps).tolist(), strict=True))
 
 
-def _values(table: Table, column: ColumnUnit | None) -> Float | None:
+def _values(table: CellTable, column: ColumnUnit | None) -> Float | None:
     return None if column is None else table.values(column)

@@ -20,7 +20,7 @@ _NEAR = 2
 
 
 @dataclass(frozen=True)
-class Table:
+class CellTable:
     """The cells of a testing machine's table, as text.
 
     Attributes
@@ -41,7 +41,7 @@ class Table:
     lines: list[int]
     separator: str = ";"
 
-    def until_empty(self, *columns: ColumnUnit | None) -> "Table":
+    def until_empty(self, *columns: ColumnUnit | None) -> "CellTable":
         """Return the table without the lines at its end in which all of these columns are empty.
 
         Of two tests side by side, the shorter one has such lines.

@@ -12,7 +12,7 @@ from dic.errors import CurveError
 from dic.files.reading import read_bytes
 from dic.records.decimals import is_number
 from dic.records.headings import joined_with_units
-from dic.records.table import Table
+from dic.records.table import CellTable
 from dic.typing import PathLike
 
 MOST_BYTES = 256 * 2**20
@@ -23,7 +23,7 @@ _MOST_DESCRIBING = 12
 """Largest number of lines of numbers that describe a test, above its table."""
 
 
-def read_table(path: PathLike, *, with_names: bool = False) -> Table:
+def read_table(path: PathLike, *, with_names: bool = False) -> CellTable:
     """Read the cells of a testing machine's table.
 
     The separator is the character that splits the lines in the middle of the file into equally many numbers.
@@ -79,7 +79,7 @@ def read_table(path: PathLike, *, with_names: bool = False) -> Table:
             )
     if separator == ",":
         _require_no_decimal_commas(path, body)
-    return Table(str(path), headings, [row for _, row in body], [line for line, _ in body], separator)
+    return CellTable(str(path), headings, [row for _, row in body], [line for line, _ in body], separator)
 
 
 def _first_of_table(path: PathLike, cells: list[tuple[int, list[str]]], width: int, least: float) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 from dic.typing import Float, Indices
 
 
-class Crossing(NamedTuple):
+class EdgeCrossing(NamedTuple):
     """Two edges that cross each other.
 
     Attributes
@@ -25,7 +25,7 @@ class Crossing(NamedTuple):
     y: float
 
 
-def find_crossings(polygons: Sequence[Float]) -> list[Crossing]:
+def find_crossings(polygons: Sequence[Float]) -> list[EdgeCrossing]:
     """Return one crossing for each pair of polygons that cross, and one for each polygon that crosses itself.
 
     Edges that only touch, such as shared edges and corners of neighbours, do not cross.
@@ -44,13 +44,13 @@ def find_crossings(polygons: Sequence[Float]) -> list[Crossing]:
     starts, ends, owners = starts[order], ends[order], owners[order]
     left = np.minimum(starts[:, 0], ends[:, 0])
     last = np.searchsorted(left, np.maximum(starts[:, 0], ends[:, 0]), side="right")
-    found: dict[tuple[int, int], Crossing] = {}
+    found: dict[tuple[int, int], EdgeCrossing] = {}
     for edge in range(len(starts)):
         others = np.arange(edge + 1, last[edge])
         for other in others[_cross(starts[edge], ends[edge], starts[others], ends[others])]:
             first, second = sorted((int(owners[edge]), int(owners[other])))
             x, y = _meeting(starts[edge], ends[edge], starts[other], ends[other])
-            found.setdefault((first, second), Crossing(first, second, x, y))
+            found.setdefault((first, second), EdgeCrossing(first, second, x, y))
     return [found[pair] for pair in sorted(found)]
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.errors import CorrelationError, MeasurementError, joined
-from dic.regions.crossings import Crossing, find_crossings
+from dic.regions.crossings import EdgeCrossing, find_crossings
 from dic.regions.overlaps import find_overlaps
 from dic.regions.polygons import line_mask, polygon_mask
 from dic.typing import Float, Mask
@@ -150,7 +150,7 @@ class DrawnRegion:
                 errors.append(CorrelationError(label, "compare with the image", expected, _at(x, y), remedy))
         return errors
 
-    def _crossings(self, own: Sequence[Crossing]) -> list[MeasurementError]:
+    def _crossings(self, own: Sequence[EdgeCrossing]) -> list[MeasurementError]:
         holes = [find_crossings([hole.corners]) for hole in self.holes]
         selves = [(self.polygons[one.first].label, one) for one in own if one.first == one.second]
         selves += [(hole.label, one) for hole, ones in zip(self.holes, holes, strict=True) for one in ones]
@@ -173,7 +173,7 @@ class DrawnRegion:
             if one.first != one.second
         ]
 
-    def _overlaps(self, crossings: Sequence[Crossing]) -> list[MeasurementError]:
+    def _overlaps(self, crossings: Sequence[EdgeCrossing]) -> list[MeasurementError]:
         crossed = {(one.first, one.second) for one in crossings}
         return [
             self._refused_pair(first, second, "polygons side by side, or one inside the other", "an overlap")

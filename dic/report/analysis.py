@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from dic.pipeline.measured_images import MeasuredImage
-from dic.report.camera_images import CameraImages, Results
+from dic.report.camera_images import ReportedImages, Results
 from dic.report.fact_table import Fact, FactTable, table_of
 from dic.report.hardware import results_file
 from dic.report.tables import SOURCES, resolution_text
@@ -11,7 +11,7 @@ from dic.strain.measures import MEASURES
 from dic.strain.strain import length_text
 
 
-def analysis_table(images: Sequence[CameraImages], result: Results) -> FactTable:
+def analysis_table(images: Sequence[ReportedImages], result: Results) -> FactTable:
     """Return the settings of correlation and strain of each camera, as the results contain them."""
     origin, software = result.provenance, Fact()
     if origin is not None:
@@ -21,12 +21,12 @@ def analysis_table(images: Sequence[CameraImages], result: Results) -> FactTable
     return table_of([each.camera for each in images], columns)
 
 
-def first_measured(images: CameraImages) -> MeasuredImage | None:
+def first_measured(images: ReportedImages) -> MeasuredImage | None:
     """Return the first image of a camera that could be measured; None if there is none."""
     return next((one for one in images.series.images if one.measurement is not None), None)
 
 
-def _settings(images: CameraImages, file: str) -> dict[str, Fact]:
+def _settings(images: ReportedImages, file: str) -> dict[str, Fact]:
     first = first_measured(images)
     if first is None or first.measurement is None:
         return {}

@@ -18,7 +18,7 @@ _TAKEN = ("exif", "video")
 
 
 @dataclass(frozen=True)
-class CameraImages:
+class ReportedImages:
     """The images of one camera of a test.
 
     Attributes
@@ -61,7 +61,7 @@ class CameraImages:
         return self._read(place)
 
 
-def images_of(result: Results) -> list[CameraImages]:
+def images_of(result: Results) -> list[ReportedImages]:
     """Return the images of each camera of a result, the on-axis camera first."""
     if isinstance(result, SeriesResult):
         labels = tuple(image.label for image in result.series.images)
@@ -69,7 +69,7 @@ def images_of(result: Results) -> list[CameraImages]:
         # numpy turns an unknown time, None, into NaN
         times_s = np.array([time.time_s if time.source in _TAKEN else None for time in times], np.float64)
         read = partial(deformed_of_series, result)
-        return [CameraImages("", result.series, result.calibration, labels, times_s, read)]
+        return [ReportedImages("", result.series, result.calibration, labels, times_s, read)]
     found = []
     # As in the tables of values, the on-axis camera comes first.
     for camera in sorted(result.cameras, key=lambda one: one.camera != "on_axis"):
@@ -77,5 +77,5 @@ def images_of(result: Results) -> list[CameraImages]:
         read = partial(deformed_of_run, result, camera.camera, camera.steps)
         series = result.series(camera.camera)
         times_s = np.array([step.time_s for step in camera.steps], np.float64)
-        found.append(CameraImages(camera.camera, series, camera.calibration, labels, times_s, read))
+        found.append(ReportedImages(camera.camera, series, camera.calibration, labels, times_s, read))
     return found

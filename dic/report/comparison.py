@@ -37,7 +37,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class PaperComparison:
     """One quantity, with its value in Helm and Deaner's paper and its values in the runs of the report.
 
     Attributes

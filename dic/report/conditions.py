@@ -7,7 +7,7 @@ from typing import Any
 
 from dic.pipeline.result import RunResult, SeriesResult
 from dic.report.analysis import analysis_table
-from dic.report.camera_images import CameraImages, Results, images_of
+from dic.report.camera_images import ReportedImages, Results, images_of
 from dic.report.fact_table import Fact, FactTable
 from dic.report.hardware import hardware_table, results_file, stated_table
 from dic.report.noise_floor import NoiseFloor, noise_floor_of
@@ -15,7 +15,7 @@ from dic.report.numbers import date
 from dic.report.repeat import result_of
 from dic.report.state_fields import StatePicture, quantity_along, state_picture
 from dic.report.stated_facts import StatedFacts
-from dic.report.states import State, chosen_states
+from dic.report.states import CurvePoint, chosen_states
 from dic.report.tensile_test import TensileTest
 
 _TITLES = {"laboratory": "Laboratory", "specimen": "Specimen", "machine": "Testing machine"}
@@ -52,7 +52,7 @@ class TestTables:
 
 
 @dataclass(frozen=True)
-class Conditions:
+class StatedConditions:
     """The conditions of a test, in the form that the page template needs.
 
     Attributes
@@ -62,7 +62,7 @@ class Conditions:
     doubts : list of str
         Facts that contradict the evaluation, one sentence each.
     tables : TestTables
-    states : list of State
+    states : list of CurvePoint
         The points of the curve whose fields are shown.
     fields : list of StatePicture
     """
@@ -70,11 +70,11 @@ class Conditions:
     stated: list[tuple[str, list[tuple[str, str]]]]
     doubts: list[str]
     tables: TestTables
-    states: list[State]
+    states: list[CurvePoint]
     fields: list[StatePicture]
 
 
-def conditions_of(test: TensileTest, result: Results, images: Sequence[CameraImages]) -> Conditions:
+def conditions_of(test: TensileTest, result: Results, images: Sequence[ReportedImages]) -> StatedConditions:
     """Return the conditions of a test; call it within `plot_style`.
 
     Raises
@@ -91,7 +91,7 @@ def conditions_of(test: TensileTest, result: Results, images: Sequence[CameraIma
         (_TITLES[name], [(row, text) for row, (text,) in table.rows]) for name, table in tables.stated.items()
     ]
     doubts = [*_doubts(test.details.facts, result, test.settings.area_mm2), *tables.hardware.doubts]
-    return Conditions(stated, doubts, tables, states, [each for each in pictures if each is not None])
+    return StatedConditions(stated, doubts, tables, states, [each for each in pictures if each is not None])
 
 
 def tables_of_test(test: TensileTest, results: Results | Sequence[Results]) -> dict[str, Any]:
@@ -124,7 +124,7 @@ def tables_of_test(test: TensileTest, results: Results | Sequence[Results]) -> d
     return found | {"files": {name: digests.get(name) for name in used}}
 
 
-def _tables(test: TensileTest, result: Results, images: Sequence[CameraImages]) -> TestTables:
+def _tables(test: TensileTest, result: Results, images: Sequence[ReportedImages]) -> TestTables:
     facts, known = test.details.facts, _known(result)
     facts.require_cameras(each.camera for each in images)
     floors = [noise_floor_of(each, test, results_file(result)) for each in images]

@@ -12,7 +12,7 @@ from dic.errors import MeasurementError
 from dic.pipeline.result import RunResult
 from dic.quality.noise import noise_of_one
 from dic.quality.speckle import autocovariance, even_light, speckle_size
-from dic.report.camera_images import CameraImages, Results
+from dic.report.camera_images import ReportedImages, Results
 from dic.report.fact_table import Fact, FactTable, table_of
 from dic.report.numbers import fixed, with_std
 from dic.report.stated_facts import FACTS, StatedFacts
@@ -25,7 +25,7 @@ _DETERMINED = 0.2
 _AT = "(x × y, in the middle of the grid)"
 
 
-def hardware_table(result: Results, images: Sequence[CameraImages], facts: StatedFacts) -> FactTable:
+def hardware_table(result: Results, images: Sequence[ReportedImages], facts: StatedFacts) -> FactTable:
     """Return the facts about cameras, lenses and patterns; a fact that is not known is "not stated"."""
     path, recorded, doubts = _recorded(result)
     columns = [_facts_of(each, facts, result, path, recorded.get(each.camera, {})) for each in images]
@@ -77,7 +77,7 @@ def _recorded(result: Results) -> tuple[str, dict[str, dict[str, Any]], list[str
 
 
 def _facts_of(
-    images: CameraImages, facts: StatedFacts, result: Results, run_file: str, recorded: Mapping[str, Any]
+    images: ReportedImages, facts: StatedFacts, result: Results, run_file: str, recorded: Mapping[str, Any]
 ) -> dict[str, Fact]:
     camera = images.camera
 
@@ -125,7 +125,7 @@ def _exposure(recorded: Mapping[str, Any]) -> str:
     return f"{exposure_us / 1000.0:g} ms" if exposure_us > 0.0 else ""
 
 
-def _optics(images: CameraImages, file: str) -> dict[str, Fact]:
+def _optics(images: ReportedImages, file: str) -> dict[str, Fact]:
     """Return the facts that the calibration gives: field of view, scale, and the pinhole camera's place."""
     calibration = images.calibration
     if calibration is None:
@@ -167,7 +167,7 @@ def _determined(value: float, std: float, unit: str) -> str:
     return text if std <= _DETERMINED * abs(value) else f"not determined ({text})"
 
 
-def _interval(images: CameraImages, file: str) -> Fact:
+def _interval(images: ReportedImages, file: str) -> Fact:
     """Return the usual time between two images."""
     steps = np.diff(images.times_s[np.isfinite(images.times_s)])
     if not steps.size:
@@ -176,7 +176,7 @@ def _interval(images: CameraImages, file: str) -> Fact:
     return Fact(text, file, "times of the images", "median of the differences")
 
 
-def _feature_size(images: CameraImages, file: str) -> Fact:
+def _feature_size(images: ReportedImages, file: str) -> Fact:
     """Return the size of the speckles, measured in the reference image within the region of interest."""
     found = next((one.measurement for one in images.series.images if one.measurement is not None), None)
     if found is None:
@@ -187,7 +187,7 @@ def _feature_size(images: CameraImages, file: str) -> Fact:
     return Fact(text, file, "reference", "full width at half maximum of the autocovariance")
 
 
-def _measured_size(grey: Grey, region: Mask, images: CameraImages) -> str:
+def _measured_size(grey: Grey, region: Mask, images: ReportedImages) -> str:
     try:
         pattern, noise = even_light(grey, region), noise_of_one(grey, region)
         sizes = [speckle_size(autocovariance(pattern, region, noise, axis)) for axis in (1, 0)]

@@ -10,7 +10,7 @@ from dic.errors import CurveError
 from dic.gauges.reading import Reading
 from dic.pipeline.measured_images import MeasuredImage
 from dic.report.analysis import first_measured
-from dic.report.camera_images import CameraImages
+from dic.report.camera_images import ReportedImages
 from dic.report.numbers import fixed
 from dic.report.states import names_of
 from dic.report.tensile_test import TensileTest
@@ -125,7 +125,7 @@ def _plain(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def noise_floor_of(images: CameraImages, test: TensileTest, file: str = "") -> NoiseFloor | None:
+def noise_floor_of(images: ReportedImages, test: TensileTest, file: str = "") -> NoiseFloor | None:
     """Return the noise floor of each quantity; None if the camera measured nothing.
 
     The predicted noise is the standard deviation that noise and interpolation of the images cause: the median
@@ -176,7 +176,7 @@ def doubt_of_rest(label: str, readings: Mapping[str, Reading]) -> str:
     )
 
 
-def _static_place(images: CameraImages, name: str) -> int:
+def _static_place(images: ReportedImages, name: str) -> int:
     found = [k for k, label in enumerate(images.labels) if name in names_of(label)]
     if len(found) == 1 and images.series.images[found[0]].measurement is not None:
         return found[0]
@@ -186,7 +186,7 @@ def _static_place(images: CameraImages, name: str) -> int:
     raise CurveError("settings", "--static", "the name of one measured image", got, remedy)
 
 
-def _field_rows(images: CameraImages, first: MeasuredImage, places: Sequence[int]) -> Iterator[NoiseRow]:
+def _field_rows(images: ReportedImages, first: MeasuredImage, places: Sequence[int]) -> Iterator[NoiseRow]:
     at_rest = [images.series.images[place] for place in places]
     # The prediction and the observation must be of the same kind of strain.
     kind = _kind_of([first, *at_rest])
@@ -253,7 +253,7 @@ def _gauge_kind(test: TensileTest, camera: str) -> str:
     return next((one.read.kind for one in reversed(test.columns) if one.camera == camera), "raw")
 
 
-def _gauges_at(images: CameraImages, test: TensileTest, place: int) -> dict[str, Reading]:
+def _gauges_at(images: ReportedImages, test: TensileTest, place: int) -> dict[str, Reading]:
     """Return the readings in one image, by the names of the gauges."""
     kind, shown = _gauge_kind(test, images.camera), test.series_of(images.camera).images
     if place >= len(shown):
@@ -262,7 +262,7 @@ def _gauges_at(images: CameraImages, test: TensileTest, place: int) -> dict[str,
     return {name: one for name, one in found.items() if isinstance(one, Reading)}
 
 
-def _gauge_rows(images: CameraImages, test: TensileTest, places: Sequence[int]) -> Iterator[NoiseRow]:
+def _gauge_rows(images: ReportedImages, test: TensileTest, places: Sequence[int]) -> Iterator[NoiseRow]:
     """Yield the noise floors of the gauges' strains: predicted, and observed in the images at rest."""
     series, kind = test.series_of(images.camera), _gauge_kind(test, images.camera)
     for gauge in series.gauges:

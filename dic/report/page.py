@@ -45,7 +45,7 @@ class SetUp:
 
 
 @dataclass(frozen=True)
-class RunView:
+class ReportView:
     """The content of the report on one run, in the form that the page template needs.
 
     An attribute for a figure contains a data URI, or an empty text if the run has no such figure.
@@ -155,9 +155,9 @@ def _content(runs: list[Run], tests: Sequence[TensileTest], title: str) -> dict[
     }
 
 
-def _view(run: Run) -> RunView:
+def _view(run: Run) -> ReportView:
     pulled, on_axis = run.kind == "tension", run.on_axis
-    return RunView(
+    return ReportView(
         run=run,
         problems=problems(run),
         settings=settings_rows(run),

@@ -6,7 +6,7 @@ import numpy as np
 
 from dic.calibration.calibration import Model
 from dic.calibration.residuals import Residuals
-from dic.report.comparison import Comparison, Entry, means, turned_cameras, worst, worst_text
+from dic.report.comparison import Entry, PaperComparison, means, turned_cameras, worst, worst_text
 from dic.report.numbers import fixed
 from dic.report.paper_corrected import corrected_rotation, corrected_tension
 from dic.report.series import CameraSeries, Run, difference
@@ -24,7 +24,7 @@ _HALF_TURN_DEG = 180.0
 _NEAR_DEG = 1.0
 
 
-def compare(runs: Sequence[Run]) -> list[Comparison]:
+def compare(runs: Sequence[Run]) -> list[PaperComparison]:
     """Return the comparisons with Helm and Deaner's paper that are possible for the given runs."""
     return [
         row
@@ -40,7 +40,7 @@ def compare(runs: Sequence[Run]) -> list[Comparison]:
     ]
 
 
-def _tension(runs: Sequence[Run]) -> list[Comparison]:
+def _tension(runs: Sequence[Run]) -> list[PaperComparison]:
     pulled = [(run, run.on_axis) for run in runs if run.kind == "tension" and run.on_axis is not None]
     change = [
         Entry(
@@ -60,14 +60,14 @@ def _tension(runs: Sequence[Run]) -> list[Comparison]:
             across.append(Entry(run.number, camera.label, means(calibrated, others)))
             before.append(Entry(run.number, camera.label, means(raw, camera.swing)))
     return [
-        Comparison(
+        PaperComparison(
             "size of what calibration changes on the on-axis camera, mean over the steps",
             "less than 40 µε on average for all three strains (text, figures 18–20)",
             "tension",
             "differences",
             change,
         ),
-        Comparison(
+        PaperComparison(
             "difference of the calibrated off-axis camera from the raw on-axis camera "
             "in the direction of the tilt, mean over the steps",
             "a bias of about 1000 µε at 30° (text, figures 18–20)",
@@ -75,14 +75,14 @@ def _tension(runs: Sequence[Run]) -> list[Comparison]:
             "differences",
             along,
         ),
-        Comparison(
+        PaperComparison(
             "the same difference of the other strains",
             "comparable with the on-axis camera (text)",
             "tension",
             "differences",
             across,
         ),
-        Comparison(
+        PaperComparison(
             "difference in the direction of the tilt before calibration",
             "larger than after calibration (text)",
             "tension",
@@ -92,24 +92,24 @@ def _tension(runs: Sequence[Run]) -> list[Comparison]:
     ]
 
 
-def _rotation(runs: Sequence[Run]) -> list[Comparison]:
+def _rotation(runs: Sequence[Run]) -> list[PaperComparison]:
     turned = turned_cameras(runs)
     return [
-        Comparison(
+        PaperComparison(
             "largest strain error before calibration",
             "155 000 µε at 30° (text, figures 21–23)",
             "rotation",
             "raw rotation",
             [Entry(c.run, c.label, worst_text(c, c.raw)) for c in turned],
         ),
-        Comparison(
+        PaperComparison(
             "largest strain error after calibration",
             "4000 µε at 30°, at 180° of rotation, in the direction of the tilt (text, figure 24)",
             "rotation",
             "calibrated rotation",
             [Entry(c.run, c.label, worst_text(c, c.calibrated)) for c in turned],
         ),
-        Comparison(
+        PaperComparison(
             "strain in the direction of the tilt after calibration, at 180°",
             "grows with the angle of the camera (text, figure 24)",
             "rotation",
@@ -120,7 +120,7 @@ def _rotation(runs: Sequence[Run]) -> list[Comparison]:
                 if len(values := _at_half_turn(c))
             ],
         ),
-        Comparison(
+        PaperComparison(
             "largest error before calibration ÷ largest error after it",
             "approximately 40 at 30° (abstract)",
             "rotation",
@@ -134,7 +134,7 @@ def _rotation(runs: Sequence[Run]) -> list[Comparison]:
     ]
 
 
-def _loading(runs: Sequence[Run]) -> Comparison:
+def _loading(runs: Sequence[Run]) -> PaperComparison:
     entries = []
     for run in runs:
         loads = [step for step in run.steps if step.kind == "load"]
@@ -146,7 +146,7 @@ def _loading(runs: Sequence[Run]) -> Comparison:
             parts.append(f"{len(stretches)} of displacement to {fixed(stretches[-1].displacement_mm, 2)} mm")
         if parts:
             entries.append(Entry(run.number, "load frame", "; ".join(parts)))
-    return Comparison(
+    return PaperComparison(
         "increments",
         "of 2 kN until plastic deformation was evident, then of 0.3 mm to 5.00 mm of displacement (text)",
         "tension",
@@ -155,9 +155,9 @@ def _loading(runs: Sequence[Run]) -> Comparison:
     )
 
 
-def _calibration(runs: Sequence[Run]) -> list[Comparison]:
+def _calibration(runs: Sequence[Run]) -> list[PaperComparison]:
     return [
-        Comparison(
+        PaperComparison(
             quantity,
             paper,
             "calibration",

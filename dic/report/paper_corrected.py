@@ -4,14 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dic.report.comparison import Comparison, Entry, means, turned_cameras, worst_text
+from dic.report.comparison import Entry, PaperComparison, means, turned_cameras, worst_text
 from dic.report.series import CameraSeries, Run, difference
 from dic.typing import Float
 
 _MAY_BE = "not done; “a correction … may be possible” (conclusions)"
 
 
-def corrected_tension(runs: Sequence[Run]) -> list[Comparison]:
+def corrected_tension(runs: Sequence[Run]) -> list[PaperComparison]:
     """Return comparisons of the strain error that remains in tension after the correction.
 
     The comparisons cover the correction by one camera and the correction by two cameras together.
@@ -32,7 +32,7 @@ def corrected_tension(runs: Sequence[Run]) -> list[Comparison]:
             values = difference(run.pair.steps, run.pair.corrected, on_axis)[1]
             together.append(Entry(run.number, run.pair.label, means(values, range(3))))
     return [
-        Comparison(
+        PaperComparison(
             "difference of the corrected off-axis camera from the raw on-axis camera "
             "in the direction of the tilt, mean over the corrected steps",
             _MAY_BE,
@@ -40,14 +40,14 @@ def corrected_tension(runs: Sequence[Run]) -> list[Comparison]:
             "corrected differences",
             along,
         ),
-        Comparison(
+        PaperComparison(
             "the same difference of the other strains, corrected",
             _MAY_BE,
             "tension",
             "corrected differences",
             across,
         ),
-        Comparison(
+        PaperComparison(
             "the same difference of both cameras together, mean over the corrected steps",
             "not done",
             "tension",
@@ -57,11 +57,11 @@ def corrected_tension(runs: Sequence[Run]) -> list[Comparison]:
     ]
 
 
-def corrected_rotation(runs: Sequence[Run]) -> list[Comparison]:
+def corrected_rotation(runs: Sequence[Run]) -> list[PaperComparison]:
     """Return comparisons of the strain error that remains in a rotation after the correction."""
     turned = turned_cameras(runs)
     return [
-        Comparison(
+        PaperComparison(
             "largest strain error after correction",
             _MAY_BE,
             "rotation",

@@ -9,13 +9,13 @@ import numpy as np
 from dic.errors import MeasurementError
 from dic.pictures.background import Background, background_of
 from dic.pictures.contact_sheet import shortened
-from dic.pictures.layout import FONT_PT, Layout
+from dic.pictures.layout import FONT_PT, PanelLayout
 from dic.pictures.maps import cut_ends, draw_background, draw_bar, draw_numbers, draw_panel
 from dic.pictures.panels import Maps, Scale, common_name, finished, in_readable_unit, maps_of, widened
 from dic.pictures.settings import MapSettings
-from dic.report.camera_images import CameraImages
+from dic.report.camera_images import ReportedImages
 from dic.report.numbers import fixed
-from dic.report.states import HALF, State
+from dic.report.states import HALF, CurvePoint
 from dic.report.style import png_uri
 
 _ALONG_Y_DEG = 45.0
@@ -55,7 +55,7 @@ class StatePicture:
 
 @dataclass(frozen=True)
 class _Shown:
-    state: State
+    state: CurvePoint
     reference: Maps
     deformed: Maps
     background: Background | None
@@ -68,7 +68,7 @@ def quantity_along(direction_deg: float) -> str:
     return "exx" if away < _ALONG_Y_DEG else "eyy"
 
 
-def state_picture(images: CameraImages, states: Sequence[State], quantity: str) -> StatePicture | None:
+def state_picture(images: ReportedImages, states: Sequence[CurvePoint], quantity: str) -> StatePicture | None:
     """Return the maps of a camera at the chosen points; None if the camera measured none of these points.
 
     Only one image at a time is in memory. For each point, only the values of its map and a small picture are
@@ -121,7 +121,7 @@ def _draw(shown: Sequence[_Shown], reference: Background, settings: MapSettings,
     aspect = max(background.aspect for background in (reference, *under) if background is not None)
     unit, columns = shown[0].reference.places.unit, max(len(shown), _LEAST_COLUMNS)
     cells = len(rows) * columns
-    layout = Layout(cells, columns, settings.width_mm, aspect, unit is not None, True, bars=False)
+    layout = PanelLayout(cells, columns, settings.width_mm, aspect, unit is not None, True, bars=False)
     figure = layout.new_figure()
     panels, scale = in_readable_unit([one.reference.panels[0] for one in shown], scale)
     common, mixed = common_name(panels)
@@ -150,7 +150,7 @@ def _draw(shown: Sequence[_Shown], reference: Background, settings: MapSettings,
     return figure
 
 
-def _title(state: State, row: int, kind: str) -> str:
+def _title(state: CurvePoint, row: int, kind: str) -> str:
     if row:
         return f"deformed: {shortened(state.label, beside=kind)}"
     name = state.words.replace(HALF, "half way")

@@ -20,7 +20,7 @@ _EXAMPLES = "half, Rp02, ReH, Rm, last, strain=0.5 (%), stress=200 (MPa) or imag
 
 
 @dataclass(frozen=True)
-class State:
+class CurvePoint:
     """A point of a curve.
 
     Attributes
@@ -44,7 +44,7 @@ class State:
         return f"{fixed(self.stress_mpa, 1)} MPa, {fixed(100.0 * self.strain, 3)} %"
 
 
-def chosen_states(column: TestColumn, wanted: Sequence[str] = ()) -> list[State]:
+def chosen_states(column: TestColumn, wanted: Sequence[str] = ()) -> list[CurvePoint]:
     """Return the points of a curve that a user wants to see, in the order of the test.
 
     Parameters
@@ -70,7 +70,7 @@ def chosen_states(column: TestColumn, wanted: Sequence[str] = ()) -> list[State]
             words.setdefault(point, []).append(_words(text))
     record = column.properties.record
     return [
-        State(
+        CurvePoint(
             ", ".join(dict.fromkeys(words[point])),
             column.labels[point],
             float(record.stress[point]),

@@ -9,7 +9,7 @@ import numpy as np
 from dic.properties.plot import draw_properties
 from dic.properties.value import PropertyValue
 from dic.report.camera_images import Results, images_of
-from dic.report.conditions import Conditions, conditions_of
+from dic.report.conditions import StatedConditions, conditions_of
 from dic.report.numbers import fixed, with_std
 from dic.report.repeat import Repeat, repeat_of, result_of
 from dic.report.style import PAGE_WIDTH_IN, PICTURE_DPI, png_uri, svg_uri
@@ -68,7 +68,7 @@ class TensileView:
     curves: str
     curve: str
     gauges: str
-    conditions: Conditions
+    conditions: StatedConditions
     repeat: Repeat
 
 
@@ -100,7 +100,7 @@ def tensile_view(test: TensileTest, results: Sequence[Results]) -> TensileView:
     )
 
 
-def _identity(conditions: Conditions) -> list[tuple[str, str]]:
+def _identity(conditions: StatedConditions) -> list[tuple[str, str]]:
     """Return the known facts that identify a test, which stand above its values."""
     stated = {name: dict(table.facts) for name, table in conditions.tables.stated.items()}
     found = [(label, stated[table][row][0]) for label, (table, row) in _IDENTITY.items()]

@@ -21,7 +21,7 @@ _OTHERS = {*_PIXELS, *_MILLIMETRES, "std_u_px", "std_v_px", "valid"}
 """Names of the columns that are not strains."""
 
 
-class Table:
+class CsvTable:
     """Writes the lines of a CSV table that a spreadsheet can open directly.
 
     Attributes
@@ -59,14 +59,14 @@ class Table:
 
 
 @contextmanager
-def new_table(path: PathLike, *, decimal_comma: bool, only_ascii: bool = True) -> Iterator[Table]:
+def new_table(path: PathLike, *, decimal_comma: bool, only_ascii: bool = True) -> Iterator[CsvTable]:
     """Provide a table that replaces the file at `path` when the table is complete.
 
     Text beyond ASCII needs a byte order mark, without which spreadsheets show wrong letters.
     """
     encoding = "utf-8" if only_ascii else "utf-8-sig"
     with replacing(path) as partial, partial.open("w", newline="", encoding=encoding) as file:
-        yield Table(file, decimal_comma=decimal_comma)
+        yield CsvTable(file, decimal_comma=decimal_comma)
 
 
 def write_rows(

@@ -15,7 +15,7 @@ from dic.image.point_grid import PointGrid
 from dic.image.threads import bands_of
 from dic.results.columns import Columns
 from dic.results.finished import EarlierFields, FinishedImage
-from dic.results.job import Outcome
+from dic.results.job import ImageOutcome
 from dic.results.schema import units_of
 from dic.typing import Float, Grey, Mask
 
@@ -132,12 +132,12 @@ class StoredFields:
         field = self.field(row)
         return self._earlier.fields(row, field) or SeriesFields(field)
 
-    def images(self, outcomes: Sequence[Outcome]) -> Sequence[FinishedImage]:
+    def images(self, outcomes: Sequence[ImageOutcome]) -> Sequence[FinishedImage]:
         """Return the correlated images of the series in their order, with the fields of this file.
 
         Parameters
         ----------
-        outcomes : sequence of Outcome
+        outcomes : sequence of ImageOutcome
             The outcomes of all images of the series, from `read_outcomes`.
         """
         rows = np.cumsum([each.failure is None for each in outcomes]) - 1

@@ -15,7 +15,7 @@ from dic.correlation.earlier_field import EarlierField
 from dic.correlation.field import Field
 from dic.correlation.series_state import SeriesFields
 from dic.image.times import ImageTime
-from dic.results.job import Outcome
+from dic.results.job import ImageOutcome
 
 _EARLIER = "later_reference"
 _COLUMNS = ("row", "points", "rows", "columns", "converged_share", "median_zncc")
@@ -49,9 +49,9 @@ class FinishedImage:
     time: ImageTime = dataclass_field(default_factory=ImageTime)
 
     @property
-    def outcome(self) -> Outcome:
+    def outcome(self) -> ImageOutcome:
         """What a result file stores about the image in addition to the image's fields."""
-        return Outcome(self.label, self.content, self.failure, self.time)
+        return ImageOutcome(self.label, self.content, self.failure, self.time)
 
     @property
     def field(self) -> Field:

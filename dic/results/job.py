@@ -38,7 +38,7 @@ def as_text(values: Mapping[str, Any]) -> str:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ImageOutcome:
     """The outcome of the correlation for one image of a series.
 
     Attributes
@@ -66,7 +66,7 @@ def content_of(digest: str, guess: Iterable[float] = ()) -> str:
     return sha256(" ".join([digest, *(float(value).hex() for value in guess)]).encode()).hexdigest()
 
 
-def outcome_rows(outcome: Outcome) -> dict[str, Any]:
+def outcome_rows(outcome: ImageOutcome) -> dict[str, Any]:
     """Return the row of an image in the group `images` of its camera."""
     rows: dict[str, Any] = {"label": outcome.label, "content": outcome.content}
     rows |= {"failure": outcome.failure or "", "failed": np.uint8(outcome.failure is not None)}
@@ -74,7 +74,7 @@ def outcome_rows(outcome: Outcome) -> dict[str, Any]:
     return rows | {"time_s": np.nan if time_s is None else time_s, "time_source": outcome.time.source}
 
 
-def read_outcomes(group: Any) -> list[Outcome]:
+def read_outcomes(group: Any) -> list[ImageOutcome]:
     """Return the outcomes of all images of a series; an empty list for files of earlier versions."""
     if "images" not in group:
         return []
@@ -86,6 +86,6 @@ def read_outcomes(group: Any) -> list[Outcome]:
         known = zip(images["time_s"][:], sources, strict=True)
         times = [ImageTime(float(s), str(by)) if np.isfinite(s) else ImageTime() for s, by in known]
     return [
-        Outcome(str(label), str(content), str(failure) if failed else None, time)
+        ImageOutcome(str(label), str(content), str(failure) if failed else None, time)
         for label, content, failure, failed, time in zip(*columns, images["failed"][:], times, strict=True)
     ]

@@ -31,7 +31,7 @@ STEP_UNITS = {
 
 
 @dataclass(frozen=True)
-class Layout:
+class CameraLayout:
     """The groups of a result file that contain what is known of one camera.
 
     Attributes
@@ -49,7 +49,7 @@ class Layout:
     calibration: str
 
     @classmethod
-    def of(cls, camera: str) -> "Layout":
+    def of(cls, camera: str) -> "CameraLayout":
         """Return the groups of a run's camera; the name of the camera of a series of image files is ""."""
         if not camera:
             return cls("series", "series", "calibration")

@@ -37,7 +37,7 @@ from dic.results.schema import (
     PLANE_KEYS,
     SHARED_KEY,
     VERSION,
-    Layout,
+    CameraLayout,
     units_of,
 )
 from dic.strain.displacement import Displacement
@@ -173,7 +173,7 @@ class ResultWriter:
         """Return the group `name` of the open file; create the group if it does not exist."""
         return self._file.require_group(name)
 
-    def add_field(self, layout: Layout, image: FinishedImage) -> None:
+    def add_field(self, layout: CameraLayout, image: FinishedImage) -> None:
         """Append the outcome of an image's correlation, and its field if it has one."""
         with self._turn, self._room():
             self._images += 1
@@ -195,7 +195,7 @@ class ResultWriter:
                 self._rows.append(group, n, rows)
             append_earlier(group, n, image.fields)
 
-    def stored(self, layout: Layout) -> Any:
+    def stored(self, layout: CameraLayout) -> Any:
         """Return the group with the fields of a camera, to read what was appended."""
         with self._turn:
             self._rows.flush(layout.rows)
@@ -203,7 +203,7 @@ class ResultWriter:
 
     def add(
         self,
-        layout: Layout,
+        layout: CameraLayout,
         measurement: Measurement,
         correction: Correction | None = None,
         *,
@@ -213,7 +213,7 @@ class ResultWriter:
 
         Parameters
         ----------
-        layout : Layout
+        layout : CameraLayout
             Where the file contains the images of the camera.
         measurement : Measurement
         correction : Correction, optional

@@ -80,7 +80,7 @@ def require_layout(file: Any) -> None:
         _table(_group(entry, schema.REPORTED_GROUP), schema.REPORTED)
 
 
-def _table(group: Any, layout: schema.Group) -> int:
+def _table(group: Any, layout: schema.GroupLayout) -> int:
     """Check the columns of a table, and return the number of its complete rows."""
     found = {item.name: _require_item(group, item, None) for item in layout.items}
     lengths = {name: dataset.shape[0] for name, dataset in found.items() if dataset is not None}

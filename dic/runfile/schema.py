@@ -43,7 +43,7 @@ class Item:
 
 
 @dataclass(frozen=True)
-class Group:
+class GroupLayout:
     """A group in a run file: its NeXus class, its datasets in the order of writing, and its attributes."""
 
     nx_class: str
@@ -73,7 +73,7 @@ LOAD_FRAME_FLAGS = (
 
 _IDENTITY = ("vendor", "model", "serial", "firmware")
 
-ENTRY = Group(
+ENTRY = GroupLayout(
     "NXentry",
     (
         Item("title", "S"),
@@ -90,7 +90,7 @@ ENTRY = Group(
     ),
     ("simulated",),
 )
-SAMPLE = Group(
+SAMPLE = GroupLayout(
     "NXsample",
     (
         Item("name", "S"),
@@ -100,10 +100,10 @@ SAMPLE = Group(
     ),
 )
 TARGET = (Item("target", "S16"), Item("marker_mm", "float64", "mm"), Item("dictionary", "S"))
-GRID = Group("NXcollection", (Item("lines", "int64", "1"), Item("pitch_mm", "float64", "mm"), *TARGET))
+GRID = GroupLayout("NXcollection", (Item("lines", "int64", "1"), Item("pitch_mm", "float64", "mm"), *TARGET))
 MOUNTING_GROUP = "mounting"
 """Name of the group with the declared mounting; files of earlier versions lack this group."""
-MOUNTING = Group(
+MOUNTING = GroupLayout(
     "NXcollection",
     (
         Item("plate_mm", "float64", "mm"),
@@ -111,7 +111,7 @@ MOUNTING = Group(
         Item("shift_std_um", "float64", "um"),
     ),
 )
-INSTRUMENT = Group("NXinstrument")
+INSTRUMENT = GroupLayout("NXinstrument")
 
 # Each group below is a table, whose items are columns. The last column is written last. So a row is complete
 # if its element in the last column exists.
@@ -124,7 +124,7 @@ This dataset is in the same group as the columns of `DETECTOR`.
 
 PIXELS_ATTRIBUTES = {"units": "1", "interpretation": "image"}
 
-DETECTOR = Group(
+DETECTOR = GroupLayout(
     "NXdetector",
     (
         Item("exposed_s", "float64", "s"),
@@ -141,12 +141,12 @@ DETECTOR = Group(
     ),
     (*_IDENTITY, "bits"),
 )
-STAGE = Group(
+STAGE = GroupLayout(
     "NXpositioner",
     (Item("angle_deg", "float64", "deg"), *STAGE_FLAGS, ORDER, Item("time_s", "float64", "s")),
     _IDENTITY,
 )
-LOAD_FRAME = Group(
+LOAD_FRAME = GroupLayout(
     "NXsensor",
     (
         Item("load_n", "float64", "N"),
@@ -159,8 +159,8 @@ LOAD_FRAME = Group(
 )
 INTERLOCKS_GROUP = "interlocks"
 """Name of the group that has one table for each interlock; a run without interlocks has no such group."""
-INTERLOCKS = Group("NXcollection")
-INTERLOCK = Group(
+INTERLOCKS = GroupLayout("NXcollection")
+INTERLOCK = GroupLayout(
     "NXsensor",
     (Item("value", "float64", "by attribute unit"), ORDER, Item("time_s", "float64", "s")),
     (*_IDENTITY, "unit", "allowed_min", "allowed_max"),
@@ -182,7 +182,7 @@ LATER: frozenset[Item] = frozenset(
 )
 """Datasets that files of earlier versions lack."""
 
-EVENTS = Group(
+EVENTS = GroupLayout(
     "NXcollection",
     (
         Item("level", "S8"),
@@ -198,7 +198,7 @@ REPORTED_GROUP = "settings"
 """Name of the table of all settings that the devices reported; files of earlier versions lack this table."""
 SETTING_NAME_BYTES = 64
 SETTING_BYTES = 240
-REPORTED = Group(
+REPORTED = GroupLayout(
     "NXcollection",
     (
         Item("device", f"S{SETTING_NAME_BYTES}"),
@@ -221,7 +221,7 @@ def row_count(camera: str) -> str:
     return f"count_{camera}"
 
 
-def steps(cameras: Iterable[str]) -> Group:
+def steps(cameras: Iterable[str]) -> GroupLayout:
     """Return the layout of the table of steps for a run with the given cameras."""
     rows = [Item(name(camera), "int64", "1") for camera in cameras for name in (first_row, row_count)]
-    return Group("NXcollection", (*STEP_ITEMS, *rows, ORDER, COMPLETE))
+    return GroupLayout("NXcollection", (*STEP_ITEMS, *rows, ORDER, COMPLETE))

@@ -9,7 +9,7 @@ from dic.runfile import schema
 from dic.runfile.layout import Unlike
 
 
-def read_scalars(group: Any, layout: schema.Group) -> dict[str, Any]:
+def read_scalars(group: Any, layout: schema.GroupLayout) -> dict[str, Any]:
     """Return the single values of a group as a dict: texts as str, numbers as float."""
     return {
         item.name: float(group[item.name][()]) if item.text_bytes is None else read_text(group[item.name])

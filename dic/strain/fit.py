@@ -12,7 +12,7 @@ import numpy as np
 from dic.strain.convolution import convolved
 from dic.strain.displacement import Displacement, Noise
 from dic.strain.error_sums import add_products, add_weighted, set_weighted
-from dic.strain.window_kernel import Errors, Surface, Work, fit_windows
+from dic.strain.window_kernel import Errors, SurfacePoints, Work, fit_windows
 from dic.typing import Float, Mask
 
 # Smallest share of the points of a window that must be valid.
@@ -194,7 +194,7 @@ def fitted_gradients(
     return gradient, covariance
 
 
-def _surface(displacement: Displacement, window: int, rows: slice) -> Surface:
+def _surface(displacement: Displacement, window: int, rows: slice) -> SurfacePoints:
     """Return the points near some rows, for the compiled fit."""
     position, vector = (
         np.ascontiguousarray(each, np.float64) for each in (displacement.position, displacement.vector)
@@ -202,7 +202,7 @@ def _surface(displacement: Displacement, window: int, rows: slice) -> Surface:
     number, seen = np.empty((0, 0), np.int64), np.empty((0, window, window), np.bool_)
     if displacement.sight is not None:
         number, seen = displacement.sight.hidden(window, rows)
-    return Surface(position, vector, displacement.valid, number, seen)
+    return SurfacePoints(position, vector, displacement.valid, number, seen)
 
 
 def _errors(noise: Noise | None, window: int) -> Errors:

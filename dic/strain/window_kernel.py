@@ -11,7 +11,7 @@ from dic.correlation.kernel.jit import compiled, inlined, inner
 from dic.typing import Float, Indices, Mask
 
 
-class Surface(NamedTuple):
+class SurfacePoints(NamedTuple):
     """The points of a grid, and which of them belong to the same piece of the surface.
 
     Attributes
@@ -114,7 +114,7 @@ class Work(NamedTuple):
 def fit_windows(
     first: int,
     needed: float,
-    surface: Surface,
+    surface: SurfacePoints,
     errors: Errors,
     work: Work,
     gradient: Float,
@@ -128,7 +128,7 @@ def fit_windows(
         The first of the rows.
     needed : float
         Smallest number of points in a window.
-    surface : Surface
+    surface : SurfacePoints
     errors : Errors
     work : Work
         `used` must be False everywhere at the beginning.
@@ -155,7 +155,7 @@ def fit_windows(
 
 
 @inner
-def _choose(row: int, column: int, surface: Surface, use: Mask) -> int:
+def _choose(row: int, column: int, surface: SurfacePoints, use: Mask) -> int:
     """Choose the points of the window whose first point is at `row`, `column`; return their number."""
     window, valid, seen = use.shape[0], surface.valid, -1
     if surface.number.size:

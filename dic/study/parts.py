@@ -18,7 +18,7 @@ _AS_GOOD = 0.98
 
 
 @dataclass(frozen=True)
-class Part:
+class ImagePart:
     """A rectangle of the image.
 
     Attributes
@@ -38,7 +38,7 @@ class Part:
         return slice(self.top, self.top + self.height), slice(self.left, self.left + self.width)
 
 
-def chosen_parts(region: Mask, parts: int) -> tuple[Part, ...]:
+def chosen_parts(region: Mask, parts: int) -> tuple[ImagePart, ...]:
     """Return parts of a region that lie far from one another.
 
     A small region is one part. In a large region, the first part lies near the middle of the region. Each
@@ -54,7 +54,7 @@ def chosen_parts(region: Mask, parts: int) -> tuple[Part, ...]:
     import cv2
 
     left, top, width, height = cv2.boundingRect(region.view(np.uint8))
-    whole = Part(top, left, height, width)
+    whole = ImagePart(top, left, height, width)
     if width * height <= _SMALL_PX2:
         return (whole,)
     size = min(PART_PX, height), min(PART_PX, width)
@@ -62,21 +62,21 @@ def chosen_parts(region: Mask, parts: int) -> tuple[Part, ...]:
     rows, columns = np.nonzero(region)
     centres = places + np.array(size) / 2
     far = -np.hypot(*(centres - [rows.mean(), columns.mean()]).T)
-    free, chosen = region.copy(), list[Part]()
+    free, chosen = region.copy(), list[ImagePart]()
     for _ in range(parts):
         shares = _shares(free, places, size)
         if chosen and shares.max() < _LEAST_SHARE:
             break
         good = np.flatnonzero(shares >= _AS_GOOD * shares.max())
         best = good[np.argmax(far[good])]
-        chosen.append(Part(int(places[best, 0]), int(places[best, 1]), *size))
+        chosen.append(ImagePart(int(places[best, 0]), int(places[best, 1]), *size))
         free[chosen[-1].pixels] = False
         nearest = np.hypot(*(centres - centres[best]).T)
         far = nearest if len(chosen) == 1 else np.minimum(far, nearest)
     return tuple(chosen)
 
 
-def _places(whole: Part, size: tuple[int, int]) -> Indices:
+def _places(whole: ImagePart, size: tuple[int, int]) -> Indices:
     """Return the upper left corners (row, column) of all places that are tried for a part, shape (n, 2)."""
     starts = []
     for first, length, own in ((whole.top, whole.height, size[0]), (whole.left, whole.width, size[1])):

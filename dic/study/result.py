@@ -7,7 +7,7 @@ from typing import Any
 from dic.correlation.settings import CorrelationSettings
 from dic.specimen.find import Specimen
 from dic.strain.settings import StrainSettings
-from dic.study.parts import Part
+from dic.study.parts import ImagePart
 from dic.study.wave import Wave
 from dic.typing import Mask
 
@@ -92,7 +92,7 @@ class Study:
         The source of the noise in the results: "reference", or the name of an image of the specimen at rest.
     notes : tuple of str
         A sentence about each further image: at rest or deformed, and the values that show this.
-    parts : tuple of Part
+    parts : tuple of ImagePart
         The parts of the reference on which the settings were tried.
     smoothing_px : float
         Standard deviation of the smoothing before interpolation.
@@ -113,7 +113,7 @@ class Study:
     noise: float
     noise_from: str
     notes: tuple[str, ...]
-    parts: tuple[Part, ...]
+    parts: tuple[ImagePart, ...]
     smoothing_px: float
     left_out: int
     narrowest_px: float

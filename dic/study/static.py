@@ -43,7 +43,7 @@ _LONGEST = 50.0
 
 
 @dataclass(frozen=True)
-class Motion:
+class StaticMotion:
     """How a second image differs from the reference.
 
     Attributes
@@ -61,7 +61,7 @@ class Motion:
     scatter: float
 
     @classmethod
-    def of(cls, field: Field) -> "Motion":
+    def of(cls, field: Field) -> "StaticMotion":
         """Return the mean motion, the strain and the scatter of a displacement field."""
         use = field.converged
         at = field.points.reshape(*use.shape, 2)[use]
@@ -99,7 +99,7 @@ def motion_between(grey: Grey, other: Grey, region: Mask, settings: CorrelationS
     return Correlator(grey, region, used, copy=False).correlate(other)
 
 
-def require_rest(motion: Motion, label: str) -> None:
+def require_rest(motion: StaticMotion, label: str) -> None:
     """Raise an error if the user named an image as one at rest, but it shows more than noise.
 
     Raises

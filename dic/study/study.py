@@ -16,10 +16,10 @@ from dic.quality.speckle import autocovariance, even_light, speckle_size
 from dic.specimen.find import find_specimen
 from dic.strain.resolution import strain_resolution_px
 from dic.strain.settings import StrainSettings
-from dic.study.parts import Part, chosen_parts
+from dic.study.parts import ImagePart, chosen_parts
 from dic.study.pattern import corner_noise
 from dic.study.result import StudiedSettings, Study
-from dic.study.static import Motion, motion_between, require_rest, unreadable, wave_of
+from dic.study.static import StaticMotion, motion_between, require_rest, unreadable, wave_of
 from dic.study.sweep import Sweep
 from dic.study.trials import Trial, TrialImages, rms, trial_images, tried
 from dic.study.wave import Wave
@@ -140,7 +140,7 @@ def _companions(
         other = grey_image(image, label)
         require_same_size([grey, other], [name, label])
         try:
-            motion = Motion.of(motion_between(grey, other, region, settings))
+            motion = StaticMotion.of(motion_between(grey, other, region, settings))
         except MeasurementError as error:
             raise unreadable(label, error) from error
         named = number == 0 and first_is_static
@@ -243,7 +243,7 @@ def _odd(width_px: float) -> int:
     return int(np.ceil(width_px)) | 1
 
 
-def _nothing_fits(sweep: Sweep, parts: Sequence[Part], narrowest_px: float) -> MeasurementError:
+def _nothing_fits(sweep: Sweep, parts: Sequence[ImagePart], narrowest_px: float) -> MeasurementError:
     largest = max(parts, key=lambda part: part.height * part.width)
     return CorrelationError(
         "region of interest",

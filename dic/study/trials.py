@@ -15,7 +15,7 @@ from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
 from dic.strain.settings import StrainSettings
 from dic.strain.tensor import strain_of
-from dic.study.parts import Part
+from dic.study.parts import ImagePart
 from dic.study.pattern import Pattern
 from dic.study.wave import Phases, Wave
 from dic.study.windows import window_strain
@@ -56,7 +56,7 @@ class TrialImages:
 
 
 def trial_images(
-    images: tuple[Grey, Grey | None], region: Mask, part: Part, wave: Wave, noise: float, number: int
+    images: tuple[Grey, Grey | None], region: Mask, part: ImagePart, wave: Wave, noise: float, number: int
 ) -> TrialImages:
     """Return the images of a part, with phases that depend on its number.
 
@@ -68,7 +68,7 @@ def trial_images(
     images : tuple
         The reference image, and an image of the specimen at rest, or None to draw noise.
     region : ndarray of bool, shape (height, width)
-    part : Part
+    part : ImagePart
     wave : Wave
     noise : float
         Standard deviation of the reference's noise, grey levels.

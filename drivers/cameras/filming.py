@@ -21,7 +21,7 @@ OPENING_S = 20.0
 """Longest time, in seconds, for reopening a camera when a stream is opened."""
 
 
-class Session(Protocol):
+class FilmingSession(Protocol):
     """Interface of an opened camera that films until it is closed.
 
     Attributes
@@ -49,7 +49,7 @@ class Session(Protocol):
         """Stop filming and release all resources. A repeated call has no effect."""
 
 
-S = TypeVar("S", bound=Session)
+S = TypeVar("S", bound=FilmingSession)
 
 
 class FilmingCamera(ABC, Generic[S]):

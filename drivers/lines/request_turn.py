@@ -6,7 +6,7 @@ import threading
 from collections.abc import Iterator
 
 
-class Turn:
+class RequestTurn:
     """Lock of a serial or TCP line. One request at a time uses the line, and urgent requests go first.
 
     A thread that waits for the answer to an ordinary request must also watch the file descriptor `wake`. An

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from drivers.clock import SystemClock
 from drivers.terminal.question import Question, Withdrawn
-from rig import AtRest, Reading, Rig, RigError, open_rig, read_rig
+from rig import AtRest, Rig, RigError, RigReading, open_rig, read_rig
 from rig.commands.hand_plan import Wish, plan, slowed
 from rig.engine.calls import Calls
 from rig.engine.devices import called
@@ -120,8 +120,8 @@ def _hold(rig_file: RigFile) -> Moved:
 def move(
     rig_path: Path,
     wish: Wish,
-    confirm: Callable[[HandMotion, Reading], None],
-    on_reading: Callable[[Reading], None] = lambda _: None,
+    confirm: Callable[[HandMotion, RigReading], None],
+    on_reading: Callable[[RigReading], None] = lambda _: None,
 ) -> Moved:
     """Execute one motion by hand. A signal, for example by Ctrl-C, stops the motion at once.
 
@@ -149,11 +149,11 @@ def move(
 
 
 @contextmanager
-def confirmation(yes: bool, word: str) -> Iterator[Callable[[HandMotion, Reading], None]]:
+def confirmation(yes: bool, word: str) -> Iterator[Callable[[HandMotion, RigReading], None]]:
     """Yield a function that asks the user to confirm a motion by a word. With ``--yes``, it asks nothing."""
     asked: list[Question] = []
 
-    def confirm(motion: HandMotion, reading: Reading) -> None:
+    def confirm(motion: HandMotion, reading: RigReading) -> None:
         if yes:
             return
         now = ", ".join(f"{value:.6g} {unit}" for unit, value in reading.by_unit().items())

@@ -4,8 +4,8 @@ import re
 from pathlib import Path
 
 from dic.shell.console import say
-from rig.protocol.step import Reading
-from rig.resume import Earlier
+from rig.protocol.step import RigReading
+from rig.resume import FinishedPart
 
 
 def next_segment(path: Path) -> Path:
@@ -16,11 +16,11 @@ def next_segment(path: Path) -> Path:
     return path.with_name(f"{stem}-{number + 1}{path.suffix}")
 
 
-def say_where_it_stands(earlier: Earlier, start: Reading) -> None:
+def say_where_it_stands(earlier: FinishedPart, start: RigReading) -> None:
     """Before the operator is asked, print load and displacement at the end of the earlier run and now."""
     say(f"going on with {earlier.path} at {earlier.next}")
     say(f"it ended at {_shown(earlier.end)}; the machine stands at {_shown(start)}")
 
 
-def _shown(reading: Reading) -> str:
+def _shown(reading: RigReading) -> str:
     return ", ".join(f"{value:.5g} {unit}" for unit, value in reading.by_unit().items()) or "no reading"

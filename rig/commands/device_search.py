@@ -25,7 +25,7 @@ class Device:
 
 
 @dataclass(frozen=True)
-class Place:
+class DevicePlace:
     """A serial port or a Modbus address, and the devices that answer at this place.
 
     Attributes
@@ -65,15 +65,15 @@ class Search:
     unsearched : list of Unsearched
     unloaded : list of str
         One message for each driver that cannot be loaded.
-    ports, modbus : list of Place
+    ports, modbus : list of DevicePlace
         The serial ports and the Modbus addresses of the search.
     """
 
     devices: list[Device] = field(default_factory=list)
     unsearched: list[Unsearched] = field(default_factory=list)
     unloaded: list[str] = field(default_factory=list)
-    ports: list[Place] = field(default_factory=list)
-    modbus: list[Place] = field(default_factory=list)
+    ports: list[DevicePlace] = field(default_factory=list)
+    modbus: list[DevicePlace] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -183,10 +183,10 @@ def _asked(
     questions: Sequence[tuple[_Seeker, Callable[[str], Sequence[Found]] | None]],
     *,
     ask: bool,
-) -> Place:
+) -> DevicePlace:
     """Let one driver after the other query a port or address, until one finds its devices there."""
     if not ask:
-        return Place(port.path, port.description, [], NOT_ASKED)
+        return DevicePlace(port.path, port.description, [], NOT_ASKED)
     troubles: dict[str, None] = {}
     for seeker, question in questions:
         try:
@@ -195,8 +195,8 @@ def _asked(
             troubles[seeker.reason(error, "cannot be opened: ")] = None
             continue
         if found:
-            return Place(port.path, port.description, seeker.devices(found), "")
-    return Place(port.path, port.description, [], "; ".join(troubles))
+            return DevicePlace(port.path, port.description, seeker.devices(found), "")
+    return DevicePlace(port.path, port.description, [], "; ".join(troubles))
 
 
 def _with_port(address: str) -> str:

@@ -3,7 +3,7 @@
 from typing import Any
 
 from drivers.settings import toml_table
-from rig.commands.device_search import Device, Place, Search
+from rig.commands.device_search import Device, DevicePlace, Search
 
 # For each kind of device: the settings that the user must decide, and the basis for the decision.
 _TO_DECIDE = {
@@ -88,11 +88,11 @@ def _cameras_and_others(devices: list[Device]) -> tuple[list[Device], list[Devic
     return cameras, [each for each in devices if each.spec.kind != "camera"]
 
 
-def _who(place: Place) -> str:
+def _who(place: DevicePlace) -> str:
     return "; ".join(each.found.what for each in place.devices) or place.trouble
 
 
-def _answer_table(place: Place) -> dict[str, Any]:
+def _answer_table(place: DevicePlace) -> dict[str, Any]:
     return {"found": [_device_table(each) for each in place.devices], "trouble": place.trouble}
 
 

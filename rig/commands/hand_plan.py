@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 from drivers.interfaces import LoadFrameLimits
-from rig import Reading, Rig, RigError
+from rig import Rig, RigError, RigReading
 from rig.facts import RigFacts
 from rig.limit_settings import RigLimits
 from rig.limits.by_hand import (
@@ -45,7 +45,7 @@ class Wish:
     free: bool = False
 
 
-def plan(wish: Wish, reading: Reading, rig: Rig, facts: RigFacts) -> HandMotion:
+def plan(wish: Wish, reading: RigReading, rig: Rig, facts: RigFacts) -> HandMotion:
     """Return the motion that a person has asked for.
 
     Raises
@@ -81,7 +81,7 @@ def slowed(rig_file: RigFile, wish: Wish) -> RigFile:
     return replace(rig_file, load_frame=replace(entry, settings=settings))
 
 
-def _load(wish: Wish, reading: Reading, limits: LoadFrameLimits, rig_limits: RigLimits) -> HandMotion:
+def _load(wish: Wish, reading: RigReading, limits: LoadFrameLimits, rig_limits: RigLimits) -> HandMotion:
     target = wish.target + (reading.load_n if wish.relative else 0.0)
     rate = _rate(wish, UNLOADED_SHARE * limits.load_max_n, limits.load_rate_max_n_s, "N/s")
     _require_within(target, limits.load_min_n, limits.load_max_n, "load", "N")
@@ -104,7 +104,7 @@ def _load(wish: Wish, reading: Reading, limits: LoadFrameLimits, rig_limits: Rig
     )
 
 
-def _travel(wish: Wish, reading: Reading, limits: LoadFrameLimits) -> HandMotion:
+def _travel(wish: Wish, reading: RigReading, limits: LoadFrameLimits) -> HandMotion:
     start_mm = reading.displacement_mm
     target = wish.target + (start_mm if wish.relative else 0.0)
     range_mm = limits.displacement_max_mm - limits.displacement_min_mm
@@ -127,7 +127,7 @@ def _travel(wish: Wish, reading: Reading, limits: LoadFrameLimits) -> HandMotion
     )
 
 
-def _turn(wish: Wish, reading: Reading, facts: RigFacts) -> HandMotion:
+def _turn(wish: Wish, reading: RigReading, facts: RigFacts) -> HandMotion:
     target = wish.target + (reading.angle_deg if wish.relative else 0.0)
     low = -math.inf if facts.angle_min_deg is None else facts.angle_min_deg
     high = math.inf if facts.angle_max_deg is None else facts.angle_max_deg

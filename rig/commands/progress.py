@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, TypeAlias
 from dic.shell.bottom_lines import bottom_lines
 from dic.shell.console import say
 from drivers.interfaces import OperatorAction
-from rig import Reading, State, Status, StepRecord
+from rig import EngineStatus, RigReading, State, StepRecord
 from rig.limits.by_hand import HandMotion
 
 if TYPE_CHECKING:
     from rich.console import Group
     from rich.live import Live
 
-Confirm: TypeAlias = Callable[[HandMotion, Reading], None]
+Confirm: TypeAlias = Callable[[HandMotion, RigReading], None]
 
 REFRESHES_PER_S = 5.0
 BAR_WIDTH = 20
@@ -26,7 +26,7 @@ WITHDRAWAL_S = 1.0
 """Longest time in s for which the end of the screen waits until the operator's driver leaves the terminal."""
 
 
-def what_happens(status: Status | None) -> str:
+def what_happens(status: EngineStatus | None) -> str:
     """Return a line, usually of at most 80 characters, that names the moving device and its step."""
     if status is None or status.step is None:
         return "opening the rig; nothing moves"
@@ -51,7 +51,7 @@ def what_happens(status: Status | None) -> str:
     return f"{status.state.value}, {at}"
 
 
-def how_to_stop(status: Status | None) -> str:
+def how_to_stop(status: EngineStatus | None) -> str:
     """Return a text that says what Ctrl-C does on this rig."""
     units = {} if status is None or status.reading is None else status.reading.by_unit()
     effects = [effect for unit, effect in _EFFECTS if unit in units]
@@ -78,13 +78,13 @@ class Screen:
         self._late_news_s = late_news_s
         self.live: Live | None = None
         self._changed = threading.Condition()
-        self._status: Status | None = None
+        self._status: EngineStatus | None = None
         self._notice = ""
         self._asking = False
         self._steps_printed = 0
         self._held_back: list[str] = []
 
-    def on_status(self, status: Status) -> None:
+    def on_status(self, status: EngineStatus) -> None:
         """Show a new status of the run on the screen."""
         with self._changed:
             self._status = status
@@ -189,7 +189,7 @@ def _step_line(record: StepRecord) -> str:
     return f"{record.step}: settled at {shown}; images: {images}"
 
 
-def _holding(reading: Reading | None) -> str:
+def _holding(reading: RigReading | None) -> str:
     """Return the text that names the machines that stand still while a person is asked."""
     units = {} if reading is None else reading.by_unit()
     load = f"the load frame holds at {units['N']:.1f} N, {units['mm']:.4f} mm" if "N" in units else ""
@@ -197,7 +197,7 @@ def _holding(reading: Reading | None) -> str:
     return f"Nothing moves: {'; '.join(filter(None, (load, angle))) or 'no reading yet'}."
 
 
-def _values(reading: Reading | None) -> str:
+def _values(reading: RigReading | None) -> str:
     if reading is None:
         return "no reading yet"
     formats = {"N": ".1f", "mm": ".4f", "deg": ".2f"}
@@ -217,9 +217,9 @@ class HandScreen:
     def __init__(self) -> None:
         self.live: Live | None = None
         self._doing = ""
-        self._reading: Reading | None = None
+        self._reading: RigReading | None = None
 
-    def on_reading(self, reading: Reading) -> None:
+    def on_reading(self, reading: RigReading) -> None:
         """Show a reading at the next refresh."""
         self._reading = reading
 
@@ -227,7 +227,7 @@ class HandScreen:
         """Return a function that asks for the confirmation of a motion, and then shows the motion on the
         screen."""
 
-        def confirm_and_show(motion: HandMotion, reading: Reading) -> None:
+        def confirm_and_show(motion: HandMotion, reading: RigReading) -> None:
             confirm(motion, reading)
             self._doing = motion.doing
             if self.live is not None:

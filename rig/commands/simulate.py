@@ -25,7 +25,7 @@ class Log(Protocol):
         """Write the current true state of the simulation to the log."""
 
 
-class Simulation(Protocol):
+class SimulatedRig(Protocol):
     """The simulation that an entry point of the group `offaxis.simulators` makes from a rig file's tables."""
 
     log: Log
@@ -65,7 +65,7 @@ def find_simulator() -> Any:
 
 def start(
     rig_path: Path | None, log: Path | None, faults: Iterable[str], places: Iterable[str]
-) -> Simulation:
+) -> SimulatedRig:
     """Start the virtual rig that a rig file describes, or the default virtual rig.
 
     Parameters
@@ -88,7 +88,7 @@ def start(
     tables = {} if rig_path is None else tomllib.loads(read_rig(rig_path).text)
     try:
         simulation = cast(
-            Simulation, find_simulator()(tables, str(rig_path or "rig simulate"), log, tuple(places))
+            SimulatedRig, find_simulator()(tables, str(rig_path or "rig simulate"), log, tuple(places))
         )
     except OSError as error:
         raise RigError(
@@ -108,12 +108,12 @@ def start(
     return simulation
 
 
-def run(simulation: Simulation, ending: int, period_s: float, say: Callable[[str], None]) -> None:
+def run(simulation: SimulatedRig, ending: int, period_s: float, say: Callable[[str], None]) -> None:
     """Write samples to the log and execute typed commands, until a signal or the command ``quit``.
 
     Parameters
     ----------
-    simulation : Simulation
+    simulation : SimulatedRig
     ending : int
         The file descriptor that `signals_noted` yields.
     period_s : float

@@ -7,7 +7,7 @@ from typing import Any
 from dic.runfile.schema import Level
 from drivers.clock import Clock, SystemClock
 from rig.engine.listeners import Listener
-from rig.engine.status import LogEntry, News, Status
+from rig.engine.status import EngineStatus, LogEntry, News
 from rig.errors import RigError
 from rig.recorder import Recorder, StepRecord
 
@@ -20,7 +20,7 @@ class Announcements:
 
     Attributes
     ----------
-    status : Status
+    status : EngineStatus
         The latest snapshot of the run. Any thread may read this attribute.
     lost : list of str
         One sentence for each listener that failed or missed reports.
@@ -30,8 +30,8 @@ class Announcements:
         self,
         recorder: Recorder,
         clock: Clock,
-        status: Status,
-        on_status: Iterable[Callable[[Status], None]],
+        status: EngineStatus,
+        on_status: Iterable[Callable[[EngineStatus], None]],
         on_step: Iterable[Callable[[StepRecord], None]],
         on_news: Iterable[Callable[[News], None]],
         end_run: Callable[[str], None],

@@ -13,7 +13,7 @@ from rig.engine.watch import Watch
 from rig.errors import Aborted
 from rig.limits.run_limits import limits_on
 from rig.protocol.protocol import Protocol
-from rig.protocol.step import Reading
+from rig.protocol.step import RigReading
 from rig.recorder import Recorder
 from rig.recorder.records import PHASE_ENDED
 
@@ -62,7 +62,7 @@ class RunContext:
         self.devices = called(rig, self.calls, on_question)
         self.monitor = Monitor(self.devices, self.calls, rig.clock, recorder, self.watch)
         self.may_move = True
-        self.event: Callable[[Reading], bool] | None = None
+        self.event: Callable[[RigReading], bool] | None = None
         self.phase_ended = False
         self.abort_reason: str | None = None
         self._on_progress = on_progress
@@ -72,7 +72,7 @@ class RunContext:
         """The name of the present step, for messages."""
         return str(self.news.status.step)
 
-    def read(self) -> Reading:
+    def read(self) -> RigReading:
         """Read all devices except the cameras, check the limits, and tell the listeners.
 
         If the event of the present phase happens, hold the load frame. Every wait of the engine calls this

@@ -15,14 +15,14 @@ from rig.engine.filing import record_step
 from rig.engine.imaging import Frames, StepImages
 from rig.engine.listeners import LEAVING_S
 from rig.engine.look import look
-from rig.engine.motion import Motion
+from rig.engine.motion import RunMotion
 from rig.engine.preparation import Preparation
 from rig.engine.safety import SafeState
 from rig.engine.settings import SettingsRecord
-from rig.engine.status import News, Outcome, State, Status
+from rig.engine.status import EngineStatus, News, Outcome, State
 from rig.errors import Aborted, RigError
 from rig.protocol.protocol import Protocol
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
 from rig.recorder.records import STEP_REACHED
 
@@ -52,14 +52,14 @@ class Engine:
     recorder : Recorder
         The open run file. The engine closes the run file at the end of the run.
     on_status : iterable of callable, optional
-        Listeners that are called with a `Status` at every reading, every change of state and every finished
-        step. The state SAFING is reported after the engine has sent the stop commands. The states COMPLETED,
-        ABORTED and FAILED are reported after the run file is closed.
+        Listeners that are called with an `EngineStatus` at every reading, every change of state and every
+        finished step. The state SAFING is reported after the engine has sent the stop commands. The states
+        COMPLETED, ABORTED and FAILED are reported after the run file is closed.
     on_step : iterable of callable, optional
         Listeners that are called with a `StepRecord` when a step has been written to the run file.
     on_news : iterable of callable, optional
-        Listeners that are called with every `Status`, `StepRecord` and `LogEntry`, in the order of the run.
-    earlier : mapping of int to Reading, optional
+        Listeners that are called with every `EngineStatus`, `StepRecord` and `LogEntry`, in their order.
+    earlier : mapping of int to RigReading, optional
         Settled readings of steps that an earlier run has finished. These steps are not executed again.
     on_progress : callable, optional
         Function that is called after each complete, valid reading of all devices, with True if a device may
@@ -94,29 +94,29 @@ class Engine:
         rig: Rig,
         recorder: Recorder,
         *,
-        on_status: Iterable[Callable[[Status], None]] = (),
+        on_status: Iterable[Callable[[EngineStatus], None]] = (),
         on_step: Iterable[Callable[[StepRecord], None]] = (),
         on_news: Iterable[Callable[[News], None]] = (),
         on_progress: Callable[[bool], None] = lambda _: None,
         on_question: OnQuestion = unannounced,
-        earlier: Mapping[int, Reading] | None = None,
+        earlier: Mapping[int, RigReading] | None = None,
     ) -> None:
         self.leaving_s = LEAVING_S
         self._earlier = dict(earlier or {})
         self._goes_on = bool(earlier)
         self._records: list[StepRecord] = []
         planned, before = len(protocol.steps()), len(self._earlier)
-        status = Status(State.IDLE, None, planned, 0, None, rig.simulated, before)
+        status = EngineStatus(State.IDLE, None, planned, 0, None, rig.simulated, before)
         self._news = Announcements(recorder, rig.clock, status, on_status, on_step, on_news, self.abort)
         self.context = RunContext(protocol, rig, recorder, self._news, on_progress, on_question)
-        self._motion = Motion(self.context)
+        self._motion = RunMotion(self.context)
         self._preparation = Preparation(self.context, self._motion)
         self._images = StepImages(self.context, self._motion)
         self._settings = SettingsRecord(self.context)
         self._safe_state = SafeState(rig)
 
     @property
-    def status(self) -> Status:
+    def status(self) -> EngineStatus:
         """The latest snapshot of the run. Any thread may read this property."""
         return self._news.status
 
@@ -170,7 +170,7 @@ class Engine:
         self._safe_state.command()
         self.context.calls.interrupt()
 
-    def _execute(self, step: ProtocolStep) -> Reading:
+    def _execute(self, step: ProtocolStep) -> RigReading:
         if step.passed:
             return self._leave_out(step)
         if step.index in self._earlier:
@@ -189,7 +189,7 @@ class Engine:
             self.context.mark(f"{STEP_REACHED} {step.index}")
         return replace(self._motion.reading, ends_phase=self.context.phase_ended)
 
-    def _leave_out(self, step: ProtocolStep) -> Reading:
+    def _leave_out(self, step: ProtocolStep) -> RigReading:
         reading = self.context.read()
         self.context.log(
             "warning",

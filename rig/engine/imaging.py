@@ -8,9 +8,9 @@ from rig.engine.context import RunContext
 from rig.engine.devices import CameraLost
 from rig.engine.filing import record_frame
 from rig.engine.image_checks import ImageChecks, Measures
-from rig.engine.motion import Motion
+from rig.engine.motion import RunMotion
 from rig.errors import BadImage, RigError
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 
 RETURNS_MAX = 3
 """Largest accepted number of failures of a camera in one step. More mean a bad cable or power supply."""
@@ -29,7 +29,7 @@ class StepImages:
         The newest good image of each camera. Any thread may read this attribute.
     """
 
-    def __init__(self, run: RunContext, motion: Motion) -> None:
+    def __init__(self, run: RunContext, motion: RunMotion) -> None:
         self.newest: dict[str, Frame] = {}
         self._run = run
         self._motion = motion
@@ -38,7 +38,7 @@ class StepImages:
         self._settings = run.protocol.images
         self._checks = {name: ImageChecks(each.info, self._settings) for name, each in self._cameras.items()}
 
-    def take(self, step: ProtocolStep, reading: Reading, frames: Frames) -> Frames:
+    def take(self, step: ProtocolStep, reading: RigReading, frames: Frames) -> Frames:
         """Take and record one image of each camera, and return the images of the step including these.
 
         `reading` is the reading at the time of these images, and `frames` are the images of the step before.
@@ -58,7 +58,7 @@ class StepImages:
             self.newest[name] = frame
         return taken
 
-    def _take_in_spite_of_losses(self, step: ProtocolStep, settled: Reading) -> dict[str, Frame]:
+    def _take_in_spite_of_losses(self, step: ProtocolStep, settled: RigReading) -> dict[str, Frame]:
         for _ in range(RETURNS_MAX):
             try:
                 return self._take_at_once(step, settled)
@@ -71,7 +71,7 @@ class StepImages:
         except CameraLost as lost:
             raise lost.error from None
 
-    def _take_at_once(self, step: ProtocolStep, settled: Reading) -> dict[str, Frame]:
+    def _take_at_once(self, step: ProtocolStep, settled: RigReading) -> dict[str, Frame]:
         """Take one image with each camera, all within the time `skew_max_s`."""
         found = ""
         for _ in range(self._settings.attempts):
@@ -88,7 +88,7 @@ class StepImages:
         self._keep_or_stop("cameras", step, found)
         return frames
 
-    def _take_one_each(self, step: ProtocolStep, settled: Reading) -> dict[str, Frame]:
+    def _take_one_each(self, step: ProtocolStep, settled: RigReading) -> dict[str, Frame]:
         frames: dict[str, Frame] = {}
         try:
             for name in self._cameras:
@@ -103,7 +103,7 @@ class StepImages:
             raise
         return frames
 
-    def _take_one(self, name: str, step: ProtocolStep, settled: Reading) -> Frame:
+    def _take_one(self, name: str, step: ProtocolStep, settled: RigReading) -> Frame:
         """Return an image that passes its checks. If all attempts fail, return the last image or raise."""
         device, checks = f"cameras.{name}", self._checks[name]
         stale: tuple[str, str, str] | None = None
@@ -194,7 +194,7 @@ _FROZEN = (
 )
 
 
-def _motion(step: ProtocolStep, settled: Reading, reading: Reading) -> list[str]:
+def _motion(step: ProtocolStep, settled: RigReading, reading: RigReading) -> list[str]:
     """Return a sentence if the specimen moved between the settled reading and the reading after an image."""
     if not step.stands:
         return []  # ignore the motion, because these images are taken during a motion

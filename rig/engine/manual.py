@@ -14,7 +14,7 @@ from rig.engine.settle import settle
 from rig.engine.status import AtRest
 from rig.errors import Aborted, RigError
 from rig.limits.by_hand import HandAgreement, HandMotion
-from rig.protocol.step import Reading
+from rig.protocol.step import RigReading
 
 POLL_S, MOVING_POLL_S = 0.1, 0.05
 """Time between two readings, in s, at rest and during a motion."""
@@ -56,7 +56,7 @@ class Manual:
         self,
         rig: Rig,
         *,
-        on_reading: Callable[[Reading], None] = lambda _: None,
+        on_reading: Callable[[RigReading], None] = lambda _: None,
         on_progress: Callable[[bool], None] = lambda _: None,
     ) -> None:
         self._rig = rig
@@ -79,7 +79,7 @@ class Manual:
         self._safe_state.command()
         self._calls.interrupt()
 
-    def read(self) -> Reading:
+    def read(self) -> RigReading:
         """Read all devices, and check the reading against the permitted range of the motion."""
         self._check_abort()
         reading = self._monitor.read(self._doing)
@@ -93,7 +93,7 @@ class Manual:
         return reading
 
     def move(
-        self, plan: Callable[[Reading], HandMotion], confirm: Callable[[HandMotion, Reading], None]
+        self, plan: Callable[[RigReading], HandMotion], confirm: Callable[[HandMotion, RigReading], None]
     ) -> Moved:
         """Plan a motion from the present reading, ask for its confirmation, execute it, then hold.
 
@@ -151,7 +151,7 @@ class Manual:
             expected=f"{motion.target:.6g} ± {motion.tolerance:g}",
         )
 
-    def _rest(self) -> list[Reading]:
+    def _rest(self) -> list[RigReading]:
         """Read the machine several times at rest, to measure the noise of load and displacement."""
         readings = [self.read()]
         for _ in range(REST_READINGS - 1):

@@ -8,7 +8,7 @@ from drivers.interfaces import InterlockState, LoadFrameState
 from rig.engine.calls import Call, Calls
 from rig.engine.devices import Devices
 from rig.engine.watch import Watch
-from rig.protocol.step import Reading
+from rig.protocol.step import RigReading
 from rig.recorder import Recorder
 
 
@@ -34,7 +34,7 @@ class Monitor:
         self._watch = watch
         self.homed = False
 
-    def read(self, step: str) -> Reading:
+    def read(self, step: str) -> RigReading:
         """Read all devices except the cameras. Each reading also resets the watchdog of the load frame.
 
         Raises
@@ -78,7 +78,7 @@ class Monitor:
                 )
             self.homed = turned.homed
         time_s = self._clock.now_s() if time_s == -math.inf else time_s
-        reading = Reading(time_s, load_n, displacement_mm, angle_deg, moving)
+        reading = RigReading(time_s, load_n, displacement_mm, angle_deg, moving)
         if self._watch is not None:
             self._watch.check(reading, step)
         # Wait for the interlocks only after the limits were checked, because a slow interlock must not delay

@@ -6,28 +6,28 @@ from collections.abc import Callable, Iterator
 from rig.engine.context import RunContext
 from rig.engine.settle import settle
 from rig.errors import SettleTimeout
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 
 _PAUSE_MIN_S = 0.001
 
 
-class Motion:
+class RunMotion:
     """Commands the motions and holds of a run, and waits for the times of their images.
 
     Attributes
     ----------
-    reading : Reading
+    reading : RigReading
         The reading to which the newest images belong. If images were repeated, it is a new one.
     """
 
     def __init__(self, run: RunContext) -> None:
-        self.reading = Reading(math.nan)
+        self.reading = RigReading(math.nan)
         self._run = run
         # of the present motion or hold: its beginning, the last reading within the tolerance, and the time
         # between two readings
         self._begun_s = self._kept_s = self._poll_s = math.nan
 
-    def moments(self, step: ProtocolStep) -> Iterator[Reading]:
+    def moments(self, step: ProtocolStep) -> Iterator[RigReading]:
         """Move to the target of a step, and yield a reading whenever all cameras are to take an image.
 
         The images of a step may be none, one or many, and the machine may move between them. The step ends
@@ -40,7 +40,7 @@ class Motion:
             for _ in range(self._run.protocol.images.per_step):
                 yield self.reading
 
-    def _reach(self, step: ProtocolStep) -> Reading:
+    def _reach(self, step: ProtocolStep) -> RigReading:
         """Move to the target of a step and settle there, or wait until the time of the step's images."""
         run = self._run
         run.phase_ended, run.event = False, None
@@ -61,7 +61,7 @@ class Motion:
         reading = self._keep(step)
         return self._settle(step) if run.phase_ended else reading
 
-    def _keep(self, step: ProtocolStep) -> Reading:
+    def _keep(self, step: ProtocolStep) -> RigReading:
         """Read until the image time of a step, or until its event happens, and return the last reading.
 
         If a held value is outside its tolerance although nothing moves, it is commanded again.
@@ -90,7 +90,7 @@ class Motion:
             # Wait at least a short time, because a remainder from rounding would let no time pass.
             run.calls.pause(min(self._poll_s, max(left_s, _PAUSE_MIN_S)))
 
-    def _require_kept(self, step: ProtocolStep, reading: Reading) -> None:
+    def _require_kept(self, step: ProtocolStep, reading: RigReading) -> None:
         timeout_s = self._run.settle.timeout_s
         if reading.time_s - self._kept_s > timeout_s:
             raise SettleTimeout(
@@ -106,15 +106,15 @@ class Motion:
         self._run.devices.hold()
         self.wait("standing still for the operator", "standstill", lambda _: True)
 
-    def settle_again(self, step: ProtocolStep) -> Reading:
+    def settle_again(self, step: ProtocolStep) -> RigReading:
         """Before images are repeated, wait until the readings have settled, except in a motion or hold."""
         in_time = step.timed and not self._run.phase_ended
         self.reading = self._run.read() if in_time else self._settle(step)
         return self.reading
 
     def wait(
-        self, doing: str, expected: str, within: Callable[[Reading], bool], motion_s: float = 0.0
-    ) -> Reading:
+        self, doing: str, expected: str, within: Callable[[RigReading], bool], motion_s: float = 0.0
+    ) -> RigReading:
         """Wait until nothing moves and every reading was within its tolerance for the dwell time.
 
         Parameters
@@ -152,7 +152,7 @@ class Motion:
         elif step.quantity is not None:
             run.devices.go_to(step.quantity, step.target, step.rate)
 
-    def _settle(self, step: ProtocolStep) -> Reading:
+    def _settle(self, step: ProtocolStep) -> RigReading:
         if math.isnan(step.target):
             return self.wait("settling", "standstill", lambda _: True)
         return self.wait(

@@ -5,10 +5,10 @@ import math
 from drivers.interfaces import OperatorAction
 from rig.devices import Rig
 from rig.engine.context import RunContext
-from rig.engine.motion import Motion
+from rig.engine.motion import RunMotion
 from rig.errors import LimitViolation, ProtocolError
 from rig.protocol.conditions import Conditions, Zeroing
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder.records import OPERATOR_DONE
 
 UNLOADED_SHARE = 0.01
@@ -24,7 +24,7 @@ class Preparation:
         True while the run waits for an answer from the operator. Any thread may read this attribute.
     """
 
-    def __init__(self, run: RunContext, motion: Motion) -> None:
+    def __init__(self, run: RunContext, motion: RunMotion) -> None:
         self.asking = False
         self._run = run
         self._motion = motion
@@ -80,7 +80,7 @@ class Preparation:
         finally:
             self.asking = False
 
-    def _require_unloaded(self, reading: Reading, step: str) -> None:
+    def _require_unloaded(self, reading: RigReading, step: str) -> None:
         """Raise `LimitViolation` if the specimen is loaded, for example after a failed run.
 
         The operator must not touch a loaded specimen, and its load must not be set to zero.

@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 from drivers.clock import Clock
 from rig.errors import SettleTimeout
-from rig.protocol.step import Reading
+from rig.protocol.step import RigReading
 
 
 def settle(
-    read: Callable[[], Reading],
-    within: Callable[[Reading], bool],
+    read: Callable[[], RigReading],
+    within: Callable[[RigReading], bool],
     *,
     dwell_s: float,
     timeout_s: float,
@@ -18,7 +18,7 @@ def settle(
     pause: Callable[[float], None],
     step: str,
     expected: str,
-) -> Reading:
+) -> RigReading:
     """Read until every reading was within tolerance for `dwell_s` seconds, and return the last reading.
 
     Parameters
@@ -57,6 +57,6 @@ def settle(
         pause(poll_s)
 
 
-def _describe(reading: Reading) -> str:
+def _describe(reading: RigReading) -> str:
     shown = ", ".join(f"{value:.6g} {unit}" for unit, value in reading.by_unit().items())
     return f"{shown} ({'moving' if reading.moving else 'not moving'})"

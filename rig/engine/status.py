@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 from dic.runfile.schema import Level, RunStatus
 from drivers.interfaces import LoadFrameState, StageState
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import StepRecord
 
 
@@ -29,7 +29,7 @@ class State(Enum):
 
 
 @dataclass(frozen=True)
-class Status:
+class EngineStatus:
     """A snapshot of a run: the state, the current step, the number of steps and the latest reading.
 
     `simulated` is True if any device of the rig is simulated. `steps_before` is the number of steps that an
@@ -40,7 +40,7 @@ class Status:
     step: ProtocolStep | None
     steps_planned: int
     steps_done: int
-    reading: Reading | None
+    reading: RigReading | None
     simulated: bool = False
     steps_before: int = 0
 
@@ -80,7 +80,7 @@ class LogEntry:
     message: str
 
 
-News: TypeAlias = Status | StepRecord | LogEntry
+News: TypeAlias = EngineStatus | StepRecord | LogEntry
 """Type of the reports that a listener of `on_news` receives."""
 
 

@@ -6,7 +6,7 @@ from rig.limits.in_force import commanded
 from rig.limits.run_limits import RunLimits
 from rig.limits.speed import SpeedCheck
 from rig.protocol.protocol import Protocol
-from rig.protocol.step import LoadDrop, ProtocolStep, Reading
+from rig.protocol.step import LoadDrop, ProtocolStep, RigReading
 
 POLL_MIN_S = 0.02
 """Shortest time between two readings in s. A load frame has a new sample every 10 to 20 ms."""
@@ -30,7 +30,7 @@ class Watch:
         self._load_drop: LoadDrop = "break"
         self._table = limits.table
         self._step: ProtocolStep | None = None
-        self._last: Reading | None = None
+        self._last: RigReading | None = None
         self._highest_n = 0.0
         self._agreement: Agreement | None = None
         self._speed = SpeedCheck(limits)
@@ -86,7 +86,7 @@ class Watch:
             wanted_s = share * abs(step.target - step.value(last)) / step.rate
         return min(poll_s, max(POLL_MIN_S, wanted_s))
 
-    def check(self, reading: Reading, step: str) -> None:
+    def check(self, reading: RigReading, step: str) -> None:
         """Check one reading.
 
         Raises
@@ -108,7 +108,7 @@ class Watch:
             self._speed.check(reading, step)
         self._last = reading
 
-    def _check_break(self, reading: Reading, step: str, drop: float) -> None:
+    def _check_break(self, reading: RigReading, step: str, drop: float) -> None:
         if self._load_drop == "commanded":
             self._highest_n = reading.load_n
         self._highest_n = max(self._highest_n, reading.load_n)

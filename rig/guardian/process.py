@@ -34,7 +34,7 @@ NICENESS = -10
 
 
 @dataclass(frozen=True)
-class Job:
+class GuardedRun:
     """The data that the guardian gets from the run at its start.
 
     Attributes
@@ -61,7 +61,7 @@ def main() -> None:
         signal.signal(number, signal.SIG_IGN)
     _go_first()
     os.set_blocking(STDOUT, False)
-    job = Job(**json.loads(_first_line()))
+    job = GuardedRun(**json.loads(_first_line()))
     guards = _reach(job)
     if guards is not None:
         _tell(messages.READY, {name: guard.relay for name, guard in guards.items()})
@@ -74,7 +74,7 @@ def main() -> None:
     os._exit(0)
 
 
-def watch(run: int, job: Job, answer: Callable[[], None], parent: int | None = None) -> str:
+def watch(run: int, job: GuardedRun, answer: Callable[[], None], parent: int | None = None) -> str:
     """Wait for the end of the run. Return why the machines must be stopped, or an empty text after a safe
     end.
 
@@ -82,7 +82,7 @@ def watch(run: int, job: Job, answer: Callable[[], None], parent: int | None = N
     ----------
     run : int
         Descriptor of the pipe from the run.
-    job : Job
+    job : GuardedRun
     answer : callable
         Function that answers the run's question whether the guardian is alive.
     parent : int, optional
@@ -137,7 +137,7 @@ def _first_line() -> bytes:
     return received
 
 
-def _reach(job: Job) -> dict[str, Guard] | None:
+def _reach(job: GuardedRun) -> dict[str, Guard] | None:
     """Connect to each machine. If this fails, tell the run which machine cannot be reached, and return
     None."""
     guards: dict[str, Guard] = {}
@@ -173,7 +173,7 @@ def _check_regularly(guards: Mapping[str, Guard]) -> None:
         threading.Thread(target=check, args=each, daemon=True).start()
 
 
-def stop_and_say(guards: Mapping[str, Guard], reason: str, job: Job, run: int) -> None:
+def stop_and_say(guards: Mapping[str, Guard], reason: str, job: GuardedRun, run: int) -> None:
     """Stop all machines, report the result, repeat each stop that was not confirmed, and report again.
 
     Meanwhile answer the run's questions with the ages of the present attempts, so that the run can tell a
@@ -208,7 +208,7 @@ def _answer_for(run: int, duration_s: float, stop: Stop) -> None:
             _tell(messages.ALIVE, stop.ages_s())
 
 
-def _report(stop: Stop, reason: str, job: Job) -> None:
+def _report(stop: Stop, reason: str, job: GuardedRun) -> None:
     sentence = f"{reason}: {stop.describe()}"
     _tell(messages.STOPPED, sentence)
     utc = SystemClock().utc().isoformat(timespec="milliseconds")

@@ -10,10 +10,10 @@ from dataclasses import replace
 
 from rig.errors import ImplausibleReading
 from rig.limits.following import Following, History
-from rig.limits.noise import Noise, Rest
-from rig.limits.stiffness import LoadString
+from rig.limits.noise import ReadingNoise, Rest
+from rig.limits.stiffness import LoadStringBounds
 from rig.protocol.conditions import Pull, Zeroing
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 
 DROP_SHARE = 0.05
 """While the crosshead pulls, a fall of the load by this fraction of an increment is an error."""
@@ -46,7 +46,7 @@ class Agreement:
 
     Parameters
     ----------
-    string : LoadString
+    string : LoadStringBounds
         The plausible behaviour of the load string.
     pull : Pull
         The loads of the test.
@@ -54,16 +54,16 @@ class Agreement:
         The noise that is measured at rest is limited by the tolerances of `zeroing`.
     """
 
-    def __init__(self, string: LoadString, pull: Pull, zeroing: Zeroing) -> None:
+    def __init__(self, string: LoadStringBounds, pull: Pull, zeroing: Zeroing) -> None:
         self._string = string
         self._pull = pull
         self._increment_n = pull.increment_n
         self._tolerances = (zeroing.load_tolerance_n, zeroing.displacement_tolerance_mm)
-        self._noise, self._rest = Noise(), Rest()
-        self._zero: Reading | None = None
-        self._last: Reading | None = None
+        self._noise, self._rest = ReadingNoise(), Rest()
+        self._zero: RigReading | None = None
+        self._last: RigReading | None = None
         self._step: ProtocolStep | None = None
-        self._start: Reading | None = None
+        self._start: RigReading | None = None
         self._following: Following | None = None
         self._verified = False
         self._was_moving = False
@@ -97,7 +97,7 @@ class Agreement:
         self._step, self._start, self._following, self._same = step, None, None, 0
         self._was_moving = True
 
-    def check(self, reading: Reading, step: str) -> None:
+    def check(self, reading: RigReading, step: str) -> None:
         """Check one reading.
 
         Raises
@@ -139,7 +139,7 @@ class Agreement:
         bound_mm = self._tolerances[1] * _NOISE_DEFAULT_SHARE
         return min(self._noise.displacement_mm(bound_mm), bound_mm)
 
-    def _check_motion(self, reading: Reading, step: str) -> None:
+    def _check_motion(self, reading: RigReading, step: str) -> None:
         assert self._zero is not None
         if self._start is None:
             self._start_motion(self._last or reading)
@@ -159,7 +159,7 @@ class Agreement:
         if outward * (reading.load_n - self._start.load_n) > self._increment_n:
             self._verified = True
 
-    def _start_motion(self, start: Reading) -> None:
+    def _start_motion(self, start: RigReading) -> None:
         assert self._step is not None
         self._start, self._peak_n = start, start.load_n
         self._of_step_n = self._increment_n
@@ -182,7 +182,7 @@ class Agreement:
         assert self._start is not None
         return 1.0 if self._step.target >= self._step.value(self._start) else -1.0
 
-    def _check_softest(self, reading: Reading, step: str) -> None:
+    def _check_softest(self, reading: RigReading, step: str) -> None:
         """Check that the softest plausible specimen and machine explain the displacement at this load."""
         assert self._zero is not None
         assert self._step is not None
@@ -202,7 +202,7 @@ class Agreement:
                 "and slack or slip with plausible.slack_mm and plausible.seating_stiffness_n_mm",
             )
 
-    def _check_softening(self, reading: Reading, step: str) -> None:
+    def _check_softening(self, reading: RigReading, step: str) -> None:
         """Check that an elastic increment is as stiff as the increments before."""
         assert self._start is not None
         assert self._step is not None
@@ -222,7 +222,7 @@ class Agreement:
                 "set plausible.flow_mm",
             )
 
-    def _check_stiffest(self, reading: Reading, step: str) -> None:
+    def _check_stiffest(self, reading: RigReading, step: str) -> None:
         """Check that the stiffest plausible specimen and machine explain the change of the load."""
         assert self._start is not None
         travel_mm = abs(reading.displacement_mm - self._start.displacement_mm)
@@ -237,7 +237,7 @@ class Agreement:
                 f"{_LOOK}; if all are sound, raise plausible.modulus_max_mpa",
             )
 
-    def _check_drop(self, reading: Reading, step: str) -> None:
+    def _check_drop(self, reading: RigReading, step: str) -> None:
         """Check that the load does not fall while the crosshead pulls."""
         self._peak_n = max(self._peak_n, reading.load_n)
         least_n = self._peak_n - DROP_SHARE * self._of_step_n - 2.0 * _SIGMAS * self.noise_n
@@ -250,7 +250,7 @@ class Agreement:
                 _LOOK,
             )
 
-    def _check_not_stuck(self, reading: Reading, step: str) -> None:
+    def _check_not_stuck(self, reading: RigReading, step: str) -> None:
         """Check that the load changes from reading to reading, because a correct load cell has noise."""
         assert self._start is not None
         if self._last is None or reading.load_n != self._last.load_n:
@@ -265,7 +265,7 @@ class Agreement:
                 _LOOK,
             )
 
-    def _check_drift(self, reading: Reading, step: str) -> None:
+    def _check_drift(self, reading: RigReading, step: str) -> None:
         """Check that the load does not drift while the crosshead stands still, except for relaxation."""
         found = self._rest.drift(self.noise_n)
         if found is None or self._rest.duration_s < _REST_MIN_S:
@@ -287,7 +287,7 @@ class Agreement:
                 f"above {self._string.relaxation:g}",
             )
 
-    def _learn(self, settled: Reading) -> None:
+    def _learn(self, settled: RigReading) -> None:
         """Store the stiffness of a finished load increment for the checks of the next increments."""
         assert self._start is not None
         change_n = self._outward() * (settled.load_n - self._start.load_n)
@@ -302,7 +302,7 @@ class Agreement:
         if self._following is not None:
             self._history = self._followed(self._history, self._following, settled)
 
-    def _followed(self, history: History, following: Following, settled: Reading) -> History:
+    def _followed(self, history: History, following: Following, settled: RigReading) -> History:
         """Return the known relation of load to displacement after a finished increment."""
         found = [each for each in (history.stiffness_n_mm, following.stiffness_n_mm) if each is not None]
         history = replace(history, stiffness_n_mm=max(found, default=None))

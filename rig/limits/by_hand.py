@@ -12,9 +12,9 @@ from rig.errors import ImplausibleReading, LimitViolation
 from rig.limit_settings import RigLimits
 from rig.limits.agreement import DROP_SHARE, Agreement
 from rig.limits.following import Following, History
-from rig.limits.stiffness import MACHINE_MIN_N_MM, SEATING_MM, SEATING_N_MM, LoadString
+from rig.limits.stiffness import MACHINE_MIN_N_MM, SEATING_MM, SEATING_N_MM, LoadStringBounds
 from rig.protocol.conditions import Pull, Zeroing
-from rig.protocol.step import ProtocolStep, Quantity, Reading
+from rig.protocol.step import ProtocolStep, Quantity, RigReading
 
 SPECIMEN_MIN_N_MM = 4_000.0
 """Default of the smallest stiffness of a specimen: a laminate of 20 GPa, 20 mm² and 100 mm."""
@@ -77,7 +77,7 @@ class HandMotion:
         """The motion as a step of a protocol."""
         return ProtocolStep(0, self.quantity, self.target, self.tolerance, self.rate)
 
-    def check(self, reading: Reading) -> None:
+    def check(self, reading: RigReading) -> None:
         """Raise `LimitViolation` if the load or displacement of a reading is outside the permitted range."""
         for value, (low, high), name, unit in (
             (reading.load_n, self.load_n, "load", "N"),
@@ -95,7 +95,7 @@ class HandMotion:
             )
 
 
-def hand_string(limits: RigLimits, start_n: float = 0.0, load_max_n: float = math.inf) -> LoadString:
+def hand_string(limits: RigLimits, start_n: float = 0.0, load_max_n: float = math.inf) -> LoadStringBounds:
     """Return the bounds of specimen, grips and load frame in series, for a motion by hand.
 
     Parameters
@@ -108,7 +108,7 @@ def hand_string(limits: RigLimits, start_n: float = 0.0, load_max_n: float = mat
     machine_min = limits.machine_stiffness_min_n_mm or MACHINE_MIN_N_MM
     specimen_min = limits.specimen_stiffness_min_n_mm or SPECIMEN_MIN_N_MM
     is_loaded = abs(start_n) > LOADED_SHARE * load_max_n
-    return LoadString(
+    return LoadStringBounds(
         stiffness_min_n_mm=1.0 / (1.0 / machine_min + 1.0 / specimen_min),
         stiffness_max_n_mm=limits.machine_stiffness_max_n_mm or MACHINE_MAX_N_MM,
         seating_mm=SEATING_MM if limits.seating_mm is None else limits.seating_mm,
@@ -122,7 +122,7 @@ def hand_string(limits: RigLimits, start_n: float = 0.0, load_max_n: float = mat
     )
 
 
-def plausible_travel_mm(string: LoadString, start_n: float, target_n: float) -> tuple[float, float]:
+def plausible_travel_mm(string: LoadStringBounds, start_n: float, target_n: float) -> tuple[float, float]:
     """Return the smallest and the largest plausible travel of the crosshead for a motion to a load.
 
     On the way to a higher load the grips may seat. Against the direction of the motion, only the slack is
@@ -148,11 +148,11 @@ class HandAgreement:
     motion : HandMotion
     limits : RigLimits
         The table [limits] of the rig file.
-    rest : list of Reading
+    rest : list of RigReading
         Readings of the machine at rest, the last one just before the motion.
     """
 
-    def __init__(self, motion: HandMotion, limits: RigLimits, rest: list[Reading]) -> None:
+    def __init__(self, motion: HandMotion, limits: RigLimits, rest: list[RigReading]) -> None:
         assert motion.load_max_n is not None
         self._motion, self._to_load = motion, motion.quantity == "load"
         self._start = self._last = start = rest[-1]
@@ -184,7 +184,7 @@ class HandAgreement:
             flow_mm=string.slack_mm,
         )
 
-    def check(self, reading: Reading) -> None:
+    def check(self, reading: RigReading) -> None:
         """Check one reading of the motion.
 
         Raises
@@ -203,7 +203,7 @@ class HandAgreement:
             raise ImplausibleReading(error.step, error.expected, error.got, _REMEDY) from None
         self._last = reading
 
-    def _check_jump(self, reading: Reading) -> None:
+    def _check_jump(self, reading: RigReading) -> None:
         """Check that the load does not change faster than the rate of the motion explains."""
         change_n = abs(reading.load_n - self._last.load_n)
         if self._to_load:
@@ -221,7 +221,7 @@ class HandAgreement:
                 _REMEDY,
             )
 
-    def _check_direction(self, reading: Reading) -> None:
+    def _check_direction(self, reading: RigReading) -> None:
         """Check that the load does not fall while the crosshead pulls, nor rise while it moves back."""
         load_n = self._outward * reading.load_n
         self._best_n = max(self._best_n, load_n)

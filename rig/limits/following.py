@@ -5,7 +5,7 @@ from collections import deque
 from dataclasses import dataclass, replace
 
 from rig.errors import ImplausibleReading
-from rig.protocol.step import Reading
+from rig.protocol.step import RigReading
 
 WINDOW_SHARE = 0.03
 """The load should rise by this fraction of an increment in one window, or by more if the noise is large.
@@ -64,7 +64,7 @@ class Following:
 
     Parameters
     ----------
-    start : Reading
+    start : RigReading
         The last reading before the motion.
     outward : float
         1 if the load should rise, -1 if the load should fall.
@@ -81,7 +81,7 @@ class Following:
 
     def __init__(
         self,
-        start: Reading,
+        start: RigReading,
         *,
         outward: float,
         increment_n: float,
@@ -102,7 +102,7 @@ class Following:
         self._tangent_before_n_mm: float | None = None
         self._ends = deque([start], maxlen=_TANGENT_WINDOWS + 1)
         self._judged = deque([start])
-        self._last: deque[Reading] = deque(maxlen=_SMOOTH)
+        self._last: deque[RigReading] = deque(maxlen=_SMOOTH)
         self._same_since = start
 
     @property
@@ -110,7 +110,7 @@ class Following:
         """Stiffness in the last windows, or None before the end of the first window."""
         return self._tangent_n_mm
 
-    def check(self, reading: Reading, step: str) -> None:
+    def check(self, reading: RigReading, step: str) -> None:
         """Check one reading. Raise `ImplausibleReading` if the load does not follow the motion."""
         if reading.load_n != self._same_since.load_n:
             self._same_since = reading
@@ -140,7 +140,7 @@ class Following:
         if rise_n >= window_n or travel_mm > self._travel_mm(judged_n / expected_n_mm):
             self._end_window(reading)
 
-    def _judge(self, reading: Reading, step: str, least_n: float, judged_mm: float) -> None:
+    def _judge(self, reading: RigReading, step: str, least_n: float, judged_mm: float) -> None:
         """Raise an error if the load has risen by less than `least_n` over the last `judged_mm` of travel."""
         begins = self._judged
         begins.append(reading)
@@ -153,7 +153,7 @@ class Following:
     def _travel_mm(self, needed_mm: float) -> float:
         return needed_mm + self._flow_mm + _MARGIN_SIGMAS * self._noise_mm
 
-    def _expected_n_mm(self, reading: Reading) -> float | None:
+    def _expected_n_mm(self, reading: RigReading) -> float | None:
         """Return the stiffness that the next readings should show, or None if nothing is known about it."""
         known = self._history
         # The load may have stopped rising within the last window, so the window before counts too.
@@ -168,13 +168,13 @@ class Following:
             return min(expected_n_mm, known.beyond_n_mm)
         return expected_n_mm
 
-    def _since(self, begin: Reading, reading: Reading) -> tuple[float, float]:
+    def _since(self, begin: RigReading, reading: RigReading) -> tuple[float, float]:
         return (
             self._outward * (reading.load_n - begin.load_n),
             self._outward * (reading.displacement_mm - begin.displacement_mm),
         )
 
-    def _end_window(self, reading: Reading) -> None:
+    def _end_window(self, reading: RigReading) -> None:
         self._ends.append(reading)
         rise_n, travel_mm = self._since(self._ends[0], reading)
         if travel_mm <= 0.0:
@@ -187,7 +187,7 @@ class Following:
         self._tangent_n_mm = max(tangent_n_mm, _SOFTEST_SHARE * stiffest_n_mm)
 
     def _stopped_to_follow(
-        self, reading: Reading, step: str, least_n: float, rise_n: float, travel_mm: float
+        self, reading: RigReading, step: str, least_n: float, rise_n: float, travel_mm: float
     ) -> ImplausibleReading:
         return ImplausibleReading(
             step,
@@ -199,7 +199,7 @@ class Following:
         )
 
 
-def _mean(readings: deque[Reading]) -> Reading:
+def _mean(readings: deque[RigReading]) -> RigReading:
     count = len(readings)
     return replace(
         readings[-1],

@@ -4,13 +4,15 @@ from collections.abc import Iterable
 
 from rig.facts import RigFacts
 from rig.limit_settings import RigLimits
-from rig.limits.stiffness import LoadString
+from rig.limits.stiffness import LoadStringBounds
 from rig.limits.table import Bound, Limit, LimitTable
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep
 
 
-def limit_table(protocol: Protocol, facts: RigFacts, rig: RigLimits, string: LoadString | None) -> LimitTable:
+def limit_table(
+    protocol: Protocol, facts: RigFacts, rig: RigLimits, string: LoadStringBounds | None
+) -> LimitTable:
     """Return the merged limits for a protocol on a rig.
 
     Parameters
@@ -20,7 +22,7 @@ def limit_table(protocol: Protocol, facts: RigFacts, rig: RigLimits, string: Loa
         The limits of load frame, stage and interlocks, from the rig file or from the opened devices.
     rig : RigLimits
         The table [limits] of the rig file.
-    string : LoadString or None
+    string : LoadStringBounds or None
         The plausible behaviour of specimen, grips and load frame in a tension test.
     """
     both = [
@@ -77,7 +79,7 @@ def commanded(step: ProtocolStep) -> list[tuple[str, float]]:
     return [("angle", step.target)] if step.quantity == "rotation" else []
 
 
-def _plausible(string: LoadString) -> Iterable[Limit]:
+def _plausible(string: LoadStringBounds) -> Iterable[Limit]:
     yield Limit(
         "stiffness",
         "N/mm",

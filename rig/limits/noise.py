@@ -3,14 +3,14 @@
 import math
 from dataclasses import dataclass, field
 
-from rig.protocol.step import Reading
+from rig.protocol.step import RigReading
 
 _READINGS_MIN = 5
 _PARTS = 2.0
 
 
 @dataclass
-class Noise:
+class ReadingNoise:
     """Standard deviations of load and displacement, from the differences of successive readings at rest.
 
     A slow change, such as a relaxation of the specimen, hardly adds to these differences.
@@ -19,9 +19,9 @@ class Noise:
     _load_n2: float = 0.0
     _displacement_mm2: float = 0.0
     _count: int = 0
-    _last: Reading | None = None
+    _last: RigReading | None = None
 
-    def add(self, reading: Reading) -> None:
+    def add(self, reading: RigReading) -> None:
         """Add a reading taken while the crosshead stands still."""
         if self._last is not None:
             self._load_n2 += (reading.load_n - self._last.load_n) ** 2
@@ -54,7 +54,7 @@ class Rest:
     _times_s: list[float] = field(default_factory=list)
     _loads_n: list[float] = field(default_factory=list)
 
-    def add(self, reading: Reading) -> None:
+    def add(self, reading: RigReading) -> None:
         """Add a reading taken while the crosshead stands still."""
         self._times_s.append(reading.time_s)
         self._loads_n.append(reading.load_n)

@@ -6,7 +6,7 @@ from rig.devices import Rig
 from rig.facts import UNKNOWN_RIG, RigFacts, confirm
 from rig.limit_settings import RigLimits
 from rig.limits.in_force import limit_table, table_objections
-from rig.limits.stiffness import LoadString, load_string
+from rig.limits.stiffness import LoadStringBounds, load_string
 from rig.limits.table import LimitTable
 from rig.protocol.protocol import Protocol
 from rig.protocol.rotation import RotationProtocol
@@ -20,14 +20,14 @@ class RunLimits:
     Attributes
     ----------
     table : LimitTable
-    string : LoadString or None
+    string : LoadStringBounds or None
         The plausible behaviour of specimen, grips and load frame, or None without a load frame.
     objections : list of str
         One sentence for each planned motion beyond a limit.
     """
 
     table: LimitTable
-    string: LoadString | None
+    string: LoadStringBounds | None
     objections: list[str]
 
 
@@ -63,7 +63,7 @@ def slowed(rig_file: RigFile, protocol: Protocol) -> RigFile:
     return replace(rig_file, load_frame=replace(entry, settings=settings))
 
 
-def _string(protocol: Protocol, rig: RigLimits) -> LoadString | None:
+def _string(protocol: Protocol, rig: RigLimits) -> LoadStringBounds | None:
     if isinstance(protocol, RotationProtocol) or protocol.conditions.pull is None:
         return None
     return load_string(protocol, rig)

@@ -4,7 +4,7 @@ from collections import deque
 
 from rig.errors import LimitViolation
 from rig.limits.run_limits import RunLimits
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 
 _SPAN_S = 0.25
 """Time in s over which a speed is measured, because the time between two readings may be wrong by
@@ -30,7 +30,7 @@ class SpeedCheck:
         self._greatest_mm_s: float | None = None
         self._source = ""
         self._first_increment = True
-        self._readings: deque[Reading] = deque()
+        self._readings: deque[RigReading] = deque()
 
     def begin(self, step: ProtocolStep) -> None:
         """Begin a step, and determine the largest allowed speed of this step."""
@@ -41,7 +41,7 @@ class SpeedCheck:
         elif step.pulls and self._first_increment and self._of_load_mm_s is not None:
             self._greatest_mm_s, self._source = self._of_load_mm_s, "plausible.speed_max_mm_s"
 
-    def check(self, reading: Reading, step: str) -> None:
+    def check(self, reading: RigReading, step: str) -> None:
         """Check one reading. Raise `LimitViolation` if the crosshead is too fast."""
         if self._first_increment and reading.load_n > self._elastic_n:
             # After the first increment the specimen may yield, and then it stretches faster.

@@ -30,7 +30,7 @@ RELAXATION, RELAXATION_POLYMER = 0.01, 0.05
 
 
 @dataclass(frozen=True)
-class LoadString:
+class LoadStringBounds:
     """Bounds of the behaviour of specimen, grips and load frame in series, during the first loading.
 
     Attributes
@@ -79,7 +79,7 @@ class LoadString:
         return 1.0 / (self.stiffness_max_n_mm * softest_mm_n)
 
 
-def load_string(protocol: TensionProtocol | PhasesProtocol, rig: RigLimits) -> LoadString:
+def load_string(protocol: TensionProtocol | PhasesProtocol, rig: RigLimits) -> LoadStringBounds:
     """Return the bounds that protocol and rig file give, with default values for the other bounds.
 
     The protocol must move a load frame.
@@ -104,7 +104,7 @@ def load_string(protocol: TensionProtocol | PhasesProtocol, rig: RigLimits) -> L
     slack_mm = SLACK_SHARE * pull.increment_n / stiffest_n_mm
     slowest_n_mm = _in_series(softest_n_mm, seating_n_mm)
     speed_mm_s = None if pull.rate_n_s is None else pull.rate_n_s / slowest_n_mm
-    return LoadString(
+    return LoadStringBounds(
         stiffness_min_n_mm=softest_n_mm,
         stiffness_max_n_mm=stiffest_n_mm,
         seating_mm=SEATING_MM if seating_mm is None else seating_mm,

@@ -10,7 +10,7 @@ from drivers.clock import SystemClock
 from drivers.interfaces import Frame
 from rig.devices import Rig
 from rig.engine.engine import Engine
-from rig.engine.status import LogEntry, News, Outcome, State, Status
+from rig.engine.status import EngineStatus, LogEntry, News, Outcome, State
 from rig.news import wording
 from rig.news.bulletin import Bulletin
 from rig.news.files import STALE_ENDING_S, STALE_S, EventFile, Heartbeat, events_path, heartbeat_path
@@ -18,10 +18,10 @@ from rig.news.http_server import TOKEN_VARIABLE, HttpPlace, HttpServer
 from rig.news.message import Messenger, message_of_end, split_command
 from rig.news.wording import About
 from rig.notifying import NewsSettings
-from rig.protocol.step import Reading
+from rig.protocol.step import RigReading
 from rig.recorder import RunHeader
 
-_NO_STATUS = Status(State.IDLE, None, 0, 0, None)
+_NO_STATUS = EngineStatus(State.IDLE, None, 0, 0, None)
 _FILES_S = 2.0
 """Real time in s for writing the last lines of each news file."""
 
@@ -45,7 +45,7 @@ class NewsOptions:
     notify: str | None = None
     http: int | None = None
     say: Callable[[str], None] = lambda _: None
-    on_continue: Callable[[Any, Reading], None] = lambda earlier, start: None
+    on_continue: Callable[[Any, RigReading], None] = lambda earlier, start: None
 
     def merged(self, settings: NewsSettings) -> NewsSettings:
         """Return the settings of the rig file, replaced by those options that are not None."""
@@ -142,7 +142,7 @@ class RunNews:
     def add(self, news: News) -> None:
         """Publish one report of the engine. The engine calls this method on a separate thread."""
         self._told_s = SystemClock().now_s()
-        if isinstance(news, Status):
+        if isinstance(news, EngineStatus):
             self._heartbeat.beat()
             if (news.state, news.step) != self._shown:
                 self._shown = (news.state, news.step)

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from rig.engine.status import LogEntry, Outcome, Status
-from rig.protocol.step import ProtocolStep, Reading
+from rig.engine.status import EngineStatus, LogEntry, Outcome
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import StepRecord
 
 VERSION = 1
@@ -49,7 +49,7 @@ def step_table(step: ProtocolStep | None) -> dict[str, Any] | None:
     return {"index": step.index, "kind": step.kind, "target": number(step.target), "text": str(step)}
 
 
-def reading_table(reading: Reading | None) -> dict[str, Any] | None:
+def reading_table(reading: RigReading | None) -> dict[str, Any] | None:
     """Return a reading as a JSON object. A value that no device measures is null."""
     if reading is None:
         return None
@@ -62,7 +62,7 @@ def reading_table(reading: Reading | None) -> dict[str, Any] | None:
     }
 
 
-def status_table(status: Status) -> dict[str, Any]:
+def status_table(status: EngineStatus) -> dict[str, Any]:
     """Return a status of the run as a JSON object."""
     return {
         "state": status.state.value,
@@ -86,7 +86,7 @@ def started(about: About, steps_planned: int) -> dict[str, Any]:
     }
 
 
-def state_changed(status: Status) -> dict[str, Any]:
+def state_changed(status: EngineStatus) -> dict[str, Any]:
     """Return the event ``state``, for a new state of the engine or a new step."""
     return {"event": "state", **status_table(status)}
 

@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass, replace
 
-from rig.protocol.course import Place, increments
+from rig.protocol.course import Positions, increments
 from rig.protocol.move import Ending, Failure, Move, commanded_or_measured
-from rig.protocol.step import Execute, ProtocolStep, Reading
+from rig.protocol.step import Execute, ProtocolStep, RigReading
 
 _NEAR_START = 2.0
 """A motion starts from the commanded value if the measured value differs by at most this many tolerances."""
@@ -49,7 +49,7 @@ class Approach:
     goes_back: bool = False
     refusal: Failure | None = None
 
-    def steps(self, index: int, place: Place) -> list[ProtocolStep]:
+    def steps(self, index: int, place: Positions) -> list[ProtocolStep]:
         """Return the steps of the motion from that possible start which is farthest from the target."""
         span = place.of(self.move.quantity)
         start = span.high if self.down else span.low
@@ -57,7 +57,9 @@ class Approach:
         # If there are no steps, even this start is beyond the target. Then plan one step back to the target.
         return steps or [self._back(index, start)]
 
-    def follow(self, index: int, place: Place, reading: Reading | None, execute: Execute) -> Reading:
+    def follow(
+        self, index: int, place: Positions, reading: RigReading | None, execute: Execute
+    ) -> RigReading:
         """Execute the steps from the actual start to the target, or until the criterion is met."""
         assert reading is not None
         span = place.of(self.move.quantity)
@@ -85,7 +87,7 @@ class Approach:
             ending.fail(reading)
         return reading
 
-    def end(self, place: Place) -> Place:
+    def end(self, place: Positions) -> Positions:
         """Return the possible positions after the motion: the target or, with an event, any on the way."""
         return place.after(self.move.quantity, self.target, early=self.ending is not None)
 
@@ -93,7 +95,7 @@ class Approach:
         beyond = self.target - start if self.down else start - self.target
         return self.move.quantity != "rotation" and beyond > self.move.tolerance
 
-    def _pass(self, index: int, reading: Reading, start: float, execute: Execute) -> Reading:
+    def _pass(self, index: int, reading: RigReading, start: float, execute: Execute) -> RigReading:
         """Handle a target that has been passed already: leave the motion out, go back, or raise an error."""
         if self.refusal is not None:
             raise self.refusal(reading)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from rig.protocol.step import Reading
+from rig.protocol.step import RigReading
 from rig.protocol.tables import Limits
 
 TARE_PER_INCREMENT = 0.1
@@ -31,7 +31,7 @@ class Zeroing:
     load_tolerance_n: float
     displacement_tolerance_mm: float
 
-    def is_zero(self, reading: Reading) -> bool:
+    def is_zero(self, reading: RigReading) -> bool:
         """Return True if load and displacement are within their tolerances of zero."""
         return (
             abs(reading.load_n) <= self.load_tolerance_n
@@ -73,7 +73,7 @@ class Demand:
 
 
 @dataclass(frozen=True)
-class Turn:
+class StageTurn:
     """A turn of the stage within one step, which must end within `settle.timeout_s`."""
 
     key: str
@@ -120,7 +120,7 @@ class Conditions:
     zero_tolerance_deg : float or None
         Tolerance of the stage at 0 degrees before the images of the grid, or None if the stage does not move.
     demands : tuple of Demand
-    turns : tuple of Turn
+    turns : tuple of StageTurn
     """
 
     devices: frozenset[DeviceName]
@@ -130,4 +130,4 @@ class Conditions:
     pull: Pull | None = None
     zero_tolerance_deg: float | None = None
     demands: tuple[Demand, ...] = ()
-    turns: tuple[Turn, ...] = ()
+    turns: tuple[StageTurn, ...] = ()

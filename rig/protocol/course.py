@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from rig.errors import ProtocolError
-from rig.protocol.step import Execute, ProtocolStep, Quantity, Reading
+from rig.protocol.step import Execute, ProtocolStep, Quantity, RigReading
 from rig.protocol.tables import Limits
 
 
@@ -35,7 +35,7 @@ class Span:
 
 
 @dataclass(frozen=True)
-class Place:
+class Positions:
     """The possible positions of the devices before a part of the course.
 
     Attributes
@@ -53,7 +53,7 @@ class Place:
     displacement_max_mm: float = 0.0
 
     @classmethod
-    def within(cls, limits: Limits | None) -> "Place":
+    def within(cls, limits: Limits | None) -> "Positions":
         """Return the place before a test, where all quantities are zero, with the limits of a protocol."""
         return (
             cls()
@@ -65,7 +65,7 @@ class Place:
         """Return the range of possible values of a quantity."""
         return {"load": self.load, "displacement": self.displacement, "rotation": self.rotation}[quantity]
 
-    def after(self, quantity: Quantity, value: float, *, early: bool = False) -> "Place":
+    def after(self, quantity: Quantity, value: float, *, early: bool = False) -> "Positions":
         """Return the possible positions after a motion to `value`. With `early`, the motion may end early."""
         before = self.of(quantity)
         span = Span(min(before.low, value), max(before.high, value)) if early else Span(value, value)
@@ -76,16 +76,18 @@ class Place:
         return replace(self, displacement=span, load=Span(0.0, self.load_max_n))
 
 
-class Part(Protocol):
+class CoursePart(Protocol):
     """Interface of a part of a course, such as the motion to a load, with a known largest number of steps."""
 
-    def steps(self, index: int, place: Place) -> list[ProtocolStep]:
+    def steps(self, index: int, place: Positions) -> list[ProtocolStep]:
         """Return all steps that this part may need. The first step has the number `index`."""
 
-    def follow(self, index: int, place: Place, reading: Reading | None, execute: Execute) -> Reading:
+    def follow(
+        self, index: int, place: Positions, reading: RigReading | None, execute: Execute
+    ) -> RigReading:
         """Execute the steps that are needed according to the readings, and return the last reading."""
 
-    def end(self, place: Place) -> Place:
+    def end(self, place: Positions) -> Positions:
         """Return the possible positions of the devices after this part."""
 
 
@@ -95,12 +97,12 @@ class Course:
 
     Attributes
     ----------
-    parts : tuple of Part
-    start : Place
+    parts : tuple of CoursePart
+    start : Positions
     """
 
-    parts: tuple[Part, ...]
-    start: Place
+    parts: tuple[CoursePart, ...]
+    start: Positions
 
     def steps(self) -> list[ProtocolStep]:
         """Return the steps of the longest possible test."""
@@ -114,11 +116,11 @@ class Course:
         ProtocolError
             If a phase reaches its target, but the event that should end it never happened.
         """
-        reading: Reading | None = None
+        reading: RigReading | None = None
         for part, index, place, steps in self._walk():
             last = index + len(steps)
 
-            def execute_planned(step: ProtocolStep, last: int = last) -> Reading:
+            def execute_planned(step: ProtocolStep, last: int = last) -> RigReading:
                 if step.index >= last:
                     raise ProtocolError(
                         str(step),
@@ -130,7 +132,7 @@ class Course:
 
             reading = part.follow(index, place, reading, execute_planned)
 
-    def _walk(self) -> Iterator[tuple[Part, int, Place, list[ProtocolStep]]]:
+    def _walk(self) -> Iterator[tuple[CoursePart, int, Positions, list[ProtocolStep]]]:
         index, place = 0, self.start
         for part in self.parts:
             steps = part.steps(index, place)
@@ -170,17 +172,17 @@ class Beginning:
 
     reference: ProtocolStep = field(default_factory=lambda: ProtocolStep(1, "reference"))
 
-    def steps(self, index: int, _: Place) -> list[ProtocolStep]:
+    def steps(self, index: int, _: Positions) -> list[ProtocolStep]:
         """Return the step of the grid images and the step of the reference images."""
         return [ProtocolStep(index, "grid"), replace(self.reference, index=index + 1)]
 
-    def follow(self, index: int, place: Place, _: Reading | None, execute: Execute) -> Reading:
+    def follow(self, index: int, place: Positions, _: RigReading | None, execute: Execute) -> RigReading:
         """Execute the step of the grid images and the step of the reference images."""
         grid, reference = self.steps(index, place)
         execute(grid)
         return execute(reference)
 
-    def end(self, place: Place) -> Place:
+    def end(self, place: Positions) -> Positions:
         """Return the position of the devices after the reference images, when a preload is still applied."""
         if self.reference.quantity is None:
             return place

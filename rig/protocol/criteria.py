@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 
 
 class Criterion(Protocol):
@@ -14,10 +14,10 @@ class Criterion(Protocol):
     def can_end(self, number: int, step: ProtocolStep) -> bool:
         """Return True if the criterion can be checked after a step. The phase's first step has `number` 1."""
 
-    def is_met(self, readings: Sequence[Reading]) -> bool:
+    def is_met(self, readings: Sequence[RigReading]) -> bool:
         """Return True if the last reading meets the criterion. The first one was taken before the phase."""
 
-    def at_readings(self) -> Callable[[Reading], bool] | None:
+    def at_readings(self) -> Callable[[RigReading], bool] | None:
         """Return a function that checks every reading of a motion and returns True when the criterion is met.
 
         Return None if the criterion can be checked only after a step.
@@ -42,16 +42,16 @@ class LoadDropCriterion:
         """Return True, because the load can drop during any step."""
         return True
 
-    def is_met(self, readings: Sequence[Reading]) -> bool:
+    def is_met(self, readings: Sequence[RigReading]) -> bool:
         """Return True if the last load has fallen by the fraction."""
         highest_n = max(reading.load_n for reading in readings[1:])
         return readings[-1].load_n < (1.0 - self.fraction) * highest_n
 
-    def at_readings(self) -> Callable[[Reading], bool]:
+    def at_readings(self) -> Callable[[RigReading], bool]:
         """Return a function that compares each reading with the highest load of the motion."""
         highest_n = -math.inf
 
-        def has_dropped(reading: Reading) -> bool:
+        def has_dropped(reading: RigReading) -> bool:
             nonlocal highest_n
             highest_n = max(highest_n, reading.load_n)
             return highest_n >= self.carried_n and reading.load_n < (1.0 - self.fraction) * highest_n

@@ -9,12 +9,20 @@ from pydantic import Field
 
 from drivers.settings import Settings
 from rig.errors import ProtocolError
-from rig.protocol.conditions import TARE_PER_INCREMENT, Conditions, Demand, DeviceName, Pull, Turn, Zeroing
-from rig.protocol.course import Beginning, Course, Part, Place
+from rig.protocol.conditions import (
+    TARE_PER_INCREMENT,
+    Conditions,
+    Demand,
+    DeviceName,
+    Pull,
+    StageTurn,
+    Zeroing,
+)
+from rig.protocol.course import Beginning, Course, CoursePart, Positions
 from rig.protocol.criteria import Criterion, LoadDropCriterion
 from rig.protocol.durations import motion_times_s
 from rig.protocol.move import Ending, Move
-from rig.protocol.step import Quantity, Reading
+from rig.protocol.step import Quantity, RigReading
 from rig.protocol.tables import Limits, PhasesSettle, too_fine
 
 STEPS_MAX = 50_000
@@ -61,11 +69,11 @@ class Draft:
         Number of the phase that is compiled, from 1.
     where : str
         This phase, for messages.
-    place : Place
+    place : Positions
         The possible positions of the devices before this phase.
     increments_n, ranges_n : list of float
         Increments to a load, and the differences of both ends of cycles.
-    turns : list of Turn
+    turns : list of StageTurn
     """
 
     def __init__(
@@ -74,14 +82,14 @@ class Draft:
         self.mistakes: list[str] = []
         self.number = 0
         self.where = ""
-        self.place = self._start = Place.within(limits)
+        self.place = self._start = Positions.within(limits)
         self.increments_n: list[float] = []
         self.ranges_n: list[float] = []
-        self.turns: list[Turn] = []
+        self.turns: list[StageTurn] = []
         self._settle = settle
         self._limits = limits
         self._tare_max_n = tare_max_n
-        self._parts: list[Part] = [Beginning()]
+        self._parts: list[CoursePart] = [Beginning()]
         self._demands: list[Demand] = []
         self._assured_n = self._elastic_n = 0.0
         self._moved: set[Quantity] = set()
@@ -127,7 +135,7 @@ class Draft:
             turns=tuple(self.turns),
         )
 
-    def add(self, part: Part) -> None:
+    def add(self, part: CoursePart) -> None:
         """Append the part of a phase to the course."""
         self._parts.append(part)
         self.place = part.end(self.place)
@@ -179,7 +187,7 @@ class Draft:
             return Ending(criterion)
         where = self.where
 
-        def failure(reading: Reading) -> ProtocolError:
+        def failure(reading: RigReading) -> ProtocolError:
             return ProtocolError(
                 f"{where}, at {reading.load_n:.0f} N and {reading.displacement_mm:.4g} mm",
                 criterion.describe(),

@@ -5,11 +5,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from rig.errors import ProtocolError
-from rig.protocol.course import Place
+from rig.protocol.course import Positions
 from rig.protocol.criteria import Criterion
-from rig.protocol.step import LoadDrop, ProtocolStep, Quantity, Reading
+from rig.protocol.step import LoadDrop, ProtocolStep, Quantity, RigReading
 
-Failure = Callable[[Reading], ProtocolError]
+Failure = Callable[[RigReading], ProtocolError]
 """Type of a function that makes the error for a phase in which the expected event never happened."""
 
 
@@ -27,12 +27,12 @@ class Ending:
     criterion: Criterion
     failure: Failure | None = None
 
-    def has_happened(self, number: int, step: ProtocolStep, readings: Sequence[Reading]) -> bool:
+    def has_happened(self, number: int, step: ProtocolStep, readings: Sequence[RigReading]) -> bool:
         """Return True if the event has happened at or before the last reading of a step."""
         criterion = self.criterion
         return readings[-1].ends_phase or (criterion.can_end(number, step) and criterion.is_met(readings))
 
-    def fail(self, reading: Reading) -> None:
+    def fail(self, reading: RigReading) -> None:
         """Raise the error for a phase that is over, unless the test continues."""
         if self.failure is not None:
             raise self.failure(reading)
@@ -84,7 +84,7 @@ class Move:
         )
 
 
-def commanded_or_measured(place: Place, move: Move, reading: Reading, tolerances: float) -> float:
+def commanded_or_measured(place: Positions, move: Move, reading: RigReading, tolerances: float) -> float:
     """Return the commanded value if the measured value is near it, otherwise the measured value.
 
     A part of the course begins at this value. The measured value can be far from the commanded value if the

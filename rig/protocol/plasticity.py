@@ -6,7 +6,7 @@ from pydantic import Field
 
 from drivers.settings import Settings
 from rig.errors import ProtocolError
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 
 
 class PlasticCriterion(Settings):
@@ -48,7 +48,7 @@ class PlasticCriterion(Settings):
         # Compare the commanded load with `judged_above_n`, because the measured load has noise.
         return number >= 2 and step.target > self.judged_above_n
 
-    def is_met(self, readings: Sequence[Reading]) -> bool:
+    def is_met(self, readings: Sequence[RigReading]) -> bool:
         """Return True if the last load increment is clearly less stiff than the stiffest increment so far."""
         return self.is_evident([r.load_n for r in readings], [r.displacement_mm for r in readings])
 

@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 from drivers.settings import Settings
 from rig.protocol.approach import Approach
 from rig.protocol.base import BaseProtocol
-from rig.protocol.conditions import Conditions, Demand, Turn
-from rig.protocol.course import Beginning, Course, Place
+from rig.protocol.conditions import Conditions, Demand, StageTurn
+from rig.protocol.course import Beginning, Course, Positions
 from rig.protocol.move import Move
 from rig.protocol.tables import RotationSettle, too_fine
 
@@ -47,7 +47,7 @@ class RotationProtocol(BaseProtocol):
         """The course of the test: grid and reference images, then a turn to an angle in increments."""
         turn = Move("rotation", math.nan, self.settle.angle_tolerance_deg, is_timed=False)
         approach = Approach(turn, self.rotation.total_deg, self.rotation.increment_deg)
-        return Course((Beginning(), approach), Place())
+        return Course((Beginning(), approach), Positions())
 
     @property
     def conditions(self) -> Conditions:
@@ -56,5 +56,5 @@ class RotationProtocol(BaseProtocol):
             devices=frozenset({"stage"}),
             zero_tolerance_deg=self.settle.angle_tolerance_deg,
             demands=(Demand("rotation.total_deg", self.rotation.total_deg, "angle_max_deg", "deg"),),
-            turns=(Turn("a step", self.rotation.increment_deg),),
+            turns=(StageTurn("a step", self.rotation.increment_deg),),
         )

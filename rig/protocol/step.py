@@ -37,7 +37,7 @@ _QUANTITIES: dict[StepKind, Quantity] = {
 
 
 @dataclass(frozen=True)
-class Reading:
+class RigReading:
     """Load, displacement and angle at the time `time_s` of the rig's clock. A missing device gives NaN.
 
     If the event that ends the phase happens during a step, `ends_phase` is True in the step's last reading.
@@ -114,7 +114,7 @@ class ProtocolStep:
     motion_s: float = 0.0
     load_drop: LoadDrop = "break"
     passed: bool = False
-    event: Callable[[Reading], bool] | None = field(default=None, compare=False, repr=False)
+    event: Callable[[RigReading], bool] | None = field(default=None, compare=False, repr=False)
 
     @property
     def quantity(self) -> Quantity | None:
@@ -146,14 +146,14 @@ class ProtocolStep:
         """True if the step moves the load frame to a load or to a displacement."""
         return self.quantity in ("load", "displacement") and not self.holds
 
-    def value(self, reading: Reading) -> float:
+    def value(self, reading: RigReading) -> float:
         """Return the quantity of the step's target from a reading: load, displacement or angle.
 
         For a step without a target, return NaN.
         """
         return math.nan if self.quantity is None else reading.of(self.quantity)
 
-    def is_reached(self, reading: Reading) -> bool:
+    def is_reached(self, reading: RigReading) -> bool:
         """Return True if the reading is within the tolerance of the target."""
         return self.quantity is None or abs(self.value(reading) - self.target) <= self.tolerance
 
@@ -163,4 +163,4 @@ class ProtocolStep:
         return f"step {self.index} ({self.kind}{aim}{after})"
 
 
-Execute: TypeAlias = Callable[[ProtocolStep], Reading]
+Execute: TypeAlias = Callable[[ProtocolStep], RigReading]

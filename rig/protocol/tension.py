@@ -10,11 +10,11 @@ from rig.errors import ProtocolError
 from rig.protocol.approach import Approach
 from rig.protocol.base import BaseProtocol
 from rig.protocol.conditions import TARE_PER_INCREMENT, Conditions, Demand, Pull, Zeroing
-from rig.protocol.course import Beginning, Course, Place
+from rig.protocol.course import Beginning, Course, Positions
 from rig.protocol.move import Ending, Move
 from rig.protocol.plasticity import PlasticCriterion
 from rig.protocol.plausible import Plausible
-from rig.protocol.step import Reading
+from rig.protocol.step import RigReading
 from rig.protocol.tables import Limits, TensionSettle, too_fine
 
 
@@ -109,7 +109,7 @@ class TensionProtocol(BaseProtocol):
             stretching.total_mm,
             stretching.increment_mm,
         )
-        return Course((Beginning(), to_load, to_displacement), Place.within(self.limits))
+        return Course((Beginning(), to_load, to_displacement), Positions.within(self.limits))
 
     @property
     def conditions(self) -> Conditions:
@@ -138,7 +138,7 @@ class TensionProtocol(BaseProtocol):
             ),
         )
 
-    def _not_plastic(self, reading: Reading) -> ProtocolError:
+    def _not_plastic(self, reading: RigReading) -> ProtocolError:
         fraction = self.loading.plastic.stiffness_fraction
         return ProtocolError(
             f"loading to {reading.load_n:.0f} N",

@@ -23,7 +23,7 @@ from rig.errors import RecordingError
 from rig.recorder.file import OpenRunFile
 from rig.recorder.place import Misplaced, Overwritten
 from rig.recorder.records import NO_INTERLOCKS, InterlockRecord, RunHeader, StepRecord
-from rig.recorder.writer import Job, Writer
+from rig.recorder.writer import WriteJob, Writer
 from rig.recording import RecordingSettings
 
 _STAGE = ("angle_deg", "moving", "homed", "time_s")
@@ -245,7 +245,7 @@ class Recorder:
             raise self._writer.failure
         if self._writer.busy_s() > self._settings.answer_s:
             raise self._silence(what)
-        job = Job(what, write, **options)
+        job = WriteJob(what, write, **options)
         if not self._ended and self._writer.put(job):
             return job.done
         if self._ended:

@@ -8,7 +8,7 @@ from datetime import datetime
 from drivers.interfaces import DeviceInfo
 from rig.mounting import Mounting
 from rig.protocol.grid import AnyGrid
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.protocol.tables import Sample
 
 OPERATOR_DONE = "operator: done"
@@ -81,5 +81,5 @@ class StepRecord:
     """
 
     step: ProtocolStep
-    reading: Reading
+    reading: RigReading
     frames: Mapping[str, tuple[int, int]]

@@ -21,7 +21,7 @@ _CHUNK_ROWS = 256
 class Table:
     """A table of the run file, which is an HDF5 group with one dataset for each column."""
 
-    def __init__(self, group: Any, layout: schema.Group) -> None:
+    def __init__(self, group: Any, layout: schema.GroupLayout) -> None:
         self._length = 0
         self._rows: list[Mapping[str, Any]] = []
         *self._columns, self._last = (_Column(group, item) for item in layout.items)
@@ -158,7 +158,7 @@ def create_entry(file: Any, header: RunHeader) -> Any:
     return entry
 
 
-def create_group(parent: Any, name: str, layout: schema.Group, described: object = None) -> Any:
+def create_group(parent: Any, name: str, layout: schema.GroupLayout, described: object = None) -> Any:
     """Create a group, and copy the attributes of `described` that `layout` names to HDF5 attributes."""
     group = parent.create_group(name)
     _set_text(group.id, "NX_class", layout.nx_class)
@@ -251,7 +251,7 @@ def fit(text: str, size: int) -> bytes:
     return text.encode()[:size].decode(errors="ignore").encode()
 
 
-def _fill(group: Any, layout: schema.Group, values: Mapping[str, Any]) -> None:
+def _fill(group: Any, layout: schema.GroupLayout, values: Mapping[str, Any]) -> None:
     """Create all datasets of a group, and write their values."""
     for item in layout.items:
         value = values[item.name]

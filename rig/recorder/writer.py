@@ -18,7 +18,7 @@ GATHER_S = 0.05
 
 
 @dataclass
-class Job:
+class WriteJob:
     """One piece of data that is written into the run file, such as an image or a step.
 
     Attributes
@@ -77,7 +77,7 @@ class Writer(threading.Thread):
         super().__init__(name="recorder", daemon=True)
         self._file, self._settings, self._clock, self._failed = file, settings, clock, failed
         self._gather_s = gather_s
-        self._jobs: deque[Job] = deque()
+        self._jobs: deque[WriteJob] = deque()
         self._changed = threading.Condition()
         self._waiting: Counter[str] = Counter()
         self._last: Callable[[], None] | None = None
@@ -87,7 +87,7 @@ class Writer(threading.Thread):
         self._began_s: float | None = None
         self.failure: Exception | None = None
 
-    def put(self, job: Job) -> bool:
+    def put(self, job: WriteJob) -> bool:
         """Append a job and return at once. Return False if too many jobs or images of this camera wait."""
         with self._changed:
             full = len(self._jobs) >= _JOBS_MAX
@@ -136,7 +136,7 @@ class Writer(threading.Thread):
         else:
             self._ended.set_result(None)
 
-    def _next_jobs(self) -> list[Job]:
+    def _next_jobs(self) -> list[WriteJob]:
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._jobs or self._last is not None, self._patience_s())
@@ -155,8 +155,8 @@ class Writer(threading.Thread):
     def _patience_s(self) -> float | None:
         return self._settings.sync_s if self._unsynchronised and self.failure is None else None
 
-    def _write(self, jobs: list[Job]) -> None:
-        written: list[Job] = []
+    def _write(self, jobs: list[WriteJob]) -> None:
+        written: list[WriteJob] = []
         doing = jobs[0]
         try:
             self._file.require_untouched()
@@ -175,7 +175,7 @@ class Writer(threading.Thread):
         for job in written:
             job.done.set_result(None)
 
-    def _affordable(self, jobs: list[Job]) -> Iterator[Job]:
+    def _affordable(self, jobs: list[WriteJob]) -> Iterator[WriteJob]:
         """Reserve disk space for one job after the other, and yield each of them. End at a full disk."""
         for job in jobs:
             try:
@@ -185,7 +185,7 @@ class Writer(threading.Thread):
                 return
             yield job
 
-    def _synchronise_if_due(self, written: list[Job]) -> None:
+    def _synchronise_if_due(self, written: list[WriteJob]) -> None:
         self._unsynchronised += len(written)
         self._images += sum(job.camera is not None for job in written)
         late = self._clock.now_s() - self._synchronised_s >= self._settings.sync_s
@@ -211,7 +211,7 @@ class Writer(threading.Thread):
                 self.failure = self._failed(what, error)
             self._changed.notify_all()
 
-    def _forget(self, jobs: list[Job]) -> None:
+    def _forget(self, jobs: list[WriteJob]) -> None:
         """Remove jobs from the queue. The futures of jobs that were not written get an exception."""
         with self._changed:
             for job in jobs:

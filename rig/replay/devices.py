@@ -24,7 +24,7 @@ _LAG_S = 1e-9
 S = TypeVar("S", bound=StageState | LoadFrameState | InterlockState)
 
 
-class Readings(Generic[S]):
+class RecordedReadings(Generic[S]):
     """Returns the recorded readings of one device, one after the other.
 
     Parameters
@@ -70,7 +70,7 @@ class Readings(Generic[S]):
 class _Replayed(Generic[S]):
     """A device of an archived run. Commands have no effect."""
 
-    def __init__(self, info: DeviceInfo, readings: Readings[S]) -> None:
+    def __init__(self, info: DeviceInfo, readings: RecordedReadings[S]) -> None:
         self.info = info
         self.readings = readings
 
@@ -98,7 +98,9 @@ class ReplayedStage(_Replayed[StageState]):
 class ReplayedLoadFrame(_Replayed[LoadFrameState]):
     """The load frame of an archived run."""
 
-    def __init__(self, info: DeviceInfo, readings: Readings[LoadFrameState], limits: LoadFrameLimits) -> None:
+    def __init__(
+        self, info: DeviceInfo, readings: RecordedReadings[LoadFrameState], limits: LoadFrameLimits
+    ) -> None:
         super().__init__(info, readings)
         self.limits = limits
 
@@ -118,7 +120,7 @@ class ReplayedLoadFrame(_Replayed[LoadFrameState]):
 class ReplayedInterlock(_Replayed[InterlockState]):
     """An interlock of an archived run."""
 
-    def __init__(self, info: DeviceInfo, unit: str, readings: Readings[InterlockState]) -> None:
+    def __init__(self, info: DeviceInfo, unit: str, readings: RecordedReadings[InterlockState]) -> None:
         super().__init__(info, readings)
         self.unit = unit
 

@@ -30,7 +30,7 @@ from rig.recorder import Recorder, RunHeader
 from rig.recorder.header import interlock_records
 from rig.replay.compare import differences
 from rig.replay.devices import (
-    Readings,
+    RecordedReadings,
     ReplayedCamera,
     ReplayedInterlock,
     ReplayedLoadFrame,
@@ -117,17 +117,17 @@ def _feed(script: Script, protocol: Protocol, place: Path) -> Outcome:
         return end_of_record(device, run.info.status_reason or run.info.status)
 
     stage = load_frame = None
-    readings: Readings[StageState] | Readings[LoadFrameState] | None = None
+    readings: RecordedReadings[StageState] | RecordedReadings[LoadFrameState] | None = None
     if script.stage:
-        of_stage = readings = Readings("stage", script.stage_state, clock, ended)
+        of_stage = readings = RecordedReadings("stage", script.stage_state, clock, ended)
         stage = ReplayedStage(DeviceInfo(**run.identity("stage")), of_stage)
     if script.load_frame:
-        of_frame = readings = Readings("load_frame", script.load_frame_state, clock, ended)
+        of_frame = readings = RecordedReadings("load_frame", script.load_frame_state, clock, ended)
         info = DeviceInfo(**run.identity("load_frame"))
         load_frame = ReplayedLoadFrame(info, of_frame, limits_of_load_frame(run))
     interlocks = {}
     for name, range_of in run.interlocks.items():
-        values = Readings(f"interlocks.{name}", partial(script.interlock_state, name), clock, ended)
+        values = RecordedReadings(f"interlocks.{name}", partial(script.interlock_state, name), clock, ended)
         info = DeviceInfo(**run.identity(f"interlocks.{name}"))
         interlocks[name] = OpenedInterlock(
             ReplayedInterlock(info, range_of.unit, values),
@@ -166,7 +166,7 @@ class _ReplayRecorder(Recorder):
         path: Path,
         script: Script,
         cameras: dict[str, ReplayedCamera],
-        readings: Readings[Any],
+        readings: RecordedReadings[Any],
         rig: Rig,
     ) -> None:
         super().__init__(

@@ -28,7 +28,7 @@ class LoadString(Protocol):
         """Break the specimen; the load stays at zero from now on."""
 
 
-class Control(Enum):
+class ControlMode(Enum):
     """The control mode of the crosshead: hold the position, or follow a displacement or a load."""
 
     HOLD = "hold"
@@ -45,7 +45,7 @@ class Crosshead:
 
     Attributes
     ----------
-    control : Control
+    control : ControlMode
     target : float
         The target in mm or N, relative to the zero set by `tare`.
     at_target : bool
@@ -76,7 +76,7 @@ class Crosshead:
         self._rate = 0.0
         self._setpoint_n = 0.0
         self.target = 0.0
-        self.stand(Control.HOLD)
+        self.stand(ControlMode.HOLD)
 
     @property
     def load_n(self) -> float:
@@ -104,15 +104,15 @@ class Crosshead:
     @property
     def moving(self) -> bool:
         """True if the crosshead follows a target and has not reached it yet."""
-        return self.control is not Control.HOLD and not self.at_target
+        return self.control is not ControlMode.HOLD and not self.at_target
 
-    def begin(self, control: Control, target: float, rate: float) -> None:
+    def begin(self, control: ControlMode, target: float, rate: float) -> None:
         """Begin to approach a target in mm or N, with a rate in mm/s or N/s."""
         self.control, self.target, self._rate = control, target, rate
         self.at_target = False
         self._setpoint_n = self.shown_n
 
-    def stand(self, control: Control, *, at_target: bool = False) -> None:
+    def stand(self, control: ControlMode, *, at_target: bool = False) -> None:
         """Stop the crosshead. The new control mode is `HOLD`, or the mode in which the target was reached."""
         self.control = control
         self.at_target = at_target
@@ -122,7 +122,7 @@ class Crosshead:
         """Set the zeros to the current load and position, and hold the position."""
         self._zero_n, self._zero_mm = self._force_n, self._position_mm
         self.cell.tare(self._force_n, self._time_s)
-        self.stand(Control.HOLD)
+        self.stand(ControlMode.HOLD)
 
     def break_string(self) -> None:
         """Break the specimen in the grips."""
@@ -136,7 +136,7 @@ class Crosshead:
         """
         if self.jammed:
             return FaultCode.STALL
-        if self.control is Control.DISPLACEMENT:
+        if self.control is ControlMode.DISPLACEMENT:
             wanted_mm = self.target - self.displacement_mm
             speed_mm_s = self._rate
         else:
@@ -153,7 +153,7 @@ class Crosshead:
         )
         if fault:
             return fault
-        if self.control is Control.DISPLACEMENT:
+        if self.control is ControlMode.DISPLACEMENT:
             arrived = step_mm == wanted_mm
         else:
             error_n = self.target - self.shown_n

@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.clock import Clock
-from simulators.load_frame.crosshead import CONTROL_PERIOD_S, Control, Crosshead, LoadString
+from simulators.load_frame.crosshead import CONTROL_PERIOD_S, ControlMode, Crosshead, LoadString
 from simulators.load_frame.load_cell import Lie, LoadCell, LoadCellSettings
-from simulators.load_frame.state import FaultCode, MachineLimits, Readings, Refusal, RefusedError
+from simulators.load_frame.state import FaultCode, FrameReadings, MachineLimits, Refusal, RefusedError
 
 DISPLACEMENT_NOISE_MM = 0.2e-3
 
@@ -72,7 +72,7 @@ class LoadFrameDevice:
         self._estop = False
         self._cell_broken = False
         self._watchdog_lost = False
-        self._frozen: Readings | None = None
+        self._frozen: FrameReadings | None = None
         self._switch_on()
 
     def _switch_on(self) -> None:
@@ -147,7 +147,7 @@ class LoadFrameDevice:
                 self._heartbeat = value
                 self._beat_tick = self._tick
 
-    def read(self) -> Readings:
+    def read(self) -> FrameReadings:
         """Return the readings. The readings do not change within one control period."""
         with self._lock:
             self._advance()
@@ -156,12 +156,12 @@ class LoadFrameDevice:
                 self._noise = self._draw_noise()
             load_error_n, displacement_error_mm = self._noise
             crosshead = self._crosshead
-            readings = Readings(
+            readings = FrameReadings(
                 sample=self._tick,
                 time_s=self._tick * CONTROL_PERIOD_S,
                 moving=crosshead.moving,
                 at_target=crosshead.at_target,
-                holding=crosshead.control is Control.HOLD,
+                holding=crosshead.control is ControlMode.HOLD,
                 fault=self._fault,
                 estop=self._estop,
                 load_n=math.nan if self._cell_broken else crosshead.shown_n + load_error_n,
@@ -184,21 +184,21 @@ class LoadFrameDevice:
         with self._lock:
             limits = self._limits
             inside = limits.displacement_min_mm <= displacement_mm <= limits.displacement_max_mm
-            self._go(Control.DISPLACEMENT, displacement_mm, inside, speed_mm_s, limits.speed_max_mm_s)
+            self._go(ControlMode.DISPLACEMENT, displacement_mm, inside, speed_mm_s, limits.speed_max_mm_s)
 
     def go_to_load(self, load_n: float, rate_n_s: float) -> None:
         """Begin to approach a load along a ramp; raise `RefusedError` beyond the limits."""
         with self._lock:
             limits = self._limits
             inside = limits.load_min_n <= load_n <= limits.load_max_n
-            self._go(Control.LOAD, load_n, inside, rate_n_s, limits.load_rate_max_n_s)
+            self._go(ControlMode.LOAD, load_n, inside, rate_n_s, limits.load_rate_max_n_s)
 
     def hold(self) -> None:
         """Stop the crosshead and hold its position."""
         with self._lock:
             self._advance()
             self._note("hold")
-            self._crosshead.stand(Control.HOLD)
+            self._crosshead.stand(ControlMode.HOLD)
 
     def tare(self) -> None:
         """Set the zeros to the current load and position; raise `RefusedError` during motion."""
@@ -287,7 +287,7 @@ class LoadFrameDevice:
     def _note(self, command: str) -> None:
         self.executed.append((self._clock.now_s(), command))
 
-    def _go(self, control: Control, target: float, inside: bool, rate: float, rate_max: float) -> None:
+    def _go(self, control: ControlMode, target: float, inside: bool, rate: float, rate_max: float) -> None:
         self._advance()
         if self._estop:
             raise RefusedError(Refusal.NOT_READY)
@@ -315,7 +315,7 @@ class LoadFrameDevice:
         self._crosshead.wait_until(self._tick * CONTROL_PERIOD_S)
 
     def _trip(self, fault: FaultCode) -> None:
-        self._crosshead.stand(Control.HOLD)
+        self._crosshead.stand(ControlMode.HOLD)
         self._fault = fault
 
     def _draw_noise(self) -> tuple[float, float]:

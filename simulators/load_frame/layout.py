@@ -21,7 +21,7 @@ NO_VALUE = 0x7FFFFFFF
 
 
 @dataclass(frozen=True)
-class Register:
+class SimulatedRegister:
     """A value in the Modbus registers: its name, its type, and the factor from the raw value to the unit."""
 
     name: str
@@ -35,11 +35,11 @@ class Register:
 
 
 @dataclass(frozen=True)
-class Block:
+class RegisterBlock:
     """Values at consecutive register addresses, and the address of the first value."""
 
     address: int
-    registers: tuple[Register, ...]
+    registers: tuple[SimulatedRegister, ...]
 
     @cached_property
     def count(self) -> int:
@@ -48,18 +48,18 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Layout:
+class RegisterLayout:
     """All registers of one device.
 
     Attributes
     ----------
-    state, identity : Block
+    state, identity : RegisterBlock
         Read-only blocks.
-    status : Block, optional
+    status : RegisterBlock, optional
         Read-only block of the status word; None if the status word is part of `state`.
-    command, limits, watchdog, heartbeat : Block
+    command, limits, watchdog, heartbeat : RegisterBlock
         Blocks that a client writes completely, each in one request.
-    setpoints : Block, optional
+    setpoints : RegisterBlock, optional
         Block of targets and rates, which a client writes before the command. None if `command` contains these
         values.
     bits : mapping of str to int
@@ -74,36 +74,36 @@ class Layout:
         True if read-only values are also holding registers, because the device has no input registers.
     """
 
-    state: Block
-    identity: Block
-    command: Block
-    limits: Block
-    watchdog: Block
-    heartbeat: Block
+    state: RegisterBlock
+    identity: RegisterBlock
+    command: RegisterBlock
+    limits: RegisterBlock
+    watchdog: RegisterBlock
+    heartbeat: RegisterBlock
     bits: Mapping[str, int]
     commands: Mapping[int, str]
-    status: Block | None = None
-    setpoints: Block | None = None
+    status: RegisterBlock | None = None
+    setpoints: RegisterBlock | None = None
     word_order: str = "ABCD"
     request_max: int = 125
     one_table: bool = False
 
     @property
-    def readable(self) -> list[Block]:
+    def readable(self) -> list[RegisterBlock]:
         """The read-only blocks of the layout."""
         return [block for block in (self.state, self.status, self.identity) if block is not None]
 
     @property
-    def writable(self) -> list[Block]:
+    def writable(self) -> list[RegisterBlock]:
         """The blocks that a client can write and read back."""
         blocks = (self.command, self.setpoints, self.limits, self.watchdog, self.heartbeat)
         return [block for block in blocks if block is not None]
 
-    def encode(self, block: Block, values: Mapping[str, Number]) -> bytes:
+    def encode(self, block: RegisterBlock, values: Mapping[str, Number]) -> bytes:
         """Return the bytes of a block; values that are missing in `values` are 0."""
         return b"".join(self._encode(each, values.get(each.name, 0)) for each in block.registers)
 
-    def decode(self, block: Block, data: bytes) -> dict[str, Number]:
+    def decode(self, block: RegisterBlock, data: bytes) -> dict[str, Number]:
         """Decode the bytes of all registers of a block, and return the values by name."""
         values: dict[str, Number] = {}
         place = 0
@@ -114,7 +114,7 @@ class Layout:
             place += 2 * register.size
         return values
 
-    def _encode(self, register: Register, value: Number) -> bytes:
+    def _encode(self, register: SimulatedRegister, value: Number) -> bytes:
         if register.kind == "f32":
             return self._ordered(_ENCODINGS["f32"].pack(value / register.scale))
         raw = round(value / register.scale) if math.isfinite(value) else NO_VALUE
@@ -132,11 +132,14 @@ class Layout:
         return bytes(data[i] for i in WORD_ORDERS[self.word_order])
 
 
-def _block(address: int, **kinds: str | tuple[str, float]) -> Block:
+def _block(address: int, **kinds: str | tuple[str, float]) -> RegisterBlock:
     """Make a block from the names of its registers in order, each with its type, or its type and scale."""
-    return Block(
+    return RegisterBlock(
         address,
-        tuple(Register(name, *((kind,) if isinstance(kind, str) else kind)) for name, kind in kinds.items()),
+        tuple(
+            SimulatedRegister(name, *((kind,) if isinstance(kind, str) else kind))
+            for name, kind in kinds.items()
+        ),
     )
 
 
@@ -146,7 +149,7 @@ _LIMITS_F32 = _block(
     load_rate_max="f32",
 )  # fmt: skip
 
-GENERIC = Layout(
+GENERIC = RegisterLayout(
     state=_block(
         0,
         revision="u16", sample="u32", status="u16", fault="u16", executed="u16", result="u16", spare="u16",
@@ -170,7 +173,7 @@ GENERIC = Layout(
 # Values in units of 0.1 N and 0.1 µm, as i32 or u32.
 _NEWTONS, _MILLIMETRES, _N_S, _MM_S = ("i32", 0.1), ("i32", 1e-4), ("u32", 0.1), ("u32", 1e-4)
 
-SCALED_INTEGERS = Layout(
+SCALED_INTEGERS = RegisterLayout(
     state=_block(
         256,
         revision="u16", status="u16", sample="u32", fault="u16", executed="u16", result="u16", spare="u16",
@@ -196,7 +199,7 @@ SCALED_INTEGERS = Layout(
 )  # fmt: skip
 """A layout with scaled integers, low word first, at most 16 registers per request, and one table."""
 
-SEPARATE_WORDS = Layout(
+SEPARATE_WORDS = RegisterLayout(
     state=_block(0, revision="u16", sample="u16", load="f32", displacement="f32"),
     status=_block(16, status="u16", fault="u16", executed="u16", result="u16"),
     identity=_block(32, serial="u32", firmware="u16"),

@@ -8,7 +8,7 @@ import struct
 
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.faults import load_frame_faults
-from simulators.load_frame.layout import GENERIC, Layout
+from simulators.load_frame.layout import GENERIC, RegisterLayout
 from simulators.load_frame.registers import LoadFrameRegisters
 from simulators.wire.faults import LOAD_FRAME, FaultPanel
 from simulators.wire.modbus import ModbusRtuServer, ModbusTcpServer
@@ -26,7 +26,7 @@ class _LoadFrameLine(Server):
         device: LoadFrameDevice,
         unit: int,
         serial: int,
-        layout: Layout,
+        layout: RegisterLayout,
         faults: FaultPanel | None,
         registers: LoadFrameRegisters | None,
     ) -> None:
@@ -53,7 +53,7 @@ class LoadFrameServer(_LoadFrameLine, ModbusTcpServer):
         The server's unit identifier.
     serial : int
         The serial number that the load frame reports.
-    layout : Layout
+    layout : RegisterLayout
     faults : FaultPanel, optional
         The faults of the load frame. Default: a new panel.
     registers : LoadFrameRegisters, optional
@@ -69,7 +69,7 @@ class LoadFrameServer(_LoadFrameLine, ModbusTcpServer):
         *,
         unit: int = 1,
         serial: int = SERIAL,
-        layout: Layout = GENERIC,
+        layout: RegisterLayout = GENERIC,
         faults: FaultPanel | None = None,
         registers: LoadFrameRegisters | None = None,
     ) -> None:
@@ -101,7 +101,7 @@ class LoadFrameRtuServer(_LoadFrameLine, ModbusRtuServer):
         *,
         unit: int = 1,
         serial: int = SERIAL,
-        layout: Layout = GENERIC,
+        layout: RegisterLayout = GENERIC,
         faults: FaultPanel | None = None,
         registers: LoadFrameRegisters | None = None,
     ) -> None:

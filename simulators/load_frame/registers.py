@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from simulators.load_frame.device import LoadFrameDevice
-from simulators.load_frame.layout import Block, Layout, Number
-from simulators.load_frame.state import FaultCode, MachineLimits, Readings, Refusal, RefusedError
+from simulators.load_frame.layout import Number, RegisterBlock, RegisterLayout
+from simulators.load_frame.state import FaultCode, FrameReadings, MachineLimits, Refusal, RefusedError
 from simulators.wire.faults import FaultPanel
 from simulators.wire.modbus import WRITE_MANY
 
@@ -38,13 +38,15 @@ class LoadFrameRegisters:
     Parameters
     ----------
     device : LoadFrameDevice
-    layout : Layout
+    layout : RegisterLayout
     serial : int
         The serial number that the load frame reports.
     faults : FaultPanel
     """
 
-    def __init__(self, device: LoadFrameDevice, layout: Layout, serial: int, faults: FaultPanel) -> None:
+    def __init__(
+        self, device: LoadFrameDevice, layout: RegisterLayout, serial: int, faults: FaultPanel
+    ) -> None:
         self._device = device
         self._layout = layout
         self._serial = serial
@@ -91,13 +93,13 @@ class LoadFrameRegisters:
             return struct.pack(">BHH", function, address, count)
         raise ExceptionReply(ILLEGAL_FUNCTION)
 
-    def _table(self, function: int) -> list[Block]:
+    def _table(self, function: int) -> list[RegisterBlock]:
         layout = self._layout
         if function == READ_INPUT:
             return [] if layout.one_table else layout.readable
         return layout.writable + (layout.readable if layout.one_table else [])
 
-    def _cut(self, blocks: list[Block], address: int, count: int) -> bytes:
+    def _cut(self, blocks: list[RegisterBlock], address: int, count: int) -> bytes:
         """Return `count` registers of one block. A request beyond the end of the block is refused."""
         for block in blocks:
             first = address - block.address
@@ -106,7 +108,7 @@ class LoadFrameRegisters:
                 return values[2 * first : 2 * (first + count)]
         raise ExceptionReply(ILLEGAL_ADDRESS)
 
-    def _values(self, block: Block) -> dict[str, Number]:
+    def _values(self, block: RegisterBlock) -> dict[str, Number]:
         layout, device = self._layout, self._device
         if block is layout.state or block is layout.status:
             return self._state(device.read())
@@ -128,7 +130,7 @@ class LoadFrameRegisters:
             "load_rate_max": limits.load_rate_max_n_s,
         }
 
-    def _state(self, readings: Readings) -> dict[str, Number]:
+    def _state(self, readings: FrameReadings) -> dict[str, Number]:
         return {
             "revision": REVISION,
             "sample": readings.sample,
@@ -186,7 +188,7 @@ class LoadFrameRegisters:
             self._result = refusal.reason
 
 
-def _status(bits: Mapping[str, int], readings: Readings) -> int:
+def _status(bits: Mapping[str, int], readings: FrameReadings) -> int:
     true = {
         "ready": not readings.estop,
         "moving": readings.moving,

@@ -55,7 +55,7 @@ class MachineLimits:
 
 
 @dataclass(frozen=True)
-class Readings:
+class FrameReadings:
     """The readings of a load frame in one control period."""
 
     sample: int

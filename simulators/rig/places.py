@@ -12,7 +12,7 @@ SERVERS = (*TERMINALS, *PORTS)
 
 
 @dataclass(frozen=True)
-class Places:
+class ServerAddresses:
     """The addresses that the user gives. Servers without a given address take any free address.
 
     Attributes
@@ -27,7 +27,7 @@ class Places:
     links: Mapping[str, Path] = field(default_factory=dict)
 
     @classmethod
-    def read(cls, texts: Iterable[str]) -> "Places":
+    def read(cls, texts: Iterable[str]) -> "ServerAddresses":
         """Read texts of the form ``NAME=PORT`` or ``NAME=PATH``; raise `ValueError` for a malformed text."""
         ports: dict[str, int] = {}
         links: dict[str, Path] = {}

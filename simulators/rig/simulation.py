@@ -10,7 +10,7 @@ from drivers.clock import SystemClock
 from drivers.interfaces import OpenContext, OperatorAction
 from simulators.rig.camera import SPEC as CAMERA_SPEC
 from simulators.rig.operator import SimulatedOperator, notice
-from simulators.rig.places import Places
+from simulators.rig.places import ServerAddresses
 from simulators.rig.rig_tables import RigTables
 from simulators.rig.scene_wire import SceneServer
 from simulators.rig.truth_log import TruthLog
@@ -53,7 +53,7 @@ class Simulation:
     log : Path, optional
         File for the log of the true state.
     places : iterable of str
-        Addresses of servers in the form that `simulators.rig.places.Places.read` accepts.
+        Addresses of servers in the form that `simulators.rig.places.ServerAddresses.read` accepts.
     say : callable, optional
         Called on another thread, with a line about each action of the operator. May be set later.
 
@@ -77,7 +77,7 @@ class Simulation:
     ) -> None:
         self.say = say
         self._tables = RigTables.read(tables or {}, source)
-        wanted = Places.read(places)
+        wanted = ServerAddresses.read(places)
         self._clock = StoppableClock()
         with ExitStack() as started:
             self.rig = started.enter_context(

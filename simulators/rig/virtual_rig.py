@@ -19,10 +19,10 @@ from simulators.load_frame.layout import LAYOUTS
 from simulators.load_frame.load_cell import LoadCellSettings
 from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameServer
 from simulators.rig.picture_faults import PictureFaults
-from simulators.rig.places import Link, Places
+from simulators.rig.places import Link, ServerAddresses
 from simulators.scene.exact_properties import exact_properties
 from simulators.scene.scene import Misalignment, Scene
-from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 from simulators.stage.device import StageDevice
 from simulators.stage.faults import stage_faults
 from simulators.stage.newport import NewportServer
@@ -64,7 +64,7 @@ class VirtualRig:
     settings : VirtualRigSettings, optional
     clock : Clock, optional
         A clock that replaces the clock from the settings.
-    places : Places, optional
+    places : ServerAddresses, optional
         Addresses of the rig's servers. Default: any free addresses.
 
     Raises
@@ -102,13 +102,13 @@ class VirtualRig:
         self,
         settings: VirtualRigSettings | None = None,
         clock: Clock | None = None,
-        places: Places | None = None,
+        places: ServerAddresses | None = None,
     ) -> None:
         settings = settings or VirtualRigSettings()
         self.clock: Clock = clock or (SystemClock() if settings.real_time else VirtualClock())
         self.patience_s = settings.patience_s if isinstance(self.clock, VirtualClock) else 0.0
         self.exact_properties = settings.exact_properties()
-        specimen = Specimen(settings.specimen)
+        specimen = SimulatedSpecimen(settings.specimen)
         self.stage = StageDevice(self.clock)
         self.load_frame = LoadFrameDevice(self.clock, specimen, rng=np.random.default_rng(settings.seed))
         self.load_frame.mount_load_cell(settings.load_cell)
@@ -130,10 +130,12 @@ class VirtualRig:
             self.picture_faults.panel,
         )
         with ExitStack() as started:
-            self.addresses: Mapping[str, str] = self._start(settings, places or Places(), started)
+            self.addresses: Mapping[str, str] = self._start(settings, places or ServerAddresses(), started)
             self._started = started.pop_all()
 
-    def _start(self, settings: VirtualRigSettings, places: Places, started: ExitStack) -> dict[str, str]:
+    def _start(
+        self, settings: VirtualRigSettings, places: ServerAddresses, started: ExitStack
+    ) -> dict[str, str]:
         """Start every server, register each server's `close` with `started`, and return the addresses."""
         addresses: dict[str, str] = {}
 

@@ -13,7 +13,7 @@ from drivers.interfaces import OpenContext
 from drivers.settings import Settings
 from simulators.scene.jit import compiled
 from simulators.scene.pose import Pose
-from simulators.scene.specimen import Specimen
+from simulators.scene.specimen import SimulatedSpecimen
 from simulators.scene.texture import LineGrid, Speckle, Texture
 
 Array = NDArray[np.float64]
@@ -139,7 +139,7 @@ class Scene:
     seed : int
         Seed of the speckle pattern and of the cameras' noise.
     misalignment : Misalignment
-    specimen : Specimen
+    specimen : SimulatedSpecimen
     angle_deg : callable
         Returns the true angle of the stage now.
     load_n : callable
@@ -151,7 +151,7 @@ class Scene:
         *,
         seed: int,
         misalignment: Misalignment,
-        specimen: Specimen,
+        specimen: SimulatedSpecimen,
         angle_deg: Callable[[], float],
         load_n: Callable[[], float],
     ) -> None:

@@ -148,7 +148,7 @@ class SpecimenState:
         return np.diag([1.0 + self.transverse_strain, 1.0 + self.axial_strain])
 
 
-class Specimen:
+class SimulatedSpecimen:
     """Specimen, grips and load frame in series. The furthest point of the loading so far determines plastic
     strain and slip.
 

@@ -15,7 +15,7 @@ DISABLING_FLAGS = ("FD", "FO", "FH", "FV")
 HOMING_BACKOFF_DEG = 2.0
 
 
-class RefusedError(Exception):
+class StageRefusedError(Exception):
     """The stage refuses a command. The text is the reason in Zaber's protocol, such as ``BADDATA``."""
 
 
@@ -193,9 +193,9 @@ class StageDevice:
     ) -> None:
         """Begin to move to each shaft angle in `plan`, in order; a present motion is braked first."""
         if self._disabled:
-            raise RefusedError("DRIVERDISABLED")
+            raise StageRefusedError("DRIVERDISABLED")
         if self.parked:
-            raise RefusedError("PARKED")
+            raise StageRefusedError("PARKED")
         speed = (speed or self.speed_microsteps_s) / self.microsteps_per_deg
         acceleration = (acceleration or self.acceleration_microsteps_s2) / self.microsteps_per_deg
         if self.moving:
@@ -213,7 +213,7 @@ class StageDevice:
             self.fail("FS")
 
     def home(self) -> None:
-        """Begin to search for the index mark; raise `RefusedError` if the stage is disabled or parked.
+        """Begin to search for the index mark; raise `StageRefusedError` if the stage is disabled or parked.
 
         The shaft moves below the mark first and then up to the mark.
         """
@@ -225,7 +225,7 @@ class StageDevice:
         """Begin to move to a counter value.
 
         `speed` and `acceleration` apply to this motion only. The default values are the stage's settings.
-        Raise `RefusedError` for a value beyond the limits, and if the stage is disabled or parked.
+        Raise `StageRefusedError` for a value beyond the limits, and if the stage is disabled or parked.
         """
         with self._lock:
             self._require_within(position)
@@ -248,10 +248,10 @@ class StageDevice:
             self._start(f"turn {speed:g}", [angle_deg], abs(speed), acceleration)
 
     def park(self) -> None:
-        """Park the stage, which then keeps its position without power; raise `RefusedError` during motion."""
+        """Park the stage, which keeps its position without power; raise `StageRefusedError` during motion."""
         with self._lock:
             if self.moving:
-                raise RefusedError("STATUSBUSY")
+                raise StageRefusedError("STATUSBUSY")
             self.parked = True
 
     def set_position(self, position: int) -> None:
@@ -267,7 +267,7 @@ class StageDevice:
 
     def _require_within(self, position: int) -> None:
         if not self.limit_min <= position <= self.limit_max:
-            raise RefusedError("BADDATA")
+            raise StageRefusedError("BADDATA")
 
     def clear_flags(self) -> None:
         """Clear the flags of past events; flags for a missing reference or a driver that is off remain."""
@@ -275,10 +275,10 @@ class StageDevice:
             self._flags &= {"WR", "WH", *(DISABLING_FLAGS if self._disabled else ())}
 
     def enable_driver(self) -> None:
-        """Switch the motor driver on; raise `RefusedError` while the emergency stop is pressed."""
+        """Switch the motor driver on; raise `StageRefusedError` while the emergency stop is pressed."""
         with self._lock:
             if self._estop:
-                raise RefusedError("DRIVERDISABLED")
+                raise StageRefusedError("DRIVERDISABLED")
             self._disabled = False
             self._flags -= set(DISABLING_FLAGS)
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 from drivers.clock import Clock
 from simulators.stage import newport_errors as errors
-from simulators.stage.device import RefusedError, StageDevice
+from simulators.stage.device import StageDevice, StageRefusedError
 from simulators.stage.faults import stage_faults
 from simulators.stage.newport_errors import ErrorQueue, NewportError
 from simulators.wire.faults import NEWPORT, FaultPanel
@@ -262,7 +262,7 @@ class NewportServer(Server):
     def _switch_motor_on(self) -> None:
         try:
             self.device.enable_driver()
-        except RefusedError as refusal:
+        except StageRefusedError as refusal:
             raise NewportError(errors.EMERGENCY_STOP) from refusal
         self._motor_on = True
 

@@ -9,7 +9,7 @@ Source: Zaber ASCII Protocol Manual (https://www.zaber.com/protocol-manual).
 import re
 import threading
 
-from simulators.stage.device import RefusedError, StageDevice
+from simulators.stage.device import StageDevice, StageRefusedError
 from simulators.stage.faults import stage_faults
 from simulators.stage.zaber_settings import ACCELERATION_UNIT, SPEED_UNIT, ZaberDeviceSettings
 from simulators.wire.faults import STAGE, FaultPanel
@@ -108,7 +108,7 @@ class ZaberServer(Server):
             return False, reason
         try:
             return True, self._command(axis, words)
-        except RefusedError as refusal:
+        except StageRefusedError as refusal:
             return False, str(refusal)
 
     def _command(self, axis: int, words: list[str]) -> str:
@@ -150,7 +150,7 @@ class ZaberServer(Server):
             case ["system", "reset"] if axis == 0:
                 device.power_cycle()
             case _:
-                raise RefusedError("BADCOMMAND")
+                raise StageRefusedError("BADCOMMAND")
         return "0"
 
     def _move(self, words: list[str]) -> None:
@@ -161,10 +161,10 @@ class ZaberServer(Server):
         if kind in ends:
             numbers.insert(0, ends[kind])
         if not 1 <= len(numbers) <= 3:
-            raise RefusedError("BADDATA" if kind in ("abs", "rel", "vel", *ends) else "BADCOMMAND")
+            raise StageRefusedError("BADDATA" if kind in ("abs", "rel", "vel", *ends) else "BADCOMMAND")
         target, *rest = numbers
         if any(number <= 0 for number in rest):
-            raise RefusedError("BADDATA")
+            raise StageRefusedError("BADDATA")
         if kind == "vel":
             device.turn(target / SPEED_UNIT, *(number / ACCELERATION_UNIT for number in rest[:1]))
             return
@@ -174,7 +174,7 @@ class ZaberServer(Server):
         elif kind == "abs" or kind in ends:
             device.move_to(target, *own)
         else:
-            raise RefusedError("BADCOMMAND")
+            raise StageRefusedError("BADCOMMAND")
 
 
 def _changed(reply: bytes, place: int, byte: int) -> bytes:
@@ -185,7 +185,7 @@ def _integer(text: str) -> int:
     try:
         number = int(text)
     except ValueError as error:
-        raise RefusedError("BADDATA") from error
+        raise StageRefusedError("BADDATA") from error
     if abs(number) > NUMBER_MAX:
-        raise RefusedError("BADDATA")
+        raise StageRefusedError("BADDATA")
     return number

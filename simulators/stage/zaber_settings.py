@@ -5,7 +5,7 @@ Source: Zaber ASCII Protocol Manual (https://www.zaber.com/protocol-manual), cha
 
 from collections.abc import Callable
 
-from simulators.stage.device import RefusedError, StageDevice
+from simulators.stage.device import StageDevice, StageRefusedError
 
 # In the protocol, a speed is a number of microsteps/s times 1.6384, and an acceleration is a number of
 # microsteps/s² times 1.6384e-4.
@@ -73,19 +73,22 @@ class ZaberDeviceSettings:
         }
 
     def get(self, axis: int, name: str) -> str:
-        """Return the value of a setting; raise `RefusedError` if the axis (0: device) has no such setting."""
+        """Return the value of a setting; raise `StageRefusedError` if the axis has no such setting.
+
+        Axis 0 is the device.
+        """
         if name in self._of_device:
             if axis:
-                raise RefusedError("DEVICEONLY")
+                raise StageRefusedError("DEVICEONLY")
             return str(self._of_device[name]())
         if name in self._of_axis:
             return str(self._of_axis[name]())
-        raise RefusedError("BADCOMMAND")
+        raise StageRefusedError("BADCOMMAND")
 
     def set(self, axis: int, name: str, value: int) -> None:
-        """Set a setting; raise `RefusedError` for a read-only or unknown setting or a value out of range."""
+        """Set a value; raise `StageRefusedError` if the setting is read-only or unknown, or out of range."""
         if axis and name in self._of_device:
-            raise RefusedError("DEVICEONLY")
+            raise StageRefusedError("DEVICEONLY")
         device = self._device
         match name:
             case "maxspeed" if value > 0:
@@ -105,9 +108,9 @@ class ZaberDeviceSettings:
             case "comm.address" if 1 <= value <= 99:
                 self.address = value
             case _ if name in self._of_axis or name in self._of_device:
-                raise RefusedError("BADDATA")
+                raise StageRefusedError("BADDATA")
             case _:
-                raise RefusedError("BADCOMMAND")
+                raise StageRefusedError("BADCOMMAND")
 
     def _approach_speed(self) -> int:
         return self._approach or round(self._device.speed_microsteps_s * SPEED_UNIT)

@@ -9,7 +9,7 @@ PIECES = 3
 PAUSE_BETWEEN_PIECES_S = 0.002
 
 
-class Wire(Protocol):
+class WireProtocol(Protocol):
     """The functions of a protocol that a `Line` needs."""
 
     faults: FaultPanel
@@ -32,14 +32,16 @@ class Line:
 
     Parameters
     ----------
-    wire : Wire
+    wire : WireProtocol
     send : callable
         Sends bytes to the client.
     pause : callable
         Waits for a number of seconds in real time. Closing the line ends the wait.
     """
 
-    def __init__(self, wire: Wire, send: Callable[[bytes], object], pause: Callable[[float], object]) -> None:
+    def __init__(
+        self, wire: WireProtocol, send: Callable[[bytes], object], pause: Callable[[float], object]
+    ) -> None:
         self._wire = wire
         self._send = send
         self._pause = pause

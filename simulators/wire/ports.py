@@ -11,7 +11,7 @@ import threading
 import tty
 from pathlib import Path
 
-from simulators.wire.line import Line, Wire
+from simulators.wire.line import Line, WireProtocol
 from simulators.wire.tcp_server import TcpServer
 
 LOCALHOST = "127.0.0.1"
@@ -39,7 +39,7 @@ class PtyPort:
         same path as before.
     """
 
-    def __init__(self, wire: Wire) -> None:
+    def __init__(self, wire: WireProtocol) -> None:
         self._wire = wire
         _sweep()
         self._folder = tempfile.TemporaryDirectory(prefix=f"{PREFIX}{os.getpid()}-")
@@ -103,7 +103,7 @@ class TcpPort:
         The address ``host:port``, which does not change when the port is unplugged and plugged in.
     """
 
-    def __init__(self, wire: Wire, host: str, port: int) -> None:
+    def __init__(self, wire: WireProtocol, host: str, port: int) -> None:
         self._wire = wire
         self._host, self._port = host, port
         self._server: TcpServer | None = None
@@ -167,6 +167,6 @@ class Server:
         self._port.close()
 
 
-def port_of(wire: Wire, host: str | None, port: int) -> PtyPort | TcpPort:
+def port_of(wire: WireProtocol, host: str | None, port: int) -> PtyPort | TcpPort:
     """Open a TCP port if `host` is given, otherwise a pseudo-terminal. Port 0 takes any free TCP port."""
     return PtyPort(wire) if host is None else TcpPort(wire, host, port)

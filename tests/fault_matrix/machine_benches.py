@@ -12,7 +12,7 @@ from drivers.load_frames.modbus.settings import ModbusLoadFrameSettings
 from drivers.stages.settings import StageSettings
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.layout import LAYOUTS
-from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 from simulators.stage.device import StageDevice
 from tests.fault_matrix.bench import STOP_TIMES, Bench, ReportedFault, WrongAnswerError
 
@@ -124,7 +124,7 @@ class LoadFrameBench(Bench):
 
     def __init__(self, serve: Callable[..., Any], map_name: str, prefix: str = "") -> None:
         super().__init__()
-        self._specimen = Specimen(SpecimenSettings(grip_slip_mm=0.0))
+        self._specimen = SimulatedSpecimen(SpecimenSettings(grip_slip_mm=0.0))
         self.device = LoadFrameDevice(self.clock, self._specimen)
         self._server = serve(self.device, layout=LAYOUTS[map_name])
         self.faults = self._server.faults

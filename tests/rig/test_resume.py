@@ -20,7 +20,7 @@ from rig.commands.verify import verify_run
 from rig.engine.engine import Engine
 from rig.news.run_news import NewsOptions
 from rig.protocol.protocol import read_protocol
-from rig.protocol.step import Reading
+from rig.protocol.step import RigReading
 from rig.resume import ContinueError, read_earlier, require_unchanged
 from rig.run import run_protocol
 from tests.places import example, small_cameras
@@ -70,7 +70,7 @@ def test_a_rotation_goes_on_from_its_finished_steps(tmp_path, interrupt_at):
     with RunFile(path) as run:
         finished = [step.index for step in run.steps]
     assert finished == [0, 1, 2, 3]
-    told: list[tuple[int, Reading]] = []
+    told: list[tuple[int, RigReading]] = []
     new = next_segment(path)
     outcome = run_protocol(
         protocol,

@@ -9,7 +9,7 @@ point), `uncertainty` (standard deviations), `propagation` (many points).
 from dic.correlation.kernel.icgn import NOT_LAID, ROOM_PX
 from dic.correlation.kernel.layout import (
     Deformed,
-    Reference,
+    KernelReference,
     flat_variance_of,
     lay_coefficients,
     lay_reference,
@@ -17,16 +17,16 @@ from dic.correlation.kernel.layout import (
 from dic.correlation.kernel.method import Method
 from dic.correlation.kernel.prepared import Prepared, record_length
 from dic.correlation.kernel.propagation import correlate_seeds, propagate
-from dic.correlation.kernel.solution import Grid, Solution
+from dic.correlation.kernel.solution import KernelGrid, Solution
 
 __all__ = [
     "NOT_LAID",
     "ROOM_PX",
     "Deformed",
-    "Grid",
+    "KernelGrid",
+    "KernelReference",
     "Method",
     "Prepared",
-    "Reference",
     "Solution",
     "correlate_seeds",
     "flat_variance_of",

@@ -19,7 +19,7 @@ import numpy as np
 from dic.correlation.kernel import cholesky
 from dic.correlation.kernel import moments as m
 from dic.correlation.kernel.jit import inlined, inner
-from dic.correlation.kernel.layout import Deformed, Flat, Reference
+from dic.correlation.kernel.layout import Deformed, Flat, KernelReference
 from dic.correlation.kernel.method import Method, Shape, Subset
 from dic.correlation.kernel.prepared import MEAN, NORM2, prepare, recall, rounding_share
 from dic.correlation.kernel.uncertainty import write_std
@@ -62,7 +62,7 @@ _STILL_PX = 0.1
 
 @inner
 def correlate_point(
-    image: Reference,
+    image: KernelReference,
     deformed: Deformed,
     method: Method,
     subset: Subset,

@@ -65,7 +65,7 @@ class Deformed(NamedTuple):
     bottom: int
 
 
-class Reference(NamedTuple):
+class KernelReference(NamedTuple):
     """The reference image for the kernel.
 
     Attributes
@@ -100,7 +100,7 @@ def lay_reference(
     *,
     top: int = 0,
     flat_variance: float | None = None,
-) -> Reference:
+) -> KernelReference:
     """Return the reference image for the kernel, with `mean` subtracted from its grey levels.
 
     Parameters
@@ -131,7 +131,7 @@ def lay_reference(
     in_parallel(lay, bands_of(height, _BAND_PX), threads)
     if flat_variance is None:
         flat_variance = flat_variance_of(spline.grey, region)
-    return Reference(f, fx, fy, inside, *_pitch_and_origin(width, top), flat_variance)
+    return KernelReference(f, fx, fy, inside, *_pitch_and_origin(width, top), flat_variance)
 
 
 def flat_variance_of(grey: Grey, region: Mask) -> float:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dic.correlation.kernel.bspline_weights import weights, weights_in_two_cells
 from dic.correlation.kernel.jit import inlined, inner
-from dic.correlation.kernel.layout import Deformed, Flat, Reference
+from dic.correlation.kernel.layout import Deformed, Flat, KernelReference
 from dic.correlation.kernel.method import Shape, Subset, Taps
 from dic.correlation.kernel.unrolled import add_moments, add_powers, interpolate, zeros
 from dic.correlation.kernel.vectors import (
@@ -43,7 +43,7 @@ FX_G, FY_G, G, GG, FG = 0, 6, 12, 13, 14
 MOMENTS = 15
 
 
-class Rows(NamedTuple):
+class StripRows(NamedTuple):
     """The positions of a strip's rows in the deformed image. A strip is a group of columns of a subset.
 
     Attributes
@@ -68,16 +68,16 @@ class Strip(NamedTuple):
     ----------
     left : int
         Offset x of the first column.
-    rows : Rows
+    rows : StripRows
         Positions of the strip's rows in the deformed image.
     """
 
     left: int
-    rows: Rows
+    rows: StripRows
 
 
 @inner
-def reference_moments(image: Reference, shape: Shape, subset: Subset, Q: Flat) -> None:
+def reference_moments(image: KernelReference, shape: Shape, subset: Subset, Q: Flat) -> None:
     """Compute the moments (sums over the pixels) of a subset of the reference, and write them into `Q`."""
     for k in range(REFERENCE_MOMENTS):
         Q[k] = 0.0
@@ -94,7 +94,9 @@ def reference_moments(image: Reference, shape: Shape, subset: Subset, Q: Flat) -
 
 
 @inner
-def _add_reference_strip(image: Reference, shape: Shape, x: Vector, first: int, r: int, Q: Flat) -> None:
+def _add_reference_strip(
+    image: KernelReference, shape: Shape, x: Vector, first: int, r: int, Q: Flat
+) -> None:
     """Add a strip, a group of columns of a subset, to the moments `Q` of the reference.
 
     The strip of columns begins at the array element `first`, and its columns have the offsets `x`. The
@@ -140,14 +142,14 @@ def _inside(x: Vector, r: int) -> Vector:
 
 @inner
 def moments_with_image(
-    image: Reference,
+    image: KernelReference,
     deformed: Deformed,
     taps: Taps,
     shape: Shape,
     subset: Subset,
     p: Flat,
     smooth: bool,
-    rows: Rows,
+    rows: StripRows,
     S: Flat,
 ) -> None:
     """Compute the moments of a subset with the deformed image, for the warp `p`, and write them into `S`.
@@ -203,7 +205,7 @@ def _locate_rows(shape: Shape, pitch: int, strip: Strip, right: int, r: int, p: 
 
 @inner
 def _add_strip(
-    image: Reference,
+    image: KernelReference,
     deformed: Deformed,
     taps: Taps,
     shape: Shape,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dic.correlation.kernel import cholesky
 from dic.correlation.kernel import moments as m
 from dic.correlation.kernel.jit import inner
-from dic.correlation.kernel.layout import Flat, Reference
+from dic.correlation.kernel.layout import Flat, KernelReference
 from dic.correlation.kernel.method import Shape, Subset
 from dic.correlation.kernel.warps import FACTOR, POWER_X, POWER_Y, SIDE, monomial
 from dic.correlation.kernel.workspace import Workspace
@@ -53,7 +53,7 @@ def record_length(parameters: int) -> int:
 
 
 @inner
-def prepare(image: Reference, shape: Shape, subset: Subset, work: Workspace, record: Flat) -> None:
+def prepare(image: KernelReference, shape: Shape, subset: Subset, work: Workspace, record: Flat) -> None:
     """Compute the data that IC-GN needs of a subset of the reference, and write them into `record`."""
     Q, H, s, t = work.Q, work.H, work.s, work.t
     m.reference_moments(image, shape, subset, Q)

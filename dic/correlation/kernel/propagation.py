@@ -12,10 +12,10 @@ import numpy as np
 from dic.correlation.kernel.heap import Queue, pop, push
 from dic.correlation.kernel.icgn import CONVERGED, correlate_point
 from dic.correlation.kernel.jit import compiled
-from dic.correlation.kernel.layout import Deformed, Reference
+from dic.correlation.kernel.layout import Deformed, KernelReference
 from dic.correlation.kernel.method import Method, Subset
 from dic.correlation.kernel.prepared import Prepared
-from dic.correlation.kernel.solution import Grid, Solution
+from dic.correlation.kernel.solution import KernelGrid, Solution
 from dic.correlation.kernel.warps import extrapolate
 from dic.correlation.kernel.workspace import Workspace
 from dic.typing import Indices, Mask
@@ -40,7 +40,12 @@ class Task(NamedTuple):
 
 
 def correlate_seeds(
-    image: Reference, deformed: Deformed, method: Method, grid: Grid, seeds: Indices, solution: Solution
+    image: KernelReference,
+    deformed: Deformed,
+    method: Method,
+    grid: KernelGrid,
+    seeds: Indices,
+    solution: Solution,
 ) -> None:
     """Correlate start points (rows and columns, (n, 2)) from their warps in `solution`; update `solution`."""
     task = Task(seeds, False, np.ones(solution.status.shape, np.bool_))
@@ -48,10 +53,10 @@ def correlate_seeds(
 
 
 def propagate(
-    image: Reference,
+    image: KernelReference,
     deformed: Deformed,
     method: Method,
-    grid: Grid,
+    grid: KernelGrid,
     solution: Solution,
     pending: Mask,
     prepared: Prepared | None = None,
@@ -63,10 +68,10 @@ def propagate(
 
     Parameters
     ----------
-    image : Reference
+    image : KernelReference
     deformed : Deformed
     method : Method
-    grid : Grid
+    grid : KernelGrid
     solution : Solution
         The solution of the grid, which is updated in place.
     pending : ndarray of bool, shape (rows, columns)
@@ -80,10 +85,10 @@ def propagate(
 
 
 def _run(
-    image: Reference,
+    image: KernelReference,
     deformed: Deformed,
     method: Method,
-    grid: Grid,
+    grid: KernelGrid,
     solution: Solution,
     task: Task,
     prepared: Prepared | None,
@@ -98,10 +103,10 @@ def _run(
 
 @compiled
 def _correlate_grid(
-    image: Reference,
+    image: KernelReference,
     deformed: Deformed,
     method: Method,
-    grid: Grid,
+    grid: KernelGrid,
     solution: Solution,
     task: Task,
     prepared: Prepared,

@@ -9,7 +9,7 @@ from dic.correlation.status import Status
 from dic.typing import Float, Indices, Mask
 
 
-class Grid(NamedTuple):
+class KernelGrid(NamedTuple):
     """A grid of points in the reference.
 
     Attributes

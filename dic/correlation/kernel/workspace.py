@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dic.correlation.kernel.layout import Flat
-from dic.correlation.kernel.moments import MOMENTS, REFERENCE_MOMENTS, Rows
+from dic.correlation.kernel.moments import MOMENTS, REFERENCE_MOMENTS, StripRows
 from dic.typing import Float
 
 
@@ -24,7 +24,7 @@ class Workspace(NamedTuple):
         The warp in float64 and in float32.
     Q, S : ndarray of float32
         Moments (sums over a subset) of the reference alone, and moments with the deformed image.
-    rows : Rows
+    rows : StripRows
         Positions in the deformed image of the rows of a strip, a group of columns of a subset.
     D, products : ndarray, shapes (6, 6) and (3, 6)
         Scratch memory for the composition of quadratic warps.
@@ -39,7 +39,7 @@ class Workspace(NamedTuple):
     q: Flat
     Q: Flat
     S: Flat
-    rows: Rows
+    rows: StripRows
     D: Float
     products: Float
 
@@ -51,6 +51,6 @@ class Workspace(NamedTuple):
         return cls(
             np.empty((parameters, parameters)), s, t, b, d, p, np.empty(parameters, np.float32),
             np.empty(REFERENCE_MOMENTS, np.float32), np.empty(MOMENTS, np.float32),
-            Rows(np.empty((2, width), np.float32), np.empty((2, width), np.int64)),
+            StripRows(np.empty((2, width), np.float32), np.empty((2, width), np.int64)),
             np.empty((6, 6)), np.empty((3, 6)),
         )  # fmt: skip

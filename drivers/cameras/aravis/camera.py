@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from drivers.cameras.aravis.find import FINDER
 from drivers.cameras.aravis.library import Aravis, AravisError, load
-from drivers.cameras.aravis.session import Session
+from drivers.cameras.aravis.session import AravisSession
 from drivers.cameras.aravis.settings import AravisSettings
 from drivers.cameras.filming import FilmingCamera, refuse_simulated_time
 from drivers.errors import DeviceError, DeviceTimeout, LinkLost
@@ -23,9 +23,9 @@ Aravis needs up to 13 s to close the connection to a camera that is disconnected
 class _Aside:
     """Opens or closes a camera on a separate thread, because Aravis takes seconds if a camera is silent."""
 
-    def __init__(self, name: str, act: Callable[[], Session | None]) -> None:
+    def __init__(self, name: str, act: Callable[[], AravisSession | None]) -> None:
         self._act = act
-        self._session: Session | None = None
+        self._session: AravisSession | None = None
         self._error: Exception | None = None
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
@@ -35,7 +35,7 @@ class _Aside:
         self._thread.join(max(0.0, timeout_s))
         return not self._thread.is_alive()
 
-    def result(self) -> Session | None:
+    def result(self) -> AravisSession | None:
         """Return the opened session, or None after closing. Raise the exception if the action failed."""
         if self._error is not None:
             raise self._error
@@ -48,7 +48,7 @@ class _Aside:
             self._error = error
 
 
-class AravisCamera(FilmingCamera[Session]):
+class AravisCamera(FilmingCamera[AravisSession]):
     """A `Camera` through Aravis. To construct this class, call `open_camera`.
 
     If `grab` waits for three frame times without a frame, the camera counts as lost. The driver then closes
@@ -88,8 +88,8 @@ class AravisCamera(FilmingCamera[Session]):
                 if (session := aside.result()) is not None:
                     session.close()
 
-    def _open_again(self, step: str, deadline_s: float) -> Session:
-        session: Session | None = None
+    def _open_again(self, step: str, deadline_s: float) -> AravisSession:
+        session: AravisSession | None = None
         while session is None:
             if self._aside is None:
                 self._aside = _Aside(f"open {self._name}", self._open)
@@ -105,9 +105,9 @@ class AravisCamera(FilmingCamera[Session]):
             session = aside.result()
         return session
 
-    def _open(self) -> Session:
+    def _open(self) -> AravisSession:
         try:
-            session = Session(self._library, self._settings, self._name, self._clock)
+            session = AravisSession(self._library, self._settings, self._name, self._clock)
         except AravisError as error:
             raise self._lost(str(error)) from error
         if self._serial is not None and session.serial != self._serial:

@@ -28,7 +28,7 @@ OTHER_SIZE = 1 << 8
 """Flag of a frame whose size in pixels or bytes differs from the settings."""
 
 
-class Session:
+class AravisSession:
     """An opened camera that films; its settings were written and read back.
 
     Parameters

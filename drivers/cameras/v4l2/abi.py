@@ -193,7 +193,7 @@ def _request(direction: int, number: int, size: int) -> int:
     return direction << 30 | size << 16 | ord("V") << 8 | number
 
 
-class Request(IntEnum):
+class RequestCode(IntEnum):
     """Codes of the kernel requests (``VIDIOC_…``) that the driver uses."""
 
     QUERYCAP = _request(_READ, 0, ctypes.sizeof(CapabilityInfo))

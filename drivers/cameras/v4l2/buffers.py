@@ -6,7 +6,7 @@ import errno
 from dataclasses import dataclass
 from typing import Any
 
-from drivers.cameras.v4l2.abi import CAPTURE, MMAP, Buffer, BufferRequest, Request
+from drivers.cameras.v4l2.abi import CAPTURE, MMAP, Buffer, BufferRequest, RequestCode
 from drivers.cameras.v4l2.node import Node, translate
 from drivers.errors import DeviceFault
 
@@ -59,7 +59,7 @@ class Buffers:
         self._owed: set[int] = set()
         request = BufferRequest(count=count, type=CAPTURE, memory=MMAP)
         try:
-            node.ioctl(Request.REQBUFS, request)
+            node.ioctl(RequestCode.REQBUFS, request)
             if request.count < FEWEST:
                 raise DeviceFault(
                     device,
@@ -70,7 +70,7 @@ class Buffers:
                 )
             for index in range(request.count):
                 buffer = self._buffer(index)
-                node.ioctl(Request.QUERYBUF, buffer)
+                node.ioctl(RequestCode.QUERYBUF, buffer)
                 self._maps.append(node.map(buffer.length, buffer.offset))
         except OSError as error:
             self.close()
@@ -83,12 +83,12 @@ class Buffers:
         """Queue every buffer and start filming. Raise `OSError` if the kernel refuses."""
         self._owed.clear()
         for index in range(len(self._maps)):
-            self._node.ioctl(Request.QBUF, self._buffer(index))
-        self._node.ioctl(Request.STREAMON, ctypes.c_int(CAPTURE))
+            self._node.ioctl(RequestCode.QBUF, self._buffer(index))
+        self._node.ioctl(RequestCode.STREAMON, ctypes.c_int(CAPTURE))
 
     def stop(self) -> None:
         """Stop filming and take every buffer back from the camera. Raise `OSError` if the kernel refuses."""
-        self._node.ioctl(Request.STREAMOFF, ctypes.c_int(CAPTURE))
+        self._node.ioctl(RequestCode.STREAMOFF, ctypes.c_int(CAPTURE))
 
     def take(self) -> Filled | None:
         """Dequeue the oldest filled buffer, or return None if no buffer is filled. May raise `OSError`."""
@@ -97,7 +97,7 @@ class Buffers:
         self._offer()
         buffer = self._buffer(0)
         try:
-            self._node.ioctl(Request.DQBUF, buffer)
+            self._node.ioctl(RequestCode.DQBUF, buffer)
         except BlockingIOError:
             return None
         stamp_s = buffer.seconds + buffer.microseconds * 1e-6
@@ -118,7 +118,7 @@ class Buffers:
     def _offer(self) -> None:
         for index in sorted(self._owed):
             try:
-                self._node.ioctl(Request.QBUF, self._buffer(index))
+                self._node.ioctl(RequestCode.QBUF, self._buffer(index))
             except OSError as error:
                 if error.errno in (errno.ENODEV, errno.ENXIO):
                     raise

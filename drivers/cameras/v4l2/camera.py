@@ -7,7 +7,7 @@ as silently changed settings, and the driver's checks against them.
 from drivers.cameras.filming import FilmingCamera, refuse_simulated_time
 from drivers.cameras.v4l2.find import FINDER, Identity, open_node
 from drivers.cameras.v4l2.node import KernelSystem, System
-from drivers.cameras.v4l2.session import Session
+from drivers.cameras.v4l2.session import V4l2Session
 from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.errors import LinkLost
 from drivers.interfaces import CameraInfo, OpenContext
@@ -16,7 +16,7 @@ from drivers.registry import DriverSpec
 VIRTUAL = ("vivid", "v4l2 loopback")
 
 
-class V4l2Camera(FilmingCamera[Session]):
+class V4l2Camera(FilmingCamera[V4l2Session]):
     """A `Camera` on V4L2. To construct this class, call `open_camera`.
 
     When the camera is unplugged, the running call fails with `LinkLost`. The next call searches for the
@@ -42,10 +42,10 @@ class V4l2Camera(FilmingCamera[Session]):
             bits=settings.bits,
         )
 
-    def _open_again(self, step: str, deadline_s: float) -> Session:
+    def _open_again(self, step: str, deadline_s: float) -> V4l2Session:
         return self._open()
 
-    def _open(self) -> Session:
+    def _open(self) -> V4l2Session:
         node, identity = open_node(self._settings.device, self._system, self._name)
         known = self._identity
         if known is not None and not identity.same_camera(known):
@@ -57,7 +57,7 @@ class V4l2Camera(FilmingCamera[Session]):
                 f"{identity.card} {identity.serial or identity.bus}",
                 "plug the first camera in again, or begin a new run",
             )
-        return Session(node, identity, self._settings, self._name, self._clock)
+        return V4l2Session(node, identity, self._settings, self._name, self._clock)
 
 
 def open_camera(settings: V4l2Settings, context: OpenContext, system: System | None = None) -> V4l2Camera:

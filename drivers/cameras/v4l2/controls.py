@@ -13,7 +13,7 @@ from drivers.cameras.v4l2.abi import (
     ControlQuery,
     ControlType,
     ControlValue,
-    Request,
+    RequestCode,
 )
 from drivers.cameras.v4l2.node import Node, translate
 from drivers.errors import DeviceFault
@@ -40,7 +40,7 @@ AUTOMATICS: dict[ControlId, int] = {
 
 
 @dataclass(frozen=True)
-class Control:
+class CameraControl:
     """Description of one camera control. `name` is spelled as in the output of ``v4l2-ctl``."""
 
     id: int
@@ -87,7 +87,7 @@ class Controls:
             else:
                 self.set(control, value)
 
-    def named(self, name: str) -> Control:
+    def named(self, name: str) -> CameraControl:
         """Return the control called `name`.
 
         Raises
@@ -105,7 +105,7 @@ class Controls:
             "correct `controls`",
         )
 
-    def set(self, control: Control, value: int) -> None:
+    def set(self, control: CameraControl, value: int) -> None:
         """Write a control and read it back.
 
         Raises
@@ -124,7 +124,7 @@ class Controls:
             )
         request = ControlValue(id=control.id, value=value)
         try:
-            self._node.ioctl(Request.S_CTRL, request)
+            self._node.ioctl(RequestCode.S_CTRL, request)
         except OSError as error:
             refusal = _REFUSALS.get(error.errno or 0)
             if refusal is None:
@@ -136,30 +136,30 @@ class Controls:
             )
         self._set[control.id] = value
 
-    def get(self, control: Control) -> int:
+    def get(self, control: CameraControl) -> int:
         """Return the present value of a control, as read from the camera."""
         request = ControlValue(id=control.id)
         try:
-            self._node.ioctl(Request.G_CTRL, request)
+            self._node.ioctl(RequestCode.G_CTRL, request)
         except OSError as error:
             raise translate(error, self._device, f"read {control.name}", "a value") from error
         return int(request.value)
 
-    def hold(self, control: Control) -> int:
+    def hold(self, control: CameraControl) -> int:
         """Return the present value of a control. From now on `verify` expects this value."""
         self._set[control.id] = self.get(control)
         return self._set[control.id]
 
-    def is_held(self, control: Control) -> bool:
+    def is_held(self, control: CameraControl) -> bool:
         """Return whether an automatic control overrides `control`, so that writing a value has no effect."""
         query = ControlQuery(id=control.id)
         try:
-            self._node.ioctl(Request.QUERYCTRL, query)
+            self._node.ioctl(RequestCode.QUERYCTRL, query)
         except OSError as error:
             raise translate(error, self._device, f"query {control.name}", "its state") from error
         return bool(query.flags & ControlFlag.INACTIVE)
 
-    def set_active(self, control: Control, value: int) -> None:
+    def set_active(self, control: CameraControl, value: int) -> None:
         """Write a control and check that no automatic control overrides the value.
 
         Raises
@@ -198,7 +198,7 @@ class Controls:
         """Return the present values of all controls that `verify` checks, by name."""
         return {self.known[id].name: self.get(self.known[id]) for id in self._set}
 
-    def _require(self, control: Control, value: int) -> None:
+    def _require(self, control: CameraControl, value: int) -> None:
         if (got := self.get(control)) != value:
             raise self._fault(
                 f"set {control.name}",
@@ -207,13 +207,13 @@ class Controls:
                 f"use another camera, or accept it: controls = {{ {control.name} = {got} }}",
             )
 
-    def _enumerate(self) -> dict[int, Control]:
-        found: dict[int, Control] = {}
+    def _enumerate(self) -> dict[int, CameraControl]:
+        found: dict[int, CameraControl] = {}
         last = 0
         while True:
             query = ControlQuery(id=last | NEXT_CONTROL)
             try:
-                self._node.ioctl(Request.QUERYCTRL, query)
+                self._node.ioctl(RequestCode.QUERYCTRL, query)
             except OSError as error:
                 if error.errno in _END_OF_LIST:
                     return found
@@ -223,7 +223,7 @@ class Controls:
             last = query.id
             if query.type in _NUMBERS and not query.flags & ControlFlag.DISABLED:
                 name = re.sub(r"[^a-z0-9]+", "_", query.name.decode("utf-8", "replace").lower()).strip("_")
-                found[last] = Control(
+                found[last] = CameraControl(
                     last, name, query.type, query.minimum, query.maximum, max(1, query.step), query.flags
                 )
 

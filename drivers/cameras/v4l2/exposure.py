@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from drivers.cameras.v4l2.abi import ControlId
-from drivers.cameras.v4l2.controls import AUTOMATICS, Control, Controls
+from drivers.cameras.v4l2.controls import AUTOMATICS, CameraControl, Controls
 from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.errors import DeviceFault
 from drivers.interfaces import Setting
@@ -67,11 +67,13 @@ def read_exposure(controls: Controls, settings: V4l2Settings) -> dict[str, Setti
     return found
 
 
-def _gain_control(controls: Controls) -> Control | None:
+def _gain_control(controls: Controls) -> CameraControl | None:
     return controls.known.get(ControlId.GAIN) or controls.known.get(ControlId.ANALOGUE_GAIN)
 
 
-def _exposure_control(controls: Controls, settings: V4l2Settings) -> tuple[Control | None, float | None]:
+def _exposure_control(
+    controls: Controls, settings: V4l2Settings
+) -> tuple[CameraControl | None, float | None]:
     control = controls.known.get(ControlId.EXPOSURE_ABSOLUTE)
     if control is not None:
         return control, EXPOSURE_UNIT_US
@@ -81,7 +83,11 @@ def _exposure_control(controls: Controls, settings: V4l2Settings) -> tuple[Contr
 
 
 def _set_exposure_time(
-    controls: Controls, control: Control | None, unit_us: float | None, wanted_us: float | None, device: str
+    controls: Controls,
+    control: CameraControl | None,
+    unit_us: float | None,
+    wanted_us: float | None,
+    device: str,
 ) -> float:
     step = "set exposure"
     if control is None:
@@ -105,7 +111,7 @@ def _set_exposure_time(
     return value * unit_us
 
 
-def _set_gain(controls: Controls, control: Control | None, wanted: int | None, device: str) -> float:
+def _set_gain(controls: Controls, control: CameraControl | None, wanted: int | None, device: str) -> float:
     if control is None:
         if wanted is None:
             return math.nan

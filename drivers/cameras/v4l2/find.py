@@ -4,7 +4,7 @@ import errno
 from dataclasses import dataclass
 from pathlib import Path
 
-from drivers.cameras.v4l2.abi import Capability, CapabilityInfo, Request
+from drivers.cameras.v4l2.abi import Capability, CapabilityInfo, RequestCode
 from drivers.cameras.v4l2.node import Node, System, translate
 from drivers.errors import DeviceError, DeviceFault, LinkLost
 from drivers.lines.addresses import lasting_names
@@ -117,7 +117,7 @@ def _open_path(path: str, system: System, device: str) -> tuple[Node, Identity]:
 def _identify(node: Node, path: str, system: System, device: str) -> Identity:
     info = CapabilityInfo()
     try:
-        node.ioctl(Request.QUERYCAP, info)
+        node.ioctl(RequestCode.QUERYCAP, info)
     except OSError as error:
         raise translate(error, device, "identify camera", "a camera") from error
     # use `device_caps`, because `capabilities` lists the functions of all nodes of the camera together

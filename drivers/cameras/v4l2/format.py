@@ -5,7 +5,15 @@ import errno
 from dataclasses import dataclass
 from fractions import Fraction
 
-from drivers.cameras.v4l2.abi import CAPTURE, CaptureParameters, Format, PixelFormat, Request, code_of, fourcc
+from drivers.cameras.v4l2.abi import (
+    CAPTURE,
+    CaptureParameters,
+    Format,
+    PixelFormat,
+    RequestCode,
+    code_of,
+    fourcc,
+)
 from drivers.cameras.v4l2.node import Node, translate
 from drivers.cameras.v4l2.pixels import FORMATS, Grey, bytes_needed
 from drivers.errors import DeviceFault
@@ -17,7 +25,7 @@ _LARGEST_DENOMINATOR = 1001  # a frame rate of 30000/1001 Hz needs this denomina
 
 
 @dataclass(frozen=True)
-class Picture:
+class PictureFormat:
     """Format of the pictures in the buffers. `interval_s` is the time between two pictures in seconds."""
 
     grey: Grey
@@ -42,7 +50,7 @@ def set_picture(
     height: int,
     rate_hz: float,
     stride: int = 0,
-) -> Picture:
+) -> PictureFormat:
     """Set the input, the pixel format, the picture size and the frame rate of a camera.
 
     Parameters
@@ -64,7 +72,7 @@ def set_picture(
         If the camera is in use, or returns another format, size, stride or rate.
     """
     try:
-        node.ioctl(Request.S_INPUT, ctypes.c_int(input))
+        node.ioctl(RequestCode.S_INPUT, ctypes.c_int(input))
     except OSError as error:
         # ignore the error for input 0, because a camera with one input may not support this request
         if input or error.errno not in (errno.EINVAL, errno.ENOTTY):
@@ -75,16 +83,16 @@ def set_picture(
     pix.width, pix.height, pix.pixelformat = width, height, fourcc(code)
     pix.field, pix.bytesperline = PROGRESSIVE, stride
     try:
-        node.ioctl(Request.S_FMT, format)
+        node.ioctl(RequestCode.S_FMT, format)
         _require(device, wanted, pix, stride)
         rate = _set_rate(node, device, rate_hz)
         # read the picture format again, because setting the frame rate may have changed it
-        node.ioctl(Request.G_FMT, format)
+        node.ioctl(RequestCode.G_FMT, format)
         _require(device, wanted, pix, stride)
     except OSError as error:
         raise translate(error, device, "set format", wanted) from error
     grey = FORMATS[code]
-    picture = Picture(grey, width, height, pix.bytesperline or width * grey.pixel_bytes, 1 / rate)
+    picture = PictureFormat(grey, width, height, pix.bytesperline or width * grey.pixel_bytes, 1 / rate)
     if picture.stride < width * grey.pixel_bytes or pix.sizeimage < picture.whole_bytes:
         raise DeviceFault(
             device,
@@ -100,8 +108,8 @@ def read_picture(node: Node, device: str) -> dict[str, Setting]:
     """Return picture format and frame rate, as the kernel reports them. Raise `DeviceError` if this fails."""
     format, parameters = Format(type=CAPTURE), CaptureParameters(type=CAPTURE)
     try:
-        node.ioctl(Request.G_FMT, format)
-        node.ioctl(Request.G_PARM, parameters)
+        node.ioctl(RequestCode.G_FMT, format)
+        node.ioctl(RequestCode.G_PARM, parameters)
     except OSError as error:
         raise translate(error, device, "read settings", "format and frame rate") from error
     pix = format.fmt.pix
@@ -133,7 +141,7 @@ def _set_rate(node: Node, device: str, rate_hz: float) -> float:
     rate = Fraction(rate_hz).limit_denominator(_LARGEST_DENOMINATOR)
     parameters = CaptureParameters(type=CAPTURE, numerator=rate.denominator, denominator=rate.numerator)
     try:
-        node.ioctl(Request.S_PARM, parameters)
+        node.ioctl(RequestCode.S_PARM, parameters)
     except OSError as error:
         raise translate(error, device, "set frame rate", f"{rate_hz:g} Hz") from error
     got = parameters.denominator / parameters.numerator if parameters.numerator else 0.0

@@ -4,7 +4,7 @@ import errno
 from datetime import datetime, timedelta
 from functools import partial
 
-from drivers.cameras.v4l2.abi import PRIORITY_RECORD, BufferFlag, Request
+from drivers.cameras.v4l2.abi import PRIORITY_RECORD, BufferFlag, RequestCode
 from drivers.cameras.v4l2.buffers import Buffers, Filled
 from drivers.cameras.v4l2.controls import Controls
 from drivers.cameras.v4l2.exposure import read_exposure, set_exposure
@@ -24,7 +24,7 @@ SHORT = 1 << 32
 """Flag of an incomplete frame. This bit lies above the 32 flag bits of the kernel."""
 
 
-class Session:
+class V4l2Session:
     """An opened camera that films; its settings were written and read back.
 
     Parameters
@@ -142,7 +142,7 @@ class Session:
         import ctypes
 
         try:
-            self._node.ioctl(Request.S_PRIORITY, ctypes.c_uint32(PRIORITY_RECORD))
+            self._node.ioctl(RequestCode.S_PRIORITY, ctypes.c_uint32(PRIORITY_RECORD))
         except OSError as error:
             if error.errno not in (errno.EINVAL, errno.ENOTTY):
                 raise translate(error, self._device, "claim camera", "a free camera") from error

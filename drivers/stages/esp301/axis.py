@@ -6,7 +6,7 @@ from typing import TypeVar
 from drivers.errors import DeviceFault, DeviceTimeout
 from drivers.stages.esp301.port import EspPort
 from drivers.stages.esp301.protocol import QUEUE_DEPTH, QueuedError, read_error
-from drivers.stages.esp301.reference import Reference
+from drivers.stages.esp301.reference import HomeReference
 
 T = TypeVar("T")
 
@@ -19,11 +19,11 @@ class EspAxis:
     port : EspPort
     number : int
         Number of the axis on the controller, 1 to 3.
-    reference : Reference
+    reference : HomeReference
         Object that records every error that means a failed motion.
     """
 
-    def __init__(self, port: EspPort, number: int, reference: Reference) -> None:
+    def __init__(self, port: EspPort, number: int, reference: HomeReference) -> None:
         self._port = port
         self.number = number
         self._reference = reference

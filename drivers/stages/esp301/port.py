@@ -12,7 +12,7 @@ from typing import TypeVar
 from drivers.clock import SystemClock
 from drivers.errors import DeviceTimeout
 from drivers.lines.channel import CHANNEL_ERRORS, Channel, OvertakenError
-from drivers.lines.request_turn import Turn
+from drivers.lines.request_turn import RequestTurn
 from drivers.stages.esp301.protocol import END, MODEL
 from drivers.stages.port import StagePort
 
@@ -29,7 +29,7 @@ class EspPort(StagePort):
     def __init__(self, name: str, channel: Channel, reply_timeout_s: float) -> None:
         super().__init__(name, channel, reply_timeout_s)
         self._clock = SystemClock()
-        self._turn = Turn()
+        self._turn = RequestTurn()
         self._buffer = b""
         # check the first answer, because answers to the questions of an earlier program may still arrive
         self._suspect = True

@@ -9,7 +9,7 @@ import threading
 MOTOR_OFF = "motor off"
 
 
-class Reference:
+class HomeReference:
     """Record of the home searches and failed motions of a stage. Any thread may use this object."""
 
     def __init__(self) -> None:

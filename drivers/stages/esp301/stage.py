@@ -21,7 +21,7 @@ from drivers.stages.esp301.protocol import (
     read_number,
     read_switch,
 )
-from drivers.stages.esp301.reference import MOTOR_OFF, Reference
+from drivers.stages.esp301.reference import MOTOR_OFF, HomeReference
 from drivers.stages.esp301.settings import EspSettings
 from drivers.stages.guarded import GuardedStage, set_up
 
@@ -40,7 +40,7 @@ class EspStage(GuardedStage[EspPort]):
     def __init__(self, settings: EspSettings, context: OpenContext, stop_times: StopTimes) -> None:
         super().__init__(EspPort, settings.baud, settings, context, stop_times)
         self._settings = settings
-        self._reference = Reference()
+        self._reference = HomeReference()
         self._target_deg: float | None = None
         self._axis = EspAxis(self._port, settings.axis, self._reference)
 

@@ -6,10 +6,10 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from drivers.settings import Settings
-from rig.protocol.course import Place
+from rig.protocol.course import Positions
 from rig.protocol.draft import Draft, IfNever, Phase
 from rig.protocol.move import Ending, Move
-from rig.protocol.step import Execute, ProtocolStep, Reading
+from rig.protocol.step import Execute, ProtocolStep, RigReading
 
 CYCLES_MAX = 20_000
 
@@ -107,7 +107,7 @@ class Cycling:
     every_cycles: int = 1
     ending: Ending | None = None
 
-    def steps(self, index: int, place: Place) -> list[ProtocolStep]:
+    def steps(self, index: int, place: Positions) -> list[ProtocolStep]:
         """Return two steps for each cycle: the motion to the higher end and the motion to the lower end."""
         span = place.of(self.move.quantity)
         steps: list[ProtocolStep] = []
@@ -125,7 +125,9 @@ class Cycling:
                     may_be_over = may_be_over or self.ending.criterion.can_end(cycle, step)
         return steps
 
-    def follow(self, index: int, place: Place, reading: Reading | None, execute: Execute) -> Reading:
+    def follow(
+        self, index: int, place: Positions, reading: RigReading | None, execute: Execute
+    ) -> RigReading:
         """Execute all cycles, or end after the cycle in which the criterion is met."""
         assert reading is not None
         peaks = [reading]
@@ -142,7 +144,7 @@ class Cycling:
             self.ending.fail(reading)
         return reading
 
-    def _steps_from(self, index: int, place: Place, reading: Reading) -> list[ProtocolStep]:
+    def _steps_from(self, index: int, place: Positions, reading: RigReading) -> list[ProtocolStep]:
         """Return the steps from the actual start. If it is above the higher end, the first motion unloads."""
         steps = self.steps(index, place)
         start = reading.of(self.move.quantity)
@@ -151,7 +153,7 @@ class Cycling:
             steps[0] = first
         return steps
 
-    def end(self, place: Place) -> Place:
+    def end(self, place: Positions) -> Positions:
         """Return the possible positions after the cycles.
 
         The position is the lower end. With an ending event, it is any position between both ends.

@@ -8,10 +8,10 @@ from pydantic import Field, model_validator
 
 from dic.runfile.schema import StepKind
 from drivers.settings import Settings
-from rig.protocol.course import Place
+from rig.protocol.course import Positions
 from rig.protocol.draft import HOURS_MAX, Draft, Phase
 from rig.protocol.move import Move, commanded_or_measured
-from rig.protocol.step import Execute, ProtocolStep, Quantity, Reading
+from rig.protocol.step import Execute, ProtocolStep, Quantity, RigReading
 
 _SECONDS_MAX = HOURS_MAX * 3600.0
 _NEAR_HOLD: dict[Quantity, float] = {"load": 2.0, "displacement": 0.5}
@@ -75,14 +75,16 @@ class Holding:
     duration_s: float
     every_s: float = math.inf
 
-    def steps(self, index: int, place: Place) -> list[ProtocolStep]:
+    def steps(self, index: int, place: Positions) -> list[ProtocolStep]:
         """Return one step for each time at which images are taken."""
         if self.move is None:
             return self._at(index, math.nan)
         span = place.of(self.move.quantity)
         return self._at(index, span.low if span.is_known else math.nan)
 
-    def follow(self, index: int, place: Place, reading: Reading | None, execute: Execute) -> Reading:
+    def follow(
+        self, index: int, place: Positions, reading: RigReading | None, execute: Execute
+    ) -> RigReading:
         """Execute all steps, whose target is the value that was commanded or measured before the hold."""
         assert reading is not None
         target = math.nan
@@ -92,7 +94,7 @@ class Holding:
             reading = execute(step)
         return reading
 
-    def end(self, place: Place) -> Place:
+    def end(self, place: Positions) -> Positions:
         """Return the possible positions after the hold. At a constant load, any displacement is possible."""
         if self.move is None:
             return place

@@ -5,7 +5,7 @@ from typing import Literal
 
 from drivers.settings import Settings
 from rig.protocol.approach import Approach
-from rig.protocol.conditions import Turn
+from rig.protocol.conditions import StageTurn
 from rig.protocol.draft import Draft, Increment, Phase
 
 
@@ -34,5 +34,5 @@ class Rotate(Phase):
         lowest, highest = sorted((start_deg, self.angle_deg))
         draft.demand("angle_deg", highest, "angle_max_deg", "deg")
         draft.demand("angle_deg", lowest, "angle_min_deg", "deg", is_lowest=True)
-        draft.turns.append(Turn(f"a step of {draft.where}", min(every_deg, highest - lowest)))
+        draft.turns.append(StageTurn(f"a step of {draft.where}", min(every_deg, highest - lowest)))
         draft.add(Approach(move, self.angle_deg, every_deg, down=self.angle_deg < start_deg))

@@ -13,7 +13,7 @@ import pytest
 from dic.image.read import read_image
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame
 from rig.protocol.grid import Grid
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
 from tests.dic.commands.test_large_images import PROGRAM, SIZES, draw
 from tests.places import ROOT
@@ -52,7 +52,7 @@ def write_run(folder: Path, megapixels: int) -> Path:
         kind = ("grid", "reference")[n] if n < 2 else "load"
         step = ProtocolStep(n, kind, 1000.0 if kind == "load" else np.nan)
         frame = recorder.frame("aside", Frame(image, float(n), n + 0.1, START, n, 0, 900.0, 1.0))
-        recorder.step(StepRecord(step, Reading(float(n), 1000.0), {"aside": (frame, 1)})).result(60)
+        recorder.step(StepRecord(step, RigReading(float(n), 1000.0), {"aside": (frame, 1)})).result(60)
     recorder.close("completed", "", START)
     return path
 

@@ -15,7 +15,7 @@ import dic
 from dic.report.camera_images import images_of
 from dic.report.state_fields import state_picture
 from dic.report.stated_facts import FACTS as FACTS_KNOWN
-from dic.report.states import State, chosen_states
+from dic.report.states import CurvePoint, chosen_states
 from tests.command_line import refusal, run_dic
 from tests.dic.commands.tension_series import AREA_MM2, AXIAL, E_MPA, GAUGES, WIDTH, stress_mpa
 from tests.dic.report.page import Page
@@ -303,7 +303,7 @@ def test_deformed_images_that_are_gone_or_changed_are_not_shown(folder, tmp_path
     last = names[-1]
     images[last].write_bytes((folder / "images" / "img003.png").read_bytes())
     (images,) = images_of(dic.load_series_result(tmp_path / "r.h5"))
-    states = [State("Rm", images.labels[k], 400.0, 0.012) for k in (3, -1)]
+    states = [CurvePoint("Rm", images.labels[k], 400.0, 0.012) for k in (3, -1)]
     picture = state_picture(images, states, "eyy")
     assert picture.kind == "εyy raw"
     gone, other = picture.missing

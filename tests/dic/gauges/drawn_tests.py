@@ -16,7 +16,7 @@ from dic.out_of_plane.correction import stated
 from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.tension import correct_tilt
 from simulators.scene.pose import Pose
-from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 from tests.dic.out_of_plane.rendered import RenderedView
 
 WIDTH_MM, THICKNESS_MM, LENGTH_MM = 25.0, 1.0, 60.0
@@ -124,7 +124,7 @@ def _material(rng):
 
 def _loaded(material, course):
     """Return the states and the true loads of a specimen at the stresses of `course`."""
-    specimen, states = Specimen(material), []
+    specimen, states = SimulatedSpecimen(material), []
     for share in course:
         while specimen.state.load_n < share * material.yield_stress_mpa * material.area_mm2:
             specimen.stretch_to(specimen.state.displacement_mm + 5e-4)

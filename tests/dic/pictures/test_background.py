@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dic.pictures.background import background_of
-from dic.pictures.places import Places, mapped
+from dic.pictures.places import PointCells, mapped
 
 SHAPE = (900, 3600)
 TILTED = np.array([[0.01, 0.0004, 2.0], [0.0003, -0.01, 30.0], [2e-6, -1e-6, 1.0]])
@@ -14,7 +14,7 @@ TILTED = np.array([[0.01, 0.0004, 2.0], [0.0003, -0.01, 30.0], [2e-6, -1e-6, 1.0
 def drawn(image):
     """Return the drawn background, and the position of each of its pixels in the original image, px."""
     x, y = np.meshgrid(np.linspace(100, 3500, 12), np.linspace(100, 800, 10))
-    places = Places(np.stack([x, y], axis=-1), TILTED, "mm")
+    places = PointCells(np.stack([x, y], axis=-1), TILTED, "mm")
     background = background_of(image, places)
     left, right, lower, upper = background.extent
     rows, columns = background.grey.shape

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import dic
-from dic.pictures.layout import Layout
+from dic.pictures.layout import PanelLayout
 from dic.pictures.maps import draw_maps
 from dic.pictures.panels import maps_of, scale_of
 from tests.dic.pictures.boxes import assert_apart_inside
@@ -64,8 +64,8 @@ def test_background_is_as_bright_as_the_image_at_every_place(drawn):
 @pytest.mark.parametrize("number", [1, 3, 5, 16])
 def test_panels_are_as_large_as_the_shape_of_the_specimen_permits(number, aspect):
     """No other number of columns has larger panels in a picture that is wider than high by a quarter."""
-    chosen = Layout.fitting(number, 250.0, aspect, ticks=False, title=False, bars=False)
-    others = [Layout(number, c, 250.0, aspect, False, False, False) for c in range(1, number + 1)]
+    chosen = PanelLayout.fitting(number, 250.0, aspect, ticks=False, title=False, bars=False)
+    others = [PanelLayout(number, c, 250.0, aspect, False, False, False) for c in range(1, number + 1)]
     fitting = [one for one in others if one.height_mm <= 0.75 * 250.0]
     assert chosen in (fitting or others[-1:])
     assert all(chosen.columns <= one.columns for one in fitting)

@@ -9,7 +9,7 @@ import numpy as np
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame
 from rig.mounting import Mounting
 from rig.protocol.grid import Grid
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
@@ -57,6 +57,6 @@ def write_rendered_run(
         frame = Frame(image, float(index), index + 0.1, START, index, 0, 900.0, 1.0)
         step = ProtocolStep(index, kind, 1000.0 if kind == "load" else np.nan)
         frames = {"aside": (recorder.frame("aside", frame), 1)}
-        recorder.step(StepRecord(step, Reading(float(index), 1000.0), frames)).result(20)
+        recorder.step(StepRecord(step, RigReading(float(index), 1000.0), frames)).result(20)
     recorder.close("completed", "", START)
     return path

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dic import Curve, CurveError, PropertySettings, PropertyValue, material_properties, planar_anisotropy
-from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 
 RATIOS = {0: 1.8, 45: 1.3, 90: 2.2}  # a deep-drawing steel
 
@@ -19,7 +19,7 @@ def measured(ratio):
     settings = SpecimenSettings.model_validate(
         {"hardening": steel, "youngs_modulus_mpa": 205_000.0, "strain_ratio": ratio, "fracture_strain": 0.3}
     )
-    specimen, rows = Specimen(settings), []
+    specimen, rows = SimulatedSpecimen(settings), []
     for displacement_mm in np.concatenate([np.arange(0.002, 0.5, 0.002), np.arange(0.5, 14.0, 0.05)]):
         load_n = specimen.stretch_to(displacement_mm)
         rows.append((load_n, specimen.state.axial_strain, specimen.state.transverse_strain))

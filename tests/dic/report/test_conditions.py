@@ -15,7 +15,7 @@ from dic.report.conditions import conditions_of
 from dic.report.hardware import hardware_table
 from dic.report.noise_floor import doubt_of_rest, noise_floor_of
 from dic.report.state_fields import state_picture
-from dic.report.states import State
+from dic.report.states import CurvePoint
 from dic.report.style import plot_style
 from dic.runfile.joined import open_run
 from dic.runfile.reader import RunStep
@@ -69,7 +69,7 @@ def test_a_strain_at_rest_beyond_four_standard_deviations_is_doubted():
 
 def test_a_declined_correction_takes_the_kind_from_the_heading_of_the_maps():
     (images,) = images_of(run(7))
-    states = [State("Rp0,2", f"load {k}", 100.0, 0.001 * k) for k in (3, 7)]
+    states = [CurvePoint("Rp0,2", f"load {k}", 100.0, 0.001 * k) for k in (3, 7)]
     with plot_style():
         picture = state_picture(images, states, "eyy")
     assert picture.kind == "εyy"

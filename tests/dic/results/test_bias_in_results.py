@@ -10,7 +10,7 @@ from dic.correlation.series_state import SeriesFields
 from dic.results.finished import FinishedImage
 from dic.results.provenance import Provenance
 from dic.results.reader import read_measurements
-from dic.results.schema import Layout
+from dic.results.schema import CameraLayout
 from dic.results.writer import ResultWriter
 
 SMOOTHING_PX = 0.4
@@ -27,7 +27,7 @@ def measured():
 @pytest.fixture
 def path(measured, tmp_path):
     with ResultWriter(tmp_path / "r.h5", Provenance.of([])) as writer:
-        layout, fields = Layout.of(""), SeriesFields(measured.field)
+        layout, fields = CameraLayout.of(""), SeriesFields(measured.field)
         writer.add_field(layout, FinishedImage(measured.label, fields=fields))
         writer.add(layout, measured)
         writer.finish()

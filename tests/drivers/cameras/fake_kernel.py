@@ -17,7 +17,7 @@ from drivers.cameras.v4l2.abi import (
     ControlFlag,
     ControlId,
     ControlType,
-    Request,
+    RequestCode,
     fourcc,
 )
 from drivers.clock import VirtualClock
@@ -128,7 +128,7 @@ class FakeCamera:
             if fault == "repeat":
                 self.first_counter -= 1
             if fault == "broken":
-                self.errors[Request.DQBUF] = [errno.EIO]
+                self.errors[RequestCode.DQBUF] = [errno.EIO]
             if fault in ("lost", "uncounted", "broken") or not self.queued:
                 continue
             index = self.queued.popleft()
@@ -164,7 +164,7 @@ class FakeNode:
         if camera.errors.get(request):
             raise OSError(camera.errors[request].pop(0), "injected")
         camera.pass_time()
-        getattr(self, Request(request).name.lower())(argument)
+        getattr(self, RequestCode(request).name.lower())(argument)
 
     def map(self, length: int, offset: int) -> object:
         return _mapped(self.camera, offset // 4096)
@@ -173,7 +173,7 @@ class FakeNode:
         camera, step_s = self.camera, self.camera.interval_s / 8
         end_s = camera.clock.now_s() + timeout_s
         while camera.clock.now_s() < end_s:
-            if not camera.present or camera.errors.get(Request.DQBUF):
+            if not camera.present or camera.errors.get(RequestCode.DQBUF):
                 return True
             camera.pass_time()
             if camera.filled:

@@ -20,7 +20,7 @@ from simulators.rig.camera import CameraSettings, SimulatedCamera
 from simulators.rig.scene_client import CAMERA as REMOTE
 from simulators.rig.scene_wire import SceneServer
 from simulators.scene.scene import Misalignment, Scene
-from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 from simulators.wire.faults import CAMERA, FaultPanel
 from tests.drivers.cameras import fake_aravis, fake_opencv
 from tests.fault_matrix.camera_benches import AravisBench, NumberedBench, OpencvBench, V4l2Bench
@@ -47,7 +47,7 @@ def bench_of(
 
 def simulated(end: ExitStack, name: str = NAME) -> CameraBench:
     clock, faults = VirtualClock(), FaultPanel(CAMERA)
-    specimen = Specimen(SpecimenSettings())
+    specimen = SimulatedSpecimen(SpecimenSettings())
     scene = Scene(
         seed=1,
         misalignment=Misalignment(),

@@ -4,12 +4,12 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from drivers.lines.request_turn import Turn
+from drivers.lines.request_turn import RequestTurn
 
 
 @pytest.fixture
 def turn():
-    made = Turn()
+    made = RequestTurn()
     yield made
     made.close()
 

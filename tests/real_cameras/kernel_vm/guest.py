@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from drivers.cameras.v4l2.abi import NEXT_CONTROL, ControlQuery, ControlValue, Request
+from drivers.cameras.v4l2.abi import NEXT_CONTROL, ControlQuery, ControlValue, RequestCode
 from drivers.cameras.v4l2.buffers import Filled
 from drivers.cameras.v4l2.camera import V4l2Camera, open_camera
 from drivers.cameras.v4l2.settings import V4l2Settings
@@ -53,8 +53,8 @@ def _turn(file: int, knob: str, value: int) -> None:
     query = ControlQuery(id=NEXT_CONTROL)
     while query.name.decode() != knob:
         query.id |= NEXT_CONTROL
-        fcntl.ioctl(file, Request.QUERYCTRL, query)
-    fcntl.ioctl(file, Request.S_CTRL, ControlValue(id=query.id, value=value))
+        fcntl.ioctl(file, RequestCode.QUERYCTRL, query)
+    fcntl.ioctl(file, RequestCode.S_CTRL, ControlValue(id=query.id, value=value))
 
 
 def watched(camera: V4l2Camera) -> list[Filled]:

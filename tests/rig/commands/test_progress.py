@@ -10,8 +10,8 @@ import pytest
 
 from drivers.interfaces import OperatorAction
 from rig.commands.progress import Screen, how_to_stop, run_screen, what_happens
-from rig.engine.status import State, Status
-from rig.protocol.step import ProtocolStep, Reading
+from rig.engine.status import EngineStatus, State
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import StepRecord
 
 LOAD = ProtocolStep(2, "load", 2000.0)
@@ -20,9 +20,9 @@ TURN = ProtocolStep(3, "rotation", 180.0)
 GRID = ProtocolStep(0, "grid")
 
 
-def status(state: State, step: ProtocolStep | None, *, moving: bool = False, **values: float) -> Status:
-    reading = Reading(1.0, moving=moving, **values) if values else None
-    return Status(state, step, 24, 2, reading, simulated=True)
+def status(state: State, step: ProtocolStep | None, *, moving: bool = False, **values: float) -> EngineStatus:
+    reading = RigReading(1.0, moving=moving, **values) if values else None
+    return EngineStatus(state, step, 24, 2, reading, simulated=True)
 
 
 FRAME = {"load_n": 12345.67, "displacement_mm": 0.45678}
@@ -93,7 +93,7 @@ def without_codes(text: str) -> str:
 
 def test_nothing_else_is_written_during_a_question_and_steps_follow_after_it():
     terminal = Terminal()
-    record = StepRecord(LOAD, Reading(1.0, **FRAME), {"on_axis": (0, 1)})
+    record = StepRecord(LOAD, RigReading(1.0, **FRAME), {"on_axis": (0, 1)})
     with redirect_stdout(terminal), redirect_stderr(terminal), run_screen() as screen:
         screen.on_step(record)
         screen.on_step(record)
@@ -115,7 +115,7 @@ def test_nothing_else_is_written_during_a_question_and_steps_follow_after_it():
 def test_a_question_comes_after_the_lines_of_all_finished_steps():
     """The line of the second step arrives late, from another thread."""
     terminal = Terminal()
-    record = StepRecord(LOAD, Reading(1.0, **FRAME), {"on_axis": (0, 1)})
+    record = StepRecord(LOAD, RigReading(1.0, **FRAME), {"on_axis": (0, 1)})
     with redirect_stdout(terminal), redirect_stderr(terminal), run_screen(60.0) as screen:
         screen.on_status(status(State.PREPARING, GRID, **FRAME))
         screen.on_step(record)
@@ -143,7 +143,7 @@ def test_a_pipe_gets_the_steps_and_nothing_else():
         screen.on_status(status(State.PREPARING, GRID, **FRAME))
         with screen.on_question(OperatorAction.ATTACH_GRID, "simulated operator: attaches, 60 s"):
             pass
-        screen.on_step(StepRecord(LOAD, Reading(1.0, **FRAME), {"on_axis": (0, 1)}))
+        screen.on_step(StepRecord(LOAD, RigReading(1.0, **FRAME), {"on_axis": (0, 1)}))
     assert out.getvalue() == "step 2 (load 2000 N): settled at 12345.7 N, 0.4568 mm; images: 1 on_axis\n"
     assert err.getvalue() == ""
     assert sys.stdout is not out

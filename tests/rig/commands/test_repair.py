@@ -14,7 +14,7 @@ from dic.runfile.reader import RunFile
 from dic.runfile.schema import LATER
 from rig.commands.repair import repair_run
 from rig.commands.verify import verify_run
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
 from tests.command_line import run_rig
 from tests.run_files import CAMERAS, HEADER, START, take, write_run
@@ -33,7 +33,7 @@ def cut_off(tmp_path) -> Path:
     recorder = Recorder(tmp_path / "recorded.h5", HEADER, CAMERAS)
     for index, kind in enumerate(["grid", "reference"]):
         frames = {name: (recorder.frame(name, take(info, index)), 1) for name, info in CAMERAS.items()}
-        recorder.step(StepRecord(ProtocolStep(index, kind), Reading(1.0), frames)).result(60.0)
+        recorder.step(StepRecord(ProtocolStep(index, kind), RigReading(1.0), frames)).result(60.0)
     path = tmp_path / "run.h5"
     shutil.copyfile(tmp_path / "recorded.h5", path)
     recorder.close("aborted", "test", START)

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
-from rig.engine.motion import Motion
+from rig.engine.motion import RunMotion
 from rig.protocol.protocol import parse_protocol
 from tests.places import example
 from tests.rig.conftest import FakeRig
@@ -187,7 +187,7 @@ duration_s = 30.0
 
 
 def test_the_images_of_a_step_may_stream_in_while_the_machine_moves(rig, monkeypatch):
-    made, moments = rig(MOVING), Motion.moments
+    made, moments = rig(MOVING), RunMotion.moments
 
     def streamed(motion, step):
         for reading in moments(motion, step):
@@ -196,7 +196,7 @@ def test_the_images_of_a_step_may_stream_in_while_the_machine_moves(rig, monkeyp
                 reading = motion._run.read()
                 yield reading
 
-    monkeypatch.setattr(Motion, "moments", streamed)
+    monkeypatch.setattr(RunMotion, "moments", streamed)
     outcome = made.engine().run()
     assert (outcome.status, outcome.reason) == ("completed", "")
     counts = [count for kind, _, _, count in steps_of(made) if kind == "displacement"]

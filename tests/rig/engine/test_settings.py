@@ -12,7 +12,7 @@ from drivers.errors import DeviceTimeout
 from rig.commands.verify import verify_run
 from rig.devices import OpenedInterlock
 from rig.engine.settings import READING_S
-from rig.engine.status import Status
+from rig.engine.status import EngineStatus
 from tests.rig.conftest import FakeInterlock, FakeRig, in_real_time
 
 SPEED = {"speed_deg_s": 10.0, "firmware": "7.38", "axis": 1, "always_checksum": True}
@@ -119,7 +119,7 @@ def test_a_camera_that_still_exposes_at_the_end_is_not_asked(rotation_table, tmp
     camera.read_settings = Reporting({"gain": 1.0})
     ended = threading.Event()
 
-    def end_the_exposure(status: Status) -> None:
+    def end_the_exposure(status: EngineStatus) -> None:
         if status.state.name == "ABORTED":
             ended.set()
 

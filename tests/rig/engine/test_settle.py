@@ -4,16 +4,16 @@ from types import SimpleNamespace
 import pytest
 
 from drivers.clock import VirtualClock
-from rig.engine.motion import Motion
+from rig.engine.motion import RunMotion
 from rig.engine.settle import settle
 from rig.errors import SettleTimeout
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 
 
 def wait(load_at, *, dwell_s=1.0, timeout_s=10.0):
     clock = VirtualClock()
     return settle(
-        lambda: Reading(clock.now_s(), load_n=load_at(clock.now_s())),
+        lambda: RigReading(clock.now_s(), load_n=load_at(clock.now_s())),
         lambda reading: abs(reading.load_n - 100.0) <= 5.0,
         dwell_s=dwell_s,
         timeout_s=timeout_s,
@@ -60,9 +60,9 @@ def test_a_remainder_of_rounding_lets_time_pass_before_the_images_of_a_hold():
         assert len(pauses) < 100, "no time passes"
         now_s += duration_s
 
-    def read() -> Reading:
+    def read() -> RigReading:
         # The device's time is one bit early when the images are due.
-        return Reading(math.nextafter(1.0, 0.0) if 1.0 <= now_s < 1.0005 else now_s, load_n=100.0)
+        return RigReading(math.nextafter(1.0, 0.0) if 1.0 <= now_s < 1.0005 else now_s, load_n=100.0)
 
     run = SimpleNamespace(
         read=read,
@@ -71,7 +71,7 @@ def test_a_remainder_of_rounding_lets_time_pass_before_the_images_of_a_hold():
         settle=SimpleNamespace(timeout_s=1.0, poll_s=0.3),
         watch=SimpleNamespace(poll_s=lambda poll_s: poll_s, expect=lambda load_drop: None),
     )
-    motion = Motion(run)
+    motion = RunMotion(run)
     motion._begun_s, motion._kept_s, motion._poll_s = 0.0, 0.0, 0.3
     (reading,) = motion.moments(ProtocolStep(2, "creep", 100.0, 1.0, 10.0, at_s=1.0, begins=False))
     assert reading.time_s == pytest.approx(1.0, abs=0.01)

@@ -5,7 +5,7 @@ from rig.errors import LimitViolation, SpecimenBroken
 from rig.facts import RigFacts
 from rig.limits.run_limits import limits_of
 from rig.protocol.rotation import RotationProtocol
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.protocol.tension import TensionProtocol
 
 
@@ -19,7 +19,7 @@ def watch(tension_table) -> Watch:
 def see(watch: Watch, *loads_n: float) -> int:
     """Check readings with the given loads, and return their number."""
     for load_n in loads_n:
-        watch.check(Reading(0.0, load_n, 1.0), "step 3")
+        watch.check(RigReading(0.0, load_n, 1.0), "step 3")
     return len(loads_n)
 
 
@@ -41,9 +41,9 @@ def test_a_break_is_judged_once_the_first_increment_was_carried(watch):
 @pytest.mark.parametrize(
     ("reading", "setting"),
     [
-        (Reading(0.0, 12_000.1, 1.0), "limits.load_max_n above 12000"),
-        (Reading(0.0, -12_000.1, 1.0), "limits.load_max_n above 12000"),
-        (Reading(0.0, 0.0, -5.15), "limits.displacement_max_mm above 5.1"),
+        (RigReading(0.0, 12_000.1, 1.0), "limits.load_max_n above 12000"),
+        (RigReading(0.0, -12_000.1, 1.0), "limits.load_max_n above 12000"),
+        (RigReading(0.0, 0.0, -5.15), "limits.displacement_max_mm above 5.1"),
     ],
 )
 def test_limits_hold_in_both_directions_and_are_named(watch, reading, setting):
@@ -51,7 +51,7 @@ def test_limits_hold_in_both_directions_and_are_named(watch, reading, setting):
         watch.check(reading, "step 3")
 
 
-@pytest.mark.parametrize("reading", [Reading(0.0, float("nan"), 1.0), Reading(0.0, 0.0, float("nan"))])
+@pytest.mark.parametrize("reading", [RigReading(0.0, float("nan"), 1.0), RigReading(0.0, 0.0, float("nan"))])
 def test_what_is_no_number_is_within_no_limit(watch, reading):
     with pytest.raises(LimitViolation, match="got nan"):
         watch.check(reading, "step 3")
@@ -78,14 +78,14 @@ def test_an_angle_beyond_the_stage_ends_the_run_once_the_stage_was_commanded(rot
     protocol = RotationProtocol.model_validate(rotation_table)
     watch = Watch(protocol, limits_of(protocol, RigFacts(angle_min_deg=-5.0, angle_max_deg=365.0)))
     # The angle of a stage without a reference means nothing.
-    watch.check(Reading(0.0, angle_deg=400.0), "step 0")
+    watch.check(RigReading(0.0, angle_deg=400.0), "step 0")
     watch.begin(ProtocolStep(2, "rotation", 20.0, 0.1))
     with pytest.raises(LimitViolation, match="expected an angle within 365 deg, got 366 deg"):
-        watch.check(Reading(0.0, angle_deg=366.0), "step 2")
+        watch.check(RigReading(0.0, angle_deg=366.0), "step 2")
 
 
 def test_an_increment_of_load_is_read_every_few_thousandths_of_its_time(watch):
-    watch.check(Reading(0.0, 0.0, 0.0), "step 1")
+    watch.check(RigReading(0.0, 0.0, 0.0), "step 1")
     watch.begin(ProtocolStep(2, "load", 2000.0, 20.0, 200.0))
     assert watch.poll_s(0.5) == pytest.approx(0.003 * 10.0)
     watch.begin(ProtocolStep(2, "load", 200.0, 20.0, 200.0))

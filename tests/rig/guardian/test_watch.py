@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 
 from rig.guardian import messages
-from rig.guardian.process import Job, watch
+from rig.guardian.process import GuardedRun, watch
 
 NO_PROGRESS = "the run made no progress for 0.05 s"
 
@@ -22,8 +22,8 @@ def pipe() -> Iterator[tuple[int, int]]:
             continue
 
 
-def job(**changes: object) -> Job:
-    return Job(
+def job(**changes: object) -> GuardedRun:
+    return GuardedRun(
         **{"machines": [], "patience_s": 0.05, "standing_patience_s": 0.1, "log": "", "locks": []} | changes
     )
 

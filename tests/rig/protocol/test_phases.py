@@ -13,7 +13,7 @@ from rig.errors import ProtocolError
 from rig.protocol.phased import PhasesProtocol
 from rig.protocol.phases import PHASES
 from rig.protocol.protocol import parse_protocol, read_protocol
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from tests.places import EXAMPLES, ROOT, example
 
 SAMPLE = """
@@ -69,9 +69,9 @@ class Specimen:
         self.executed: list[ProtocolStep] = []
         self.moving_until = 0
         self.load_factor = 1.0
-        self._reading = Reading(0.0, 0.0, 0.0, 0.0)
+        self._reading = RigReading(0.0, 0.0, 0.0, 0.0)
 
-    def execute(self, step: ProtocolStep) -> Reading:
+    def execute(self, step: ProtocolStep) -> RigReading:
         self.executed.append(step)
         now = self._reading
         if step.quantity == "load":
@@ -231,7 +231,7 @@ until.load_drop = 0.1
 """
     specimen = Specimen()
 
-    def execute(step: ProtocolStep) -> Reading:
+    def execute(step: ProtocolStep) -> RigReading:
         if len(specimen.executed) == 6:
             specimen.load_factor = 0.8
         return specimen.execute(step)
@@ -264,7 +264,7 @@ def test_images_during_a_motion_are_steps_with_a_time_and_the_motion_is_commande
 def test_a_motion_that_arrives_early_leaves_out_its_remaining_times():
     specimen = Specimen()
 
-    def execute(step: ProtocolStep) -> Reading:
+    def execute(step: ProtocolStep) -> RigReading:
         reading = specimen.execute(step)
         return replace(reading, moving=False, displacement_mm=1.0) if step.at_s == 60.0 else reading
 
@@ -292,7 +292,7 @@ def test_an_event_ends_the_phase_and_the_next_phase_goes_on_from_there():
     )
     specimen = Specimen()
 
-    def execute(step: ProtocolStep) -> Reading:
+    def execute(step: ProtocolStep) -> RigReading:
         if step.index == 6:
             specimen.load_factor = 0.5
         return specimen.execute(step)

@@ -9,7 +9,7 @@ from rig.errors import ProtocolError
 from rig.protocol.course import increments
 from rig.protocol.plasticity import PlasticCriterion
 from rig.protocol.protocol import read_protocol
-from rig.protocol.step import Reading
+from rig.protocol.step import RigReading
 from rig.protocol.tension import TensionProtocol
 from tests.places import EXAMPLES, example
 
@@ -162,9 +162,9 @@ def test_slip_below_the_judged_load_does_not_end_the_loading(tension_table):
     def execute(step):
         executed.append(step)
         if step.kind == "displacement":
-            return Reading(0.0, 10000.0, step.target)
+            return RigReading(0.0, 10000.0, step.target)
         load_n = 0.0 if math.isnan(step.target) else step.target
-        return Reading(0.0, load_n, slip_mm.get(load_n, 0.0))
+        return RigReading(0.0, load_n, slip_mm.get(load_n, 0.0))
 
     TensionProtocol.model_validate(tension_table).follow(execute)
     assert [step.target for step in executed if step.kind == "load"] == [

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.interfaces import DeviceInfo, LoadFrameState
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
 from rig.recording import RecordingSettings
 from tests.rig.recorder.forked_runs import serve
@@ -35,7 +35,9 @@ def record(path: Path) -> None:
             )
         kind = ("grid", "reference", "load")[min(index, 2)]
         target = 1000.0 * index if kind == "load" else np.nan
-        record = StepRecord(ProtocolStep(index, kind, target), Reading(float(index), 1000.0 * index), frames)
+        record = StepRecord(
+            ProtocolStep(index, kind, target), RigReading(float(index), 1000.0 * index), frames
+        )
         recorder.event(float(index), "info", "test", f"step {index}")
         recorder.step(record).result(60)
         # One write of a few bytes: the pipe takes it whole or not at all.

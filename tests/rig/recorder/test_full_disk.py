@@ -15,7 +15,7 @@ import pytest
 from drivers.interfaces import CameraInfo
 from rig.commands.verify import verify_run
 from rig.errors import RecordingError
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
 from rig.recorder.file import OpenRunFile
 from rig.recorder.space import CLOSING_BYTES
@@ -56,7 +56,7 @@ def record(path: Path) -> tuple[int, str]:
                 for name, info in CAMERAS.items()
             }
             kind = ("grid", "reference", "load")[min(index, 2)]
-            step = StepRecord(ProtocolStep(index, kind), Reading(float(index), 1.0), frames)
+            step = StepRecord(ProtocolStep(index, kind), RigReading(float(index), 1.0), frames)
             recorder.step(step).result(60)
             steps += 1
     except RecordingError as error:

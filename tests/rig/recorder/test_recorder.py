@@ -18,7 +18,7 @@ import pytest
 from dic.runfile import lock
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame
 from rig.errors import RecordingError
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
 from rig.recorder.space import CLOSING_BYTES
 from rig.recording import RecordingSettings
@@ -42,7 +42,7 @@ def frame(level: int, shape=(4, 5), dtype=np.uint16) -> Frame:
 def step(recorder: Recorder, index: int, count: int = 1) -> None:
     rows = [recorder.frame("on_axis", frame(100 * index + i)) for i in range(count)]
     moved = ProtocolStep(index, "load", 2000.0)
-    recorder.step(StepRecord(moved, Reading(2.0, 1999.0), {"on_axis": (rows[0], count)})).result(60.0)
+    recorder.step(StepRecord(moved, RigReading(2.0, 1999.0), {"on_axis": (rows[0], count)})).result(60.0)
 
 
 def test_what_was_recorded_stands_in_the_file(tmp_path):
@@ -252,7 +252,7 @@ def test_write_that_fails_is_one_sentence_and_the_file_is_released_and_opens(tmp
     broken = os.open("/dev/full", os.O_RDWR)
     os.dup2(broken, recorder._file._hdf5.id.get_vfd_handle())
     os.close(broken)
-    record_of_step = StepRecord(ProtocolStep(1, "load", 2000.0), Reading(2.0, 1999.0), {})
+    record_of_step = StepRecord(ProtocolStep(1, "load", 2000.0), RigReading(2.0, 1999.0), {})
     recorder.frame("on_axis", frame(1))
     with pytest.raises(RecordingError, match="recording"):
         recorder.step(record_of_step).result(60.0)

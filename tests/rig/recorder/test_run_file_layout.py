@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame, InterlockState, LoadFrameState, StageState
-from rig.protocol.step import ProtocolStep, Reading
+from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import InterlockRecord, Recorder, StepRecord
 from tests.places import DOCS
 from tests.run_files import HEADER, START
@@ -40,7 +40,7 @@ def recorded(tmp_path) -> Path:
             frame = Frame(image, 1.0, 2.0, START, 0, 0, 900.0, 1.0)
             rows = [recorder.frame(name, replace(frame, sequence=i)) for i in range(FRAMES // STEPS)]
             frames[name] = (rows[0], len(rows))
-        recorder.step(StepRecord(ProtocolStep(index, "load", 1.0), Reading(2.0), frames))
+        recorder.step(StepRecord(ProtocolStep(index, "load", 1.0), RigReading(2.0), frames))
     recorder.settings("stage", "start", {f"setting_{number}": "1.0" for number in range(SETTINGS)}, 3.0)
     for _ in range(EVENTS):
         recorder.event(3.0, "info", "engine", "something")

@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from drivers.clock import SystemClock
-from rig.recorder.writer import Job, Writer
+from rig.recorder.writer import WriteJob, Writer
 from rig.recording import RecordingSettings
 
 PATIENCE_S = 60.0
@@ -52,15 +52,15 @@ def start():
 
 
 def reading(row):
-    return Job("a reading", lambda file: file.commits[-1].append(row))
+    return WriteJob("a reading", lambda file: file.commits[-1].append(row))
 
 
 def image(row):
-    return Job("an image", lambda file: file.commits[-1].append(row), camera="front")
+    return WriteJob("an image", lambda file: file.commits[-1].append(row), camera="front")
 
 
 def step(row):
-    return Job("a step", lambda file: file.commits[-1].append(row), wait_for_disk=True)
+    return WriteJob("a step", lambda file: file.commits[-1].append(row), wait_for_disk=True)
 
 
 @pytest.mark.parametrize("urgent", [image, step])

@@ -8,13 +8,13 @@ import pytest
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.faults import load_frame_faults
 from simulators.load_frame.state import FaultCode, MachineLimits, RefusedError
-from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 from simulators.wire.faults import FaultPanel
 
 
 @pytest.fixture
 def device(clock):
-    return LoadFrameDevice(clock, Specimen(SpecimenSettings(grip_slip_mm=0.0)))
+    return LoadFrameDevice(clock, SimulatedSpecimen(SpecimenSettings(grip_slip_mm=0.0)))
 
 
 @pytest.fixture
@@ -156,7 +156,7 @@ def test_the_controller_believes_a_lying_load_cell_and_overloads_the_specimen(de
 
 
 def test_a_stuck_reading_has_no_noise(clock):
-    noisy = LoadFrameDevice(clock, Specimen(SpecimenSettings()), rng=np.random.default_rng(1))
+    noisy = LoadFrameDevice(clock, SimulatedSpecimen(SpecimenSettings()), rng=np.random.default_rng(1))
     faults = load_frame_faults(FaultPanel("load_frame"), noisy)
     faults.switch_on("stuck-load")
     shown = set()

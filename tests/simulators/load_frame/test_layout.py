@@ -5,7 +5,7 @@ import struct
 import pytest
 
 from drivers.load_frames.modbus.registers.map import load_map
-from simulators.load_frame.layout import GENERIC, LAYOUTS, Block, Layout, Register
+from simulators.load_frame.layout import GENERIC, LAYOUTS, RegisterBlock, RegisterLayout, SimulatedRegister
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -36,8 +36,8 @@ def test_a_layout_and_the_drivers_map_say_the_same(name):
             assert mapped.table == ours
 
 
-def ordered(word_order: str) -> Layout:
-    return Layout(
+def ordered(word_order: str) -> RegisterLayout:
+    return RegisterLayout(
         **{
             name: getattr(GENERIC, name)
             for name in (
@@ -54,7 +54,7 @@ def ordered(word_order: str) -> Layout:
 )
 def test_word_orders(word_order, data):
     # 1.23 as IEEE 754 single precision is 0x3F9D70A4
-    layout, block = ordered(word_order), Block(0, (Register("x", "f32"),))
+    layout, block = ordered(word_order), RegisterBlock(0, (SimulatedRegister("x", "f32"),))
     assert layout.encode(block, {"x": 1.23}).hex() == data
     assert layout.decode(block, bytes.fromhex(data))["x"] == struct.unpack(">f", bytes.fromhex("3f9d70a4"))[0]
 
@@ -71,4 +71,4 @@ def test_word_orders(word_order, data):
     ],
 )
 def test_whole_numbers_with_a_scale(kind, scale, value, raw):
-    assert GENERIC.encode(Block(0, (Register("x", kind, scale),)), {"x": value}) == raw
+    assert GENERIC.encode(RegisterBlock(0, (SimulatedRegister("x", kind, scale),)), {"x": value}) == raw

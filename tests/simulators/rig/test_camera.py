@@ -11,7 +11,7 @@ from drivers.registry import find_driver
 from simulators.rig.camera import SPEC, CameraSettings, SimulatedCamera
 from simulators.scene.render import render
 from simulators.scene.scene import Misalignment, Scene
-from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 from simulators.wire.faults import FaultPanel
 from tests.mistakes import mistakes_of
 
@@ -23,7 +23,7 @@ class Bench:
 
     def __init__(self, speed_deg_s=0.0):
         self.clock = VirtualClock()
-        specimen = Specimen(SpecimenSettings())
+        specimen = SimulatedSpecimen(SpecimenSettings())
         self.scene = Scene(
             seed=1,
             misalignment=Misalignment(),

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from simulators.rig.places import SERVERS, Places
+from simulators.rig.places import SERVERS, ServerAddresses
 from simulators.rig.simulation import Simulation
 
 
@@ -83,7 +83,7 @@ def test_a_place_that_is_none_is_refused(place):
 
 def test_one_server_has_one_place():
     with pytest.raises(ValueError, match="a second place for scene"):
-        Places.read(["scene=5000", "scene=5001"])
+        ServerAddresses.read(["scene=5000", "scene=5001"])
 
 
 def test_places_are_for_all_servers_there_are(simulation):

@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from simulators.scene.exact_properties import exact_properties
-from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 
 SWIFT = {"law": "swift", "strength_mpa": 700.0, "offset_strain": 0.004, "exponent": 0.18}
 VOCE = {"law": "voce", "initial_mpa": 300.0, "saturation_mpa": 550.0, "strain_scale": 0.06}
@@ -20,7 +20,7 @@ def settings(**given):
 
 def curve(made, end_mm=30.0, step_mm=0.01):
     """Return strain, stress, width and thickness of a test at constant speed until the specimen breaks."""
-    specimen, rows = Specimen(made), []
+    specimen, rows = SimulatedSpecimen(made), []
     for displacement_mm in np.arange(0.0, end_mm, step_mm):
         load_n = specimen.stretch_to(displacement_mm)
         if specimen.state.broken:
@@ -92,7 +92,7 @@ def test_a_yield_point_drops_and_holds_the_stress():
 @pytest.mark.parametrize("r", [0.6, 1.0, 2.5])
 def test_the_ratio_of_plastic_strains_is_r_and_the_volume_is_kept(r):
     made = settings(hardening=SWIFT, strain_ratio=r)
-    specimen = Specimen(made)
+    specimen = SimulatedSpecimen(made)
     specimen.stretch_to(6.0)
     specimen.stretch_to(0.0)
     state = specimen.state
@@ -103,7 +103,7 @@ def test_the_ratio_of_plastic_strains_is_r_and_the_volume_is_kept(r):
 
 
 def test_elastic_strain_narrows_width_and_thickness_alike():
-    specimen = Specimen(settings(hardening=SWIFT, strain_ratio=2.0, poisson_ratio=0.29))
+    specimen = SimulatedSpecimen(settings(hardening=SWIFT, strain_ratio=2.0, poisson_ratio=0.29))
     specimen.stretch_to(0.3)
     state = specimen.state
     assert state.axial_strain == pytest.approx(state.load_n / 25.0 / 205_000.0, rel=1e-12)
@@ -112,7 +112,7 @@ def test_elastic_strain_narrows_width_and_thickness_alike():
 
 
 def test_unloading_on_the_plateau_is_elastic():
-    specimen = Specimen(settings(hardening=SWIFT, yield_point=POINT))
+    specimen = SimulatedSpecimen(settings(hardening=SWIFT, yield_point=POINT))
     specimen.stretch_to(2.0)
     top = specimen.state
     specimen.stretch_to(1.9)

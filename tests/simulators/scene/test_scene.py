@@ -4,7 +4,7 @@ import pytest
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
 from simulators.scene.scene import Misalignment, Scene, Surface
-from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 from simulators.scene.texture import LineGrid, Speckle
 
 POINTS_MM = np.stack(np.meshgrid(*[np.linspace(-3, 3, 13)] * 2), axis=-1).reshape(-1, 2)
@@ -13,7 +13,7 @@ TAN_30 = np.tan(np.radians(30))
 
 
 def scene_with(angle_deg=0.0, displacement_mm=0.0, specimen=None, **misalignment):
-    bone = Specimen(specimen or SpecimenSettings())
+    bone = SimulatedSpecimen(specimen or SpecimenSettings())
     return Scene(
         seed=1,
         misalignment=Misalignment(**misalignment),
@@ -142,7 +142,7 @@ def test_a_load_shifts_the_specimen_towards_the_camera():
 def test_the_gauge_section_stretches_as_the_specimen_says():
     surface = scene_with(displacement_mm=5.0).surface()
     x, y, _ = surface.world(np.array([[1.0, 1.0]]))[0]
-    specimen = Specimen(SpecimenSettings())
+    specimen = SimulatedSpecimen(SpecimenSettings())
     specimen.stretch_to(5.0)
     assert x == pytest.approx(1 + specimen.state.transverse_strain)
     assert y == pytest.approx(1 + specimen.state.axial_strain)

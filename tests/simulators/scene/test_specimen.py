@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from simulators.scene.specimen import Specimen, SpecimenSettings
+from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 
 
 def displacement_for(load_n, **settings):
@@ -10,7 +10,7 @@ def displacement_for(load_n, **settings):
     low, high = 0.0, 20.0
     for _ in range(60):
         middle = (low + high) / 2
-        if Specimen(SpecimenSettings(**settings)).stretch_to(middle) < load_n:
+        if SimulatedSpecimen(SpecimenSettings(**settings)).stretch_to(middle) < load_n:
             low = middle
         else:
             high = middle
@@ -18,7 +18,7 @@ def displacement_for(load_n, **settings):
 
 
 def stretched_to_load(load_n):
-    specimen = Specimen(SpecimenSettings(fracture_strain=0.9))
+    specimen = SimulatedSpecimen(SpecimenSettings(fracture_strain=0.9))
     specimen.stretch_to(displacement_for(load_n, fracture_strain=0.9))
     return specimen
 
@@ -42,7 +42,7 @@ def test_ultimate_stress_is_reached_at_the_ultimate_strain():
 
 
 def test_five_millimetres_of_grip_give_a_plausible_curve():
-    specimen = Specimen(SpecimenSettings())
+    specimen = SimulatedSpecimen(SpecimenSettings())
     displacement_mm = np.linspace(0, 5, 251)
     load_n = np.array([specimen.stretch_to(u) for u in displacement_mm])
     stiffness = np.diff(load_n) / np.diff(displacement_mm)
@@ -54,7 +54,7 @@ def test_five_millimetres_of_grip_give_a_plausible_curve():
 
 
 def test_unloading_is_elastic_and_leaves_the_plastic_strain():
-    specimen = Specimen(SpecimenSettings(machine_stiffness_n_mm=15_000.0))
+    specimen = SimulatedSpecimen(SpecimenSettings(machine_stiffness_n_mm=15_000.0))
     top_n = specimen.stretch_to(3.0)
     strain_at_top = specimen.state.axial_strain
     lower_n = specimen.stretch_to(2.9)
@@ -66,7 +66,7 @@ def test_unloading_is_elastic_and_leaves_the_plastic_strain():
 
 
 def test_plastic_flow_keeps_the_volume():
-    specimen = Specimen(SpecimenSettings())
+    specimen = SimulatedSpecimen(SpecimenSettings())
     specimen.stretch_to(5.0)
     assert specimen.stretch_to(0.0) == 0.0
     assert specimen.state.axial_strain > 0.05
@@ -74,18 +74,18 @@ def test_plastic_flow_keeps_the_volume():
 
 
 def test_the_path_to_a_displacement_does_not_matter_while_it_only_grows():
-    at_once, by_steps = Specimen(SpecimenSettings()), Specimen(SpecimenSettings())
+    at_once, by_steps = SimulatedSpecimen(SpecimenSettings()), SimulatedSpecimen(SpecimenSettings())
     for displacement_mm in np.linspace(0, 4, 101):
         load_n = by_steps.stretch_to(displacement_mm)
     assert at_once.stretch_to(4.0) == pytest.approx(load_n, rel=1e-12)
 
 
 def test_a_slack_sheet_carries_no_compression():
-    assert Specimen(SpecimenSettings()).stretch_to(-1.0) == 0.0
+    assert SimulatedSpecimen(SpecimenSettings()).stretch_to(-1.0) == 0.0
 
 
 def test_a_broken_specimen_stays_broken():
-    specimen = Specimen(SpecimenSettings(fracture_strain=0.05))
+    specimen = SimulatedSpecimen(SpecimenSettings(fracture_strain=0.05))
     assert specimen.stretch_to(6.0) == 0.0
     assert specimen.state.broken
     assert specimen.stretch_to(1.0) == 0.0

@@ -1,7 +1,7 @@
 import pytest
 
 from drivers.clock import VirtualClock
-from simulators.stage.device import RefusedError, StageDevice
+from simulators.stage.device import StageDevice, StageRefusedError
 
 SPEED, ACCELERATION = 20.0, 200.0
 
@@ -93,7 +93,7 @@ def test_a_new_motion_preempts_the_old_one(stage, clock):
 def test_targets_beyond_the_limits_are_refused(stage):
     stage.limit_max = 640_000
     stage.move_to(640_000)
-    with pytest.raises(RefusedError, match="BADDATA"):
+    with pytest.raises(StageRefusedError, match="BADDATA"):
         stage.move_to(640_001)
 
 
@@ -105,7 +105,7 @@ def test_an_emergency_stop_is_dead_at_once_and_disables(stage, clock):
     clock.sleep(1.0)
     assert stage.angle_deg() == angle_deg
     stage.clear_flags()
-    with pytest.raises(RefusedError, match="DRIVERDISABLED"):
+    with pytest.raises(StageRefusedError, match="DRIVERDISABLED"):
         stage.move_to(0)
     stage.enable_driver()
     stage.move_to(0)

@@ -16,7 +16,7 @@ from typing import Protocol, TypeVar
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.lines.call_time import CallTime
 from drivers.lines.channel import CHANNEL_ERRORS, OvertakenError
-from drivers.lines.request_turn import Turn
+from drivers.lines.request_turn import RequestTurn
 from drivers.lines.stop_deadline import STOP_TIMES
 from drivers.load_frames.modbus.bus.pdu import (
     NOBODY,
@@ -81,7 +81,7 @@ class ModbusLink:
         self._address, self._unit = address, unit
         self._reply_timeout_s = reply_timeout_s
         self._urgent_timeout_s = min(reply_timeout_s, urgent_timeout_s)
-        self._turn = Turn()
+        self._turn = RequestTurn()
         self._wire: Wire | None = None
         self._call_time = call_time or CallTime()
         self._suspect = False

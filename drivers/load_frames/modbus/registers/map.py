@@ -42,7 +42,7 @@ class Blocks(Settings):
     setpoints: Block | None = None
 
 
-class Status(Settings):
+class StatusBits(Settings):
     """Numbers of the bits in the register `status`; bit 0 is the least significant bit."""
 
     moving: int = Field(ge=0, le=31)
@@ -99,7 +99,7 @@ class RegisterMap(Settings):
     word_order: WordOrder
     request_max: int = Field(default=READ_MAX, ge=2, le=READ_MAX)
     blocks: Blocks
-    status: Status
+    status: StatusBits
     commands: Commands
     fault_codes: dict[str, str]
     results: dict[str, str]

@@ -5,7 +5,7 @@ import errno
 import numpy as np
 import pytest
 
-from drivers.cameras.v4l2.abi import NEXT_CONTROL, ControlFlag, ControlId, Request
+from drivers.cameras.v4l2.abi import NEXT_CONTROL, ControlFlag, ControlId, RequestCode
 from drivers.errors import DeviceFault
 from tests.drivers.cameras.fake_kernel import FakeControl, FakeNode
 from tests.drivers.cameras.v4l2.opening import EXPOSURE_US, opened
@@ -60,7 +60,7 @@ def test_what_has_a_setting_of_its_own_is_no_further_control(plugged, context):
 
 
 def test_a_value_that_the_camera_does_not_know_is_named(plugged, context):
-    plugged.errors[Request.S_CTRL] = [errno.EINVAL]
+    plugged.errors[RequestCode.S_CTRL] = [errno.EINVAL]
     with pytest.raises(DeviceFault, match=r"set auto_exposure: .*EINVAL\); choose a value that the camera"):
         opened(plugged, context)
 

@@ -5,7 +5,7 @@ import errno
 import pytest
 from pydantic import ValidationError
 
-from drivers.cameras.v4l2.abi import Request
+from drivers.cameras.v4l2.abi import RequestCode
 from drivers.cameras.v4l2.camera import open_camera
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.registry import find_driver
@@ -38,7 +38,7 @@ def test_names_the_camera_by_bus_or_serial_number(plugged, context, clock):
 
 
 def test_a_node_that_cannot_be_asked_may_be_the_camera_that_is_looked_for(plugged, context):
-    plugged.errors[Request.QUERYCAP] = [errno.EIO]
+    plugged.errors[RequestCode.QUERYCAP] = [errno.EIO]
     with pytest.raises(DeviceFault, match=r"identify camera: .*input/output error \(EIO\)"):
         opened(plugged, context, device="serial:A17")
 
@@ -46,16 +46,31 @@ def test_a_node_that_cannot_be_asked_may_be_the_camera_that_is_looked_for(plugge
 @pytest.mark.parametrize(
     ("request_", "number", "kind", "message"),
     [
-        (Request.QUERYCAP, errno.ENOTTY, DeviceFault, "identify camera: expected a camera"),
-        (Request.S_PRIORITY, errno.EBUSY, DeviceFault, "claim camera: .*a camera in use"),
-        (Request.S_FMT, errno.EBUSY, DeviceFault, r"set format: expected 32 x 20 px Y12, .*in use \(EBUSY\)"),
-        (Request.S_PARM, errno.ENOTTY, DeviceFault, "set frame rate: expected 32 Hz"),
-        (Request.REQBUFS, errno.EBUSY, DeviceFault, "get buffers: .*end the other program"),
-        (Request.STREAMON, errno.ENOSPC, DeviceFault, "start: .*too little USB bandwidth"),
-        (Request.S_CTRL, errno.EPIPE, DeviceFault, r"set auto_exposure: expected 1, got a refusal.*EPIPE"),
-        (Request.S_CTRL, errno.EACCES, DeviceFault, "set auto_exposure: .*switch off the automatic"),
-        (Request.G_CTRL, errno.ETIMEDOUT, DeviceTimeout, r"read auto_exposure: .*no answer \(ETIMEDOUT\)"),
-        (Request.QUERYCTRL, errno.EIO, DeviceFault, "list controls: "),
+        (RequestCode.QUERYCAP, errno.ENOTTY, DeviceFault, "identify camera: expected a camera"),
+        (RequestCode.S_PRIORITY, errno.EBUSY, DeviceFault, "claim camera: .*a camera in use"),
+        (
+            RequestCode.S_FMT,
+            errno.EBUSY,
+            DeviceFault,
+            r"set format: expected 32 x 20 px Y12, .*in use \(EBUSY\)",
+        ),
+        (RequestCode.S_PARM, errno.ENOTTY, DeviceFault, "set frame rate: expected 32 Hz"),
+        (RequestCode.REQBUFS, errno.EBUSY, DeviceFault, "get buffers: .*end the other program"),
+        (RequestCode.STREAMON, errno.ENOSPC, DeviceFault, "start: .*too little USB bandwidth"),
+        (
+            RequestCode.S_CTRL,
+            errno.EPIPE,
+            DeviceFault,
+            r"set auto_exposure: expected 1, got a refusal.*EPIPE",
+        ),
+        (RequestCode.S_CTRL, errno.EACCES, DeviceFault, "set auto_exposure: .*switch off the automatic"),
+        (
+            RequestCode.G_CTRL,
+            errno.ETIMEDOUT,
+            DeviceTimeout,
+            r"read auto_exposure: .*no answer \(ETIMEDOUT\)",
+        ),
+        (RequestCode.QUERYCTRL, errno.EIO, DeviceFault, "list controls: "),
     ],
 )
 def test_every_error_of_opening_names_step_and_remedy_and_leaves_nothing_open(

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from drivers.cameras.v4l2.abi import ControlId, Request
+from drivers.cameras.v4l2.abi import ControlId, RequestCode
 from drivers.cameras.v4l2.node import KernelNode
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from tests.drivers.cameras.fake_kernel import FakeNode
@@ -91,10 +91,10 @@ def test_a_wait_may_be_as_long_as_anyone_likes(timeout_s, tmp_path):
 
 def test_one_stream_error_is_healed_and_a_lasting_one_reported(camera, plugged):
     camera.grab(1.0)
-    plugged.errors[Request.DQBUF] = [errno.EIO]
+    plugged.errors[RequestCode.DQBUF] = [errno.EIO]
     first = camera.grab(1.0)
     assert first.flags == 0
-    plugged.errors[Request.DQBUF] = [errno.EIO] * 9
+    plugged.errors[RequestCode.DQBUF] = [errno.EIO] * 9
     with pytest.raises(DeviceFault, match=r"get frame: expected a frame, got an input/output error \(EIO\)"):
         camera.grab(1.0)
     plugged.errors.clear()
@@ -103,7 +103,7 @@ def test_one_stream_error_is_healed_and_a_lasting_one_reported(camera, plugged):
 
 def test_a_stream_that_could_not_be_restarted_is_tried_again_at_the_next_call(camera, plugged):
     camera.grab(1.0)
-    plugged.errors = {Request.DQBUF: [errno.EIO], Request.STREAMON: [errno.EIO]}
+    plugged.errors = {RequestCode.DQBUF: [errno.EIO], RequestCode.STREAMON: [errno.EIO]}
     with pytest.raises(DeviceFault, match=r"input/output error \(EIO\)"):
         camera.grab(1.0)
     assert camera.grab(1.0).flags == 0
@@ -135,7 +135,7 @@ def test_a_stream_that_broke_twice_in_one_call_is_restarted_by_the_next(camera, 
 
 
 def test_a_buffer_that_the_kernel_refused_is_offered_again(camera, plugged):
-    plugged.errors[Request.QBUF] = [errno.EAGAIN, errno.ENOMEM, errno.EINTR]
+    plugged.errors[RequestCode.QBUF] = [errno.EAGAIN, errno.ENOMEM, errno.EINTR]
     for _ in range(6):
         camera.grab(1.0)
     plugged.pass_time()
@@ -147,7 +147,7 @@ def test_buffers_that_were_all_refused_are_offered_again(camera, plugged):
         while True:
             camera.grab(0.5)
 
-    plugged.errors[Request.QBUF] = [errno.ENOMEM] * 100_000
+    plugged.errors[RequestCode.QBUF] = [errno.ENOMEM] * 100_000
     with pytest.raises(DeviceTimeout):
         grab_on()
     assert not plugged.queued
@@ -156,9 +156,9 @@ def test_buffers_that_were_all_refused_are_offered_again(camera, plugged):
 
 
 def test_a_restart_queues_no_buffer_twice(camera, plugged):
-    plugged.errors[Request.QBUF] = [errno.ENOMEM] * 100_000
+    plugged.errors[RequestCode.QBUF] = [errno.ENOMEM] * 100_000
     camera.grab(1.0)
-    plugged.errors = {Request.QBUF: [errno.ENOMEM], Request.DQBUF: [errno.EIO]}
+    plugged.errors = {RequestCode.QBUF: [errno.ENOMEM], RequestCode.DQBUF: [errno.EIO]}
     assert [camera.grab(1.0).flags for _ in range(8)] == [0] * 8
     plugged.pass_time()
     assert len(plugged.queued) + len(plugged.filled) == 4
