@@ -243,7 +243,7 @@ def test_settings_that_make_no_sense_are_refused(pulled, tmp_path):
 def test_settings_stay_when_the_motion_is_changed_and_changed_back():
     known = Motion("tension", poisson_ratio=0.4, shift_std_um=20.0, tilt_axis_mm=(1.0, 2.0))
     for kind in ("free", "tension"):
-        known = AnewOptions(None, None, ()).of_series(Chosen(Motion, {"kind": kind}), known)
+        known = AnewOptions(None, ()).of_series(Chosen(Motion, {"kind": kind}), known)
     assert known == Motion("tension", poisson_ratio=0.4, shift_std_um=20.0, tilt_axis_mm=(1.0, 2.0))
-    rigid = AnewOptions(None, None, ()).of_series(Chosen(Motion, {"kind": "rigid"}), known)
+    rigid = AnewOptions(None, ()).of_series(Chosen(Motion, {"kind": "rigid"}), known)
     assert rigid == Motion("rigid", poisson_ratio=0.4, shift_std_um=20.0)
