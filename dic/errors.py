@@ -7,6 +7,22 @@ from contextvars import ContextVar
 from numbers import Integral, Real
 from typing import Any, get_args
 
+__all__ = [
+    "CalibrationError",
+    "CorrelationError",
+    "CurveError",
+    "GaugeError",
+    "ImageError",
+    "ImageWarning",
+    "MeasurementError",
+    "OutputError",
+    "RunFileError",
+    "WorkerError",
+    "WorkerWarning",
+    "each_warning_once",
+    "joined",
+]
+
 
 class MeasurementError(Exception):
     """A measurement failed because of its images, grid, points or settings.

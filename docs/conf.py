@@ -4,6 +4,7 @@ import inspect
 import json
 from importlib import import_module
 from importlib.metadata import version as installed_version
+from types import ModuleType
 from typing import Any
 
 from docutils.nodes import Node, document
@@ -49,7 +50,7 @@ html_copy_source = False
 
 
 class PublicNames(SphinxDirective):
-    """Describes the functions, the classes or the errors that a package lists in `__all__`.
+    """Describes the functions, classes or errors that a package and those below it list in `__all__`.
 
     No name is listed by hand, so a new public name is described automatically.
     """
@@ -60,16 +61,25 @@ class PublicNames(SphinxDirective):
     def run(self) -> list[Node]:
         """Return the descriptions, in alphabetical order."""
         package = self.arguments[0]
-        module = import_module(package)
-        names = [name for name in module.__all__ if _kind(getattr(module, name)) == self.options["kind"]]
         lines = ["```{eval-rst}"]
-        for name in sorted(names, key=str.lower):
-            lines += [f".. auto{self.options['kind']}:: {package}.{name}"]
-            lines += ["   :members:"] if self.options["kind"] == "class" else []
-            # An object of another package is indexed on that package's page, and only shown here.
-            lines += [] if getattr(module, name).__module__.startswith(package) else ["   :no-index:"]
-            lines += [""]
+        for name, value in _public(import_module(package)).items():
+            if _kind(value) == self.options["kind"]:
+                lines += [f".. auto{self.options['kind']}:: {name}"]
+                lines += ["   :members:"] if self.options["kind"] == "class" else []
+                # An object of another package is indexed on that package's page, and only shown here.
+                lines += [] if value.__module__.startswith(package) else ["   :no-index:"]
+                lines += [""]
         return self.parse_text_to_nodes("\n".join([*lines, "```"]))
+
+
+def _public(module: ModuleType) -> dict[str, Any]:
+    """Return what a package lists, by its full name, and then what only the packages below it list."""
+    listed = {name: getattr(module, name) for name in sorted(module.__all__, key=str.lower)}
+    packages = {name: value for name, value in listed.items() if inspect.ismodule(value)}
+    found = {f"{module.__name__}.{name}": value for name, value in listed.items() if name not in packages}
+    for below in packages.values():
+        found |= {name: value for name, value in _public(below).items() if name.split(".")[-1] not in listed}
+    return found
 
 
 def _kind(value: object) -> str:

@@ -7,17 +7,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dic.errors import MeasurementError
-from dic.shell.console import run as run_command
-from dic.shell.console import say
+from dic.shell.console import run as run_command, say
 from dic.shell.output_paths import FORCE, require_places
 from drivers.errors import ConfigurationError, DeviceError
 from rig import RigError
 from rig.commands.hand_commands import hold, jog, status, unload
-from rig.commands.output import JSON as _JSON
-from rig.commands.output import PATH as _PATH
-from rig.commands.output import NumberRange
-from rig.commands.output import finish as _finish
-from rig.commands.output import write as _write
+from rig.commands.output import JSON as _JSON, PATH as _PATH, NumberRange, finish as _finish, write as _write
 from rig.threads import (
     device_threads,
     drivers_exit_by_exception,

@@ -104,12 +104,27 @@ def test_only_the_clock_reads_the_time_and_sleeps() -> None:
 @pytest.mark.parametrize("package", PACKAGES)
 def test_everything_public_exists_and_is_described(package: str) -> None:
     module = importlib.import_module(package)
-    public = {name: getattr(module, name) for name in module.__all__}
-    assert public
-    described = (value for value in public.values() if inspect.isclass(value) or inspect.isroutine(value))
+    public = [getattr(module, name) for name in module.__all__]
+    public += [getattr(below, name) for below in filter(inspect.ismodule, public) for name in below.__all__]
+    described = [value for value in public if inspect.isclass(value) or inspect.isroutine(value)]
+    assert described
     for value in described:
         # a dataclass without a docstring is given its signature
         assert not (value.__doc__ or f"{value.__name__}(").startswith(f"{value.__name__}("), value
+
+
+def test_commands_use_only_public_names_of_dic() -> None:
+    used = []
+    for path in (ROOT / "dic" / "commands").glob("*.py"):
+        for node in nodes(path, "dic"):
+            module = str(node.module) if isinstance(node, ast.ImportFrom) else ""
+            if module.startswith("dic") and not module.startswith(("dic.commands", "dic.shell")):
+                # In a module below `dic`, such as `dic.settings`, all names are for everyone.
+                public = getattr(importlib.import_module(module), "__all__", None)
+                names = {name.name for name in node.names}
+                names -= names if public is None and module.count(".") == 1 else set(public or ())
+                used += [f"{path.name}: {module}.{name}" for name in sorted(names)]
+    assert used == []
 
 
 def test_no_test_patches_a_time_that_could_be_a_parameter() -> None:

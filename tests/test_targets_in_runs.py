@@ -69,4 +69,4 @@ def test_the_target_of_the_protocol_calibrates_the_run(tmp_path, monkeypatch, ki
 
 def test_a_protocol_can_name_every_kind_of_target() -> None:
     tables = [get_args(table.model_fields["target"].annotation) for table in get_args(AnyGrid)]
-    assert tables == [(name,) for name in dic.TARGETS]
+    assert tables == [(name,) for name in dic.targets.TARGETS]

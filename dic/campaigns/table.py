@@ -30,7 +30,9 @@ def write_campaign_table(campaign: Campaign, path: PathLike, *, decimal_comma: b
     OSError
         If the file cannot be written.
     """
-    require_kind("campaign", campaign, Campaign, "compare specimens first: dic.compare_specimens(properties)")
+    require_kind(
+        "campaign", campaign, Campaign, "compare specimens first: dic.campaigns.compare_specimens(properties)"
+    )
     rows = [*_specimens(campaign), *(row for group in campaign.groups for row in _statistics(group))]
     columns = list(dict.fromkeys(["line", "specimen", "direction_deg", *_value_columns(campaign)]))
     columns += ["strain_kind", "left_out"] if campaign.kinds else []

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dic.files.writing import write_text
+from dic.files import write_text
 from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
 
 if TYPE_CHECKING:
-    from dic import Assessment
+    from dic.assessment import Assessment
 
 _PATH = click.Path(path_type=Path)
 _SHOWN = {
@@ -41,7 +41,7 @@ def assess(output: Path, json_file: Path | None, force: bool) -> None:
     errors below 0.02 px. The command prints the angles and distortions beyond which this claim does not hold.
     The command also compares the errors of the bicubic map with the errors of the pinhole model.
     """
-    from dic import assess_method, plot_assessment
+    from dic.assessment import assess_method, plot_assessment
 
     output.mkdir(parents=True, exist_ok=True)
     require_places([], [output / "assessment.csv", output / "assessment.json", json_file], force=force)

@@ -8,12 +8,13 @@ import click
 
 from dic.commands.options import all_of, option, options, use
 from dic.commands.target_options import TargetOptions, target_options
-from dic.files.writing import write_text
+from dic.files import write_text
 from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_hdf5, require_places
 
 if TYPE_CHECKING:
-    from dic import Calibration, KnownCamera
+    from dic import Calibration
+    from dic.calibration import KnownCamera
 
 _FILE = click.Path(path_type=Path)
 
@@ -45,7 +46,7 @@ class CameraOptions:
 
     def read(self) -> "KnownCamera":
         """Return the options as a `KnownCamera`."""
-        from dic import KnownCamera
+        from dic.calibration import KnownCamera
 
         return KnownCamera(**vars(self))
 
@@ -100,7 +101,8 @@ def calibrate(
     The target's plane in the first image is the plane of the measurement. If the specimen's surface lies
     behind this plane, give the distance with --plate-mm.
     """
-    from dic import calibrate_images, plot_calibration, save_calibration
+    from dic import calibrate_images, save_calibration
+    from dic.calibration import plot_calibration
     from dic.commands.calibration_text import summarise, text
 
     shown, known = all_of(target.read, camera.read)

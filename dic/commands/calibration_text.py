@@ -4,7 +4,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dic import Calibration, Pinhole, Residuals
+    from dic import Calibration
+    from dic.calibration import Pinhole, Residuals
 
 _MM_TO_UM = 1000.0
 _OPEN_SHARE = 0.05

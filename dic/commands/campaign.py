@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dic import PropertySettings
 from dic.commands.column_options import TableColumns
 from dic.commands.options import Chosen, option, options, use
 from dic.commands.shared_options import comma, force
 from dic.commands.tensile_options import tensile_options, tensile_settings
-from dic.files.writing import write_text
+from dic.files import write_text
+from dic.properties import PropertySettings
 from dic.shell.console import fail, say
 from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
-    from dic import Campaign, CampaignSpecimen
+    from dic.campaigns import Campaign, CampaignSpecimen
 
 _PATH = click.Path(path_type=Path)
 _FILE_NAME = "campaign.toml"
@@ -45,7 +45,7 @@ class CampaignOutputs:
 
     def require_pdf(self) -> None:
         """Raise an error if a PDF file is wanted and cannot be written."""
-        from dic.report.pdf import require_pdf
+        from dic.report import require_pdf
 
         if self.pdf is not None:
             require_pdf(self.pdf)
@@ -74,7 +74,8 @@ def campaign(
 
     Exit status: 0 if E was found for every specimen, 1 if not, 2 if no test could be evaluated.
     """
-    from dic import measure_campaign, plot_campaign, write_campaign_report, write_campaign_table
+    from dic.campaigns import measure_campaign, write_campaign_table
+    from dic.report import plot_campaign, write_campaign_report
 
     specimens = _specimens(folder, tables, test, outputs)
     read = [Path(specimen.file) for specimen in specimens]
@@ -110,7 +111,8 @@ def _specimens(
     folder: Path, tables: EqualTables, test: Chosen[PropertySettings], outputs: CampaignOutputs
 ) -> "tuple[CampaignSpecimen, ...]":
     """Return the specimens that the TOML file or the options describe."""
-    from dic import CurveColumns, CurveError, list_specimens, read_campaign
+    from dic.campaigns import CurveColumns, list_specimens, read_campaign
+    from dic.errors import CurveError
 
     if folder.suffix.lower() == ".toml" or (folder / _FILE_NAME).exists():
         given = {**vars(tables), **test.values}

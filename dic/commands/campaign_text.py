@@ -3,11 +3,10 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from dic.report.campaign_page import outlier_text, statistics_cells, symbol_of
-from dic.report.tensile_page import DECIMALS, value_cell
+from dic.report import DECIMALS, outlier_text, statistics_cells, symbol_of, value_cell
 
 if TYPE_CHECKING:
-    from dic import Campaign
+    from dic.campaigns import Campaign
 
 _NAME_WIDTH, _VALUE_WIDTH, _COLUMNS = 15, 20, 3
 _STATISTICS = ("mean", "std between", "standard error", "mean stated std")

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dic.files.writing import write_text
+from dic.files import write_text
 from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
 
 if TYPE_CHECKING:
-    from dic import Comparison
+    from dic.comparison import Comparison
 
 _PATH = click.Path(path_type=Path)
 _COLUMNS = ("points", "mean", "rms", "quantile_05", "median", "quantile_95", "largest")
@@ -55,7 +55,8 @@ def compare(
 
     Exit status: 0 if there are common points, 2 if not.
     """
-    from dic import compare_results, read_peer
+    from dic import compare_results
+    from dic.comparison import read_peer
 
     require_places([results, peer], [picture, json_file], force=force)
     other = read_peer(peer, number=peer_image, measure=peer_strain)

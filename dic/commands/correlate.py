@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dic import CorrelationSettings, MapSettings, Motion, ReferenceSettings, StrainSettings
+from dic import CorrelationSettings, Motion, ReferenceSettings, StrainSettings
 from dic.commands.map_options import MapOutputs, map_options, map_outputs
 from dic.commands.options import Chosen, Grouped, all_of, gather
 from dic.commands.series_options import (
@@ -25,6 +25,7 @@ from dic.commands.settings_file import settings_option, used_settings_file
 from dic.commands.shared_options import correlation_options, reference_options, strain_options
 from dic.commands.worker_options import chosen_workers, worker_options
 from dic.errors import each_warning_once
+from dic.pictures import MapSettings
 from dic.shell.output_paths import require_hdf5, require_places
 
 if TYPE_CHECKING:
@@ -32,9 +33,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from dic.pipeline.series_camera import SeriesCamera
-    from dic.pipeline.series_sources import SeriesSources
-    from dic.workers.workers import Workers
+    from dic.pipeline import SeriesCamera, SeriesSources
+    from dic.workers import Workers
 
 _FILE = click.Path(path_type=Path)
 
@@ -98,10 +98,11 @@ def correlate(reference: Path, deformed: tuple[Path, ...], given: Given) -> None
     the series after the current image and keeps its results. Exit status: 0 if all images are measured well,
     1 if an image is measured poorly, 2 if an image cannot be measured.
     """
-    from dic import SeriesResult, read_image, write_region
+    from dic import read_image
     from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
-    from dic.pipeline.series_sources import SeriesSources
+    from dic.pipeline import SeriesResult, SeriesSources
     from dic.shell.console import say
+    from dic.specimen import write_region
 
     settings, how, known, drawn, gauges = given.settings()
     region, outputs, calibration_file = given.region, given.outputs, given.start.calibration_file
@@ -153,9 +154,8 @@ def _camera(
     workers: "Workers | None",
 ) -> "SeriesCamera":
     """Return the camera of the series with its reference `image`."""
-    from dic import Series, SeriesImage
-    from dic.pipeline.series_camera import SeriesCamera
-    from dic.pipeline.series_image import FileDigests, KnownImage
+    from dic.correlation import Series
+    from dic.pipeline import FileDigests, KnownImage, SeriesCamera, SeriesImage
 
     digests = FileDigests()
     digest = digests.of(sources.reference)
@@ -173,7 +173,7 @@ def _require_places(
     outputs: SeriesOutputOptions,
 ) -> None:
     """Raise an error if an output file cannot be written; an unfinished result may be continued."""
-    from dic.results.place import outputs_of
+    from dic.results import outputs_of
 
     # Allow an existing result file here: whether it can be used is known only after reading the reference.
     replaceable = [] if outputs.output is None else [*outputs_of(outputs.output), outputs.output]

@@ -54,7 +54,8 @@ def draw(
     `dic process`, `dic quality` and `dic study`, and gauges.toml for --gauges of `dic correlate`,
     `dic process` and `dic gauges`.
     """
-    from dic import load_calibration, read_gauges, write_drawing_page
+    from dic import load_calibration, read_gauges
+    from dic.drawing import write_drawing_page
 
     if roi is not None and specimen:
         remedy = "leave one of them out"
@@ -86,7 +87,7 @@ class _Given:
 
 def _given(image: Path, camera: str | None) -> _Given:
     """Return an image file, or the reference image of a camera of a run file, as the image to draw on."""
-    from dic import run_reference
+    from dic.pipeline import run_reference
 
     if camera is None and image.suffix.lower() not in _RUN_FILES:
         return _Given(image, image.stem, f"dic correlate {image} … --roi region.toml --gauges gauges.toml")

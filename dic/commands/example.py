@@ -25,8 +25,8 @@ def example(folder: Path, force: bool) -> None:
     The images are simulated, so the strain in each of them is known exactly. The command prints further
     commands, which measure these images.
     """
-    from dic import OutputError, write_example
-    from dic.example.copy import FILES, example_places
+    from dic.errors import OutputError
+    from dic.example import FILES, example_places, write_example
 
     try:
         folder.mkdir(parents=True, exist_ok=True)

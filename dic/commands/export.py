@@ -5,9 +5,9 @@ from pathlib import Path
 
 import click
 
-from dic import EXPORTS
 from dic.commands.options import telling
-from dic.files.writing import write_text
+from dic.exports import EXPORTS
+from dic.files import write_text
 from dic.shell.console import fail, say
 from dic.shell.output_paths import FORCE, require_places
 

@@ -10,7 +10,8 @@ from dic.commands.options import option, options, use
 from dic.commands.record_options import RecordOptions
 
 if TYPE_CHECKING:
-    from dic import Gauge, GaugeSeries, JoinedRecord
+    from dic.gauges import Gauge, GaugeSeries
+    from dic.records import JoinedRecord
 
 _PATH = click.Path(path_type=Path)
 

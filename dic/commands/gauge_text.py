@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dic import GaugeImage, GaugeSeries, JoinedRecord
+    from dic.gauges import GaugeImage, GaugeSeries
+    from dic.records import JoinedRecord
 
 _NAME_WIDTH, _CELL_WIDTH, _MOST_WIDTH = 24, 19, 100
 

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dic import GAUGES
 from dic.commands.options import option, options, telling, use
 from dic.commands.record_options import RecordOptions, record_options
 from dic.commands.shared_options import A_GAUGE, comma, force
-from dic.files.writing import write_text
+from dic.files import write_text
+from dic.gauges import GAUGES
 from dic.settings import enumerated
 from dic.shell.console import fail, say
 from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
-    from dic import Gauge
+    from dic.gauges import Gauge
 
 _PATH = click.Path(path_type=Path)
 
@@ -33,7 +33,7 @@ class GaugeOutputs:
 
     def files(self, gauges: "tuple[Gauge, ...]") -> list[Path | None]:
         """Return the paths of all files to write."""
-        from dic import gauge_table_files
+        from dic.gauges import gauge_table_files
 
         tables = [] if self.output is None else gauge_table_files(self.output, gauges)
         return [*tables, self.json_file, self.picture]
@@ -75,8 +75,10 @@ def gauges(
     Exit status: 0 if every gauge has a reading in every image, 1 if a reading is missing, 2 if the gauges or
     the results cannot be used.
     """
-    from dic import measure_gauges, read_gauges, write_gauge_picture, write_gauge_table
+    from dic import measure_gauges, read_gauges
     from dic.commands.gauge_text import gauge_lines, joined_line
+    from dic.derived import write_gauge_picture
+    from dic.gauges import write_gauge_table
 
     declared = read_gauges(gauges_file, texts)
     require_places([results, gauges_file, *record.files], outputs.files(declared), force=outputs.force)

@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from dic import MapSettings
 from dic.commands.options import Chosen, all_of, option, options, use
 from dic.errors import CorrelationError
-from dic.pictures.settings import FORMATS, QUANTITIES
+from dic.pictures import FORMATS, QUANTITIES, MapSettings
 from dic.settings import either
 
 

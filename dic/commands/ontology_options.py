@@ -6,7 +6,7 @@ from pathlib import Path
 
 def require_iri(iri: str | None) -> None:
     """Raise an error if the beginning of the names is no IRI, before any work is done."""
-    from dic import AboutTest
+    from dic.exports import AboutTest
 
     AboutTest("", iri=iri or "")
 

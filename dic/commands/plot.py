@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dic import PlotSettings
 from dic.commands.options import Chosen, Command, gather, option, options, use
 from dic.commands.plot_animation import animation
 from dic.commands.record_options import RecordOptions, record_options
 from dic.commands.shared_options import A_GAUGE, force
-from dic.pictures.settings import require_format
+from dic.pictures import PlotSettings, require_format
 from dic.shell.console import say
 from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
-    from dic import GaugeSeries
+    from dic.gauges import GaugeSeries
 
 _PATH = click.Path(path_type=Path)
 
@@ -126,7 +125,7 @@ def gauges(
 
     Exit status: 0 if every gauge is drawn at every image, 1 if there are gaps, 2 if nothing can be drawn.
     """
-    from dic import plot_gauges
+    from dic.gauges import plot_gauges
 
     settings = picture.places.settings(picture.size)
     require_places([results, gauges_file, *record.files], [picture.places.output], force=picture.places.force)
@@ -169,7 +168,7 @@ def cuts(
 
     Exit status: 0 if every image is drawn, 1 if an image has no values, 2 if nothing can be drawn.
     """
-    from dic import plot_cuts
+    from dic.gauges import plot_cuts
 
     settings, numbers = picture.places.settings(picture.size), _numbers(images)
     require_places([results, gauges_file], [picture.places.output], force=picture.places.force)
@@ -186,7 +185,7 @@ def cuts(
 
 
 def _numbers(text: str) -> list[int]:
-    from dic import GaugeError
+    from dic.errors import GaugeError
 
     try:
         return [int(part) for part in text.split(",")] if text else []

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import click
 
-from dic import MapSettings
 from dic.commands.options import Chosen, use
 from dic.commands.record_options import RecordOptions, record_options
+from dic.pictures import MapSettings
 from dic.shell.console import fail, say
 from dic.shell.output_paths import FORCE, require_places
 

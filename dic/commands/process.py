@@ -6,13 +6,14 @@ from pathlib import Path
 
 import click
 
-from dic import CorrectionSettings, CorrelationSettings, ReferenceSettings, StrainSettings, SurfaceSettings
+from dic import CorrectionSettings, CorrelationSettings, ReferenceSettings, StrainSettings
 from dic.commands.options import Chosen, Grouped, all_of, option, options, use
 from dic.commands.run_output import RunOutputOptions, problems, read_alignment
 from dic.commands.run_regions import RunRegionOptions, region_options
 from dic.commands.settings_file import settings_option, used_settings_file
 from dic.commands.shared_options import COMMA_NEEDS, correlation_options, reference_options, strain_options
 from dic.commands.worker_options import chosen_workers, worker_options
+from dic.pipeline import SurfaceSettings
 from dic.shell.console import say
 
 _FILE = click.Path(path_type=Path)
@@ -81,7 +82,7 @@ def process(
     be measured.
     """
     from dic.commands.run_work import RunWork, process_shelf
-    from dic.pipeline.run_source import list_run_files
+    from dic.pipeline import list_run_files
 
     listed = list_run_files(runs)
     for earlier, later in listed.continued.items():

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dic import PropertySettings
 from dic.commands.column_options import TableColumns
 from dic.commands.field_options import FieldOptions, field_options
 from dic.commands.ontology_options import ontology_line, require_iri
@@ -15,12 +14,14 @@ from dic.commands.options import Chosen, option, options, use
 from dic.commands.record_options import RecordOptions, record_options
 from dic.commands.shared_options import force, ttl, ttl_iri
 from dic.commands.tensile_options import tensile_options, tensile_settings
-from dic.files.writing import write_text
+from dic.files import write_text
+from dic.properties import PropertySettings
 from dic.shell.console import say
 from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
-    from dic import AboutTest, Curve, Properties
+    from dic.exports import AboutTest
+    from dic.properties import Curve, Properties
 
 _PATH = click.Path(path_type=Path)
 _SHOWN = {"GPa": 1, "MPa": 1, "%": 3, "1": 4}
@@ -38,7 +39,7 @@ class ColumnOptions(TableColumns):
 
     def require_results(self, path: Path) -> None:
         """Raise an error if an option is given that has no effect on a result file."""
-        from dic import CurveError
+        from dic.errors import CurveError
 
         given = {
             "--strain": self.strain,
@@ -53,7 +54,8 @@ class ColumnOptions(TableColumns):
 
     def read(self, path: Path, area_mm2: float) -> "Curve":
         """Read the curve of a tensile test from the testing machine's table `path`."""
-        from dic import CurveError, read_curve
+        from dic import read_curve
+        from dic.errors import CurveError
 
         if self.strain is None:
             remedy = "give --strain COLUMN:UNIT, such as --load Load:kN --strain 3:%"
@@ -93,7 +95,7 @@ class PropertyOutputs:
 
     def facts(self) -> Mapping[str, Mapping[str, Any]]:
         """Return the facts that the user states for the ontology's file."""
-        from dic import read_stated_facts
+        from dic.report import read_stated_facts
 
         return {} if self.facts_file is None else read_stated_facts(self.facts_file).tables
 
@@ -101,7 +103,8 @@ class PropertyOutputs:
         self, found: "Properties", content: dict[str, Any], about: "AboutTest", *, unknown: Set[str]
     ) -> None:
         """Write all files, and print which values the ontology cannot contain; `unknown` keys are null."""
-        from dic import plot_properties, write_tensile_ontology
+        from dic.exports import write_tensile_ontology
+        from dic.properties import plot_properties
 
         if self.json_file is not None:
             content = content | found.as_dict() | dict.fromkeys(unknown)
@@ -138,10 +141,11 @@ def properties(
 
     Exit status: 0 if E was found, 1 if not, 2 if the record cannot be used.
     """
-    from dic import CurveError, gauge_curve, material_properties, with_shared_error
+    from dic import material_properties
     from dic.commands.gauge_text import joined_line
-    from dic.derived.gauge_series import is_results
-    from dic.derived.ontology_facts import about_curve, about_series
+    from dic.derived import about_curve, about_series, gauge_curve, is_results
+    from dic.errors import CurveError
+    from dic.properties import with_shared_error
 
     area_unknown = columns.stress is not None and test.values["area_mm2"] is None
     settings = tensile_settings(test, 1.0 if area_unknown else None)
@@ -183,7 +187,7 @@ def _require_no_gauges(
     path: Path, given: Mapping[str, object], choice: StrainChoice, record: RecordOptions
 ) -> None:
     """Raise an error if CURVE is a table and an option is given that has an effect on result files only."""
-    from dic import CurveError
+    from dic.errors import CurveError
 
     given = {**given, "--kind": choice.strain_kind, "--camera": choice.camera}
     idle = [option for option, value in given.items() if value]

@@ -11,7 +11,7 @@ from dic.commands.options import Chosen, all_of, option, options, use
 from dic.commands.settings_file import settings_option
 from dic.commands.shared_options import write_mask
 from dic.errors import each_warning_once
-from dic.files.writing import write_text
+from dic.files import write_text
 from dic.shell.output_paths import FORCE, require_places
 
 UNSURE = 1.5
@@ -38,7 +38,7 @@ class PlannedOptions:
 
     def require(self) -> None:
         """Raise an error that names all wrong options together."""
-        from dic import Quality
+        from dic.quality import Quality
 
         all_of(
             lambda: Quality.require_wanted(self.wanted_px),
@@ -80,8 +80,9 @@ def quality(
 
     Exit status: 0 for good images, 1 if an image has a fault, 2 if an image cannot be checked.
     """
-    from dic import list_images, region_files
-    from dic.pipeline.series_sources import files_of
+    from dic import list_images
+    from dic.pipeline import files_of
+    from dic.specimen import region_files
 
     settings: CorrelationSettings
     settings, _ = all_of(correlation.settings, planned.require)
@@ -138,8 +139,10 @@ def _check(
     write_mask: Path | None,
 ) -> dict[str, Any]:
     """Check an image, print the results, and return them for JSON."""
-    from dic import assess_quality, plot_quality, quality_findings, write_region
+    from dic import assess_quality
+    from dic.quality import plot_quality, quality_findings
     from dic.shell.console import fail, say
+    from dic.specimen import write_region
 
     judged = assess_quality(
         image,
@@ -166,7 +169,7 @@ def _check(
 
 def _require_one(images: list[Path], given: dict[str, Path | None]) -> None:
     """Raise an error if there are several images, but an option applies to a single image."""
-    from dic import CorrelationError
+    from dic.errors import CorrelationError
 
     for name, value in given.items():
         if value is not None and len(images) > 1:

@@ -8,7 +8,9 @@ import click
 from dic.commands.options import option, options, use
 
 if TYPE_CHECKING:
-    from dic import GaugeSeries, ImageClock, JoinedRecord, MachineRecord
+    from dic.derived import ImageClock
+    from dic.gauges import GaugeSeries
+    from dic.records import JoinedRecord, MachineRecord
 
 _PATH = click.Path(path_type=Path)
 _FOUND = "auto"
@@ -65,7 +67,7 @@ class RecordOptions:
         CurveError
             If the record cannot be read or does not fit the images, or an option has no effect.
         """
-        from dic import join_record
+        from dic.derived import join_record
 
         if self.record_file is None:
             self._require_record(load, time)
@@ -78,7 +80,7 @@ class RecordOptions:
 
     def _require_effect(self, join: str) -> None:
         """Raise an error for an option that this way of joining does not use."""
-        from dic import CurveError
+        from dic.errors import CurveError
 
         idle: dict[str, bool] = {}
         if join in ("name", "row"):
@@ -102,7 +104,7 @@ class RecordOptions:
 
     def require_none(self, expected: str, **others: object) -> None:
         """Raise an error if one of these options or of `others` is given; an offset "0" is allowed."""
-        from dic import CurveError
+        from dic.errors import CurveError
 
         usual = {"offset_s": "0", "record_file": None}
         given = others | {name: value for name, value in vars(self).items() if value != usual.get(name)}
@@ -113,7 +115,8 @@ class RecordOptions:
                 raise CurveError("settings", option, expected, "none", remedy)
 
     def _read(self, load: str | None, time: str | None) -> "MachineRecord":
-        from dic import CurveError, read_machine_record
+        from dic.errors import CurveError
+        from dic.records import read_machine_record
 
         if self.record_file is None or load is None:
             remedy = "give --load COLUMN:UNIT, such as --load Load:kN"
@@ -127,7 +130,9 @@ class RecordOptions:
         )
 
     def _clock(self) -> "ImageClock":
-        from dic import CurveError, ImageClock, read_image_times
+        from dic.derived import ImageClock
+        from dic.errors import CurveError
+        from dic.records import read_image_times
 
         times_s = None
         if self.image_times is not None:
@@ -138,7 +143,7 @@ class RecordOptions:
         return ImageClock(self.image_interval_s, times_s, self._offset_s())
 
     def _offset_s(self) -> float | None:
-        from dic import CurveError
+        from dic.errors import CurveError
 
         if self.offset_s == _FOUND:
             return None

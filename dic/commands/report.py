@@ -7,20 +7,21 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dic import PropertySettings
 from dic.commands.field_options import FieldOptions, field_options
 from dic.commands.ontology_options import ontology_line, require_iri
 from dic.commands.options import Chosen, option, options, use
 from dic.commands.record_options import RecordOptions, record_options
 from dic.commands.shared_options import force, ttl, ttl_iri
 from dic.commands.tensile_options import tensile_options, tensile_settings
-from dic.files.reading import read_text
-from dic.files.writing import write_text
+from dic.files import read_text, write_text
+from dic.properties import PropertySettings
 from dic.shell.console import say
 from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
-    from dic import GaugeSeries, ReportDetails, RunResult, SeriesResult, TensileTest
+    from dic.gauges import GaugeSeries
+    from dic.pipeline import RunResult, SeriesResult
+    from dic.report import ReportDetails, TensileTest
 
 _FILE = click.Path(path_type=Path)
 
@@ -60,7 +61,7 @@ class PropertyOptions:
 
     def details(self, inputs: Sequence[Path | None]) -> "ReportDetails":
         """Return the options as `ReportDetails`; `inputs` are further input files of the test."""
-        from dic import ReportDetails, StatedFacts, read_stated_facts
+        from dic.report import ReportDetails, StatedFacts, read_stated_facts
 
         facts = StatedFacts() if self.facts_file is None else read_stated_facts(self.facts_file)
         files = (*inputs, self.known_file, self.facts_file)
@@ -69,7 +70,7 @@ class PropertyOptions:
 
     def known(self) -> dict[str, float]:
         """Return the known values of `--known`, keyed by property."""
-        from dic import CurveError
+        from dic.errors import CurveError
 
         if self.known_file is None:
             return {}
@@ -110,14 +111,14 @@ class ReportOutputs:
 
     def require_pdf(self) -> None:
         """Raise an error if a PDF file is wanted and cannot be written."""
-        from dic.report.pdf import require_pdf
+        from dic.report import require_pdf
 
         if self.pdf is not None:
             require_pdf(self.pdf)
 
     def require_test(self, tests: "Sequence[TensileTest]") -> None:
         """Raise an error if there is no tensile test for a file of its values."""
-        from dic import RunFileError
+        from dic.errors import RunFileError
 
         if self.ttl_file is not None and not tests:
             expected, remedy = "a tensile test", "declare a gauge with --declare, or leave out --ttl"
@@ -127,7 +128,7 @@ class ReportOutputs:
         self, tests: "Sequence[TensileTest]", results: "Sequence[RunResult] | Sequence[SeriesResult]"
     ) -> None:
         """Write all values of the report as JSON, and the values of a test after the ontology."""
-        from dic import tables_of_test, write_test_ontology
+        from dic.report import tables_of_test, write_test_ontology
 
         if self.json_file is not None:
             content = _values_of(results) | {
@@ -141,9 +142,9 @@ class ReportOutputs:
 
 
 def _values_of(results: "Sequence[RunResult] | Sequence[SeriesResult]") -> dict[str, object]:
-    from dic import RunResult
     from dic.commands.run_table import as_dict
-    from dic.report.series_page import series_dict
+    from dic.pipeline import RunResult
+    from dic.report import series_dict
 
     runs = [as_dict(each) for each in results if isinstance(each, RunResult)]
     if runs:
@@ -201,8 +202,9 @@ def _write(
     outputs: ReportOutputs,
 ) -> "Sequence[RunResult] | Sequence[SeriesResult]":
     """Write the page on the result files of runs, or of series, as HTML and PDF, and return the results."""
-    from dic import RunFileError, load_run_result, load_series_result, write_report, write_series_report
-    from dic.pipeline.result_file import is_series_result
+    from dic import load_run_result, load_series_result, write_report, write_series_report
+    from dic.errors import RunFileError
+    from dic.pipeline import is_series_result
 
     series = [path for path in results if is_series_result(path)]
     if series and len(series) < len(results):
@@ -236,7 +238,7 @@ def _gauges_alone(
     test: Chosen[PropertySettings],
 ) -> "GaugeSeries | None":
     """Return the declared gauges of a series of images if no option asks for a test with a load."""
-    from dic.pipeline.result_file import is_series_result
+    from dic.pipeline import is_series_result
 
     if not field.declares or about.is_given or record.record_file or test.values["area_mm2"] is not None:
         return None
@@ -254,7 +256,9 @@ def _tests(
     test: Chosen[PropertySettings],
 ) -> "list[TensileTest]":
     """Return a list with the tensile test that the options describe; empty if no option asks for a test."""
-    from dic import RunFileError, tensile_test, whole_field_gauges
+    from dic import tensile_test
+    from dic.derived import whole_field_gauges
+    from dic.errors import RunFileError
 
     if not (
         any(field.given.values())
@@ -283,7 +287,7 @@ def _tests(
 def _area_mm2(results: Path) -> float | None:
     """Return the area of a run's specimen; None for a series of images."""
     from dic import load_run_result
-    from dic.pipeline.result_file import is_series_result
+    from dic.pipeline import is_series_result
 
     if is_series_result(results):
         return None

@@ -10,11 +10,14 @@ import click
 
 from dic.commands.options import option, options
 from dic.commands.shared_options import comma, csv, fields_from, force, gauges, json_file
-from dic.files.writing import write_text
+from dic.files import write_text
 from dic.shell.output_paths import require_places, same_or_new
 
 if TYPE_CHECKING:
-    from dic import Alignment, Gauge, ResultPlace, RunResult
+    from dic.gauges import Gauge
+    from dic.out_of_plane import Alignment
+    from dic.pipeline import RunResult
+    from dic.results import ResultPlace
 
 
 @options
@@ -40,7 +43,7 @@ class RunOutputOptions:
 
         The `inputs` are the files with settings; None means "no file".
         """
-        from dic import ResultPlace
+        from dic.results import ResultPlace
 
         known = tuple(path for path in inputs if path is not None)
         return ResultPlace(output, self.force, fields_from=self.fields_from, inputs=known)
@@ -52,7 +55,7 @@ class RunOutputOptions:
         ------
         OutputError
         """
-        from dic import OutputError
+        from dic.errors import OutputError
 
         for name, path in (
             ("--report", self.report_file),
@@ -76,9 +79,10 @@ class RunOutputOptions:
 
     def read_gauges(self, result: "RunResult", gauges: "tuple[Gauge, ...]") -> dict[str, Any]:
         """Read gauges in all steps, print and write the readings, and return them for JSON."""
-        from dic import measure_gauges, write_gauge_table
+        from dic import measure_gauges
         from dic.commands.gauge_text import gauge_lines, gauges_dict
-        from dic.derived.series_files import GAUGE_FILE
+        from dic.derived import GAUGE_FILE
+        from dic.gauges import write_gauge_table
         from dic.shell.console import say
 
         found = measure_gauges(result, gauges)
@@ -102,7 +106,7 @@ class RunOutputOptions:
         `result_may_stand` is True if `process_run` decides whether an existing result file can be used.
         """
         written = [] if alignments is None else [*alignments.glob("*.alignment.json")]
-        from dic.results.place import outputs_of
+        from dic.results import outputs_of
 
         # The names of the tables of points follow from the steps of the run.
         tables = [] if self.csv_folder is None else [*self.csv_folder.glob("*.csv")]
@@ -125,8 +129,8 @@ class RunOutputOptions:
         from dic.shell.console import say
 
         if self.csv_folder is not None:
-            from dic.derived.run_tables import write_run_tables
-            from dic.results.strain_table import STRAIN_FILE
+            from dic.derived import write_run_tables
+            from dic.results import STRAIN_FILE
 
             with same_or_new(self.csv_folder, replace=self.force or not result.known) as folder:
                 write_run_tables(result, folder, decimal_comma=self.decimal_comma)
@@ -168,7 +172,8 @@ def problems(run: str, result: "RunResult") -> int:
 
 def read_alignment(text: str) -> "tuple[str, Alignment]":
     """Return camera and alignment from the value of `--alignment`."""
-    from dic import CorrelationError, load_alignment
+    from dic.errors import CorrelationError
+    from dic.out_of_plane import load_alignment
 
     camera, equals, file = text.partition("=")
     if camera and equals and file:
@@ -183,7 +188,7 @@ def read_alignment(text: str) -> "tuple[str, Alignment]":
 
 
 def _make_folder(folder: Path) -> None:
-    from dic import OutputError
+    from dic.errors import OutputError
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -199,7 +204,7 @@ def _make_folder(folder: Path) -> None:
 
 def save_alignments(folder: Path, result: "RunResult", *, replace: bool) -> None:
     """Write the alignment of each camera, if it was solved from the images of a rotation."""
-    from dic import save_alignment
+    from dic.out_of_plane import save_alignment
     from dic.shell.console import say
 
     solved = {f"{name}.alignment.json": own.alignment for name, own in result.corrections.cameras.items()}

@@ -8,7 +8,7 @@ from dic.commands.options import all_of, option, options, use
 from dic.commands.series_options import is_file
 
 if TYPE_CHECKING:
-    from dic import RunSource
+    from dic.pipeline import RunSource
 
 
 @options
@@ -48,7 +48,8 @@ class RunRegionOptions:
             If an option lacks the camera or the region, or if a camera has two files. All such mistakes are
             named together.
         """
-        from dic import RunSource, read_region
+        from dic import read_region
+        from dic.pipeline import RunSource
 
         rois, polygons = all_of(
             partial(self._by_camera, "--roi", self.rois, most=1),
@@ -65,7 +66,7 @@ class RunRegionOptions:
     @staticmethod
     def _by_camera(option: str, texts: tuple[str, ...], most: int | None = None) -> dict[str, list[str]]:
         """Return the values of an option by camera; raise an error if a camera has more than `most`."""
-        from dic import CorrelationError
+        from dic.errors import CorrelationError
 
         found: dict[str, list[str]] = {}
         value = "FILE" if most else "REGION"

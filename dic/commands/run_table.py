@@ -8,10 +8,13 @@ import numpy as np
 
 from dic.commands.series_text import strains_of
 from dic.commands.strain_table import Column, StrainTable, share_text
-from dic.files.lazy import by_index
+from dic.files import by_index
 
 if TYPE_CHECKING:
-    from dic import CameraResult, Correction, JointCorrections, Measurement, RunResult, RunStep
+    from dic.out_of_plane import Correction
+    from dic.pipeline import CameraResult, JointCorrections, RunResult
+    from dic.runfile import RunStep
+    from dic.strain import Measurement
 
 _READINGS = (("load_n", "load N", 0), ("displacement_mm", "displ. mm", 3), ("angle_deg", "angle °", 1))
 """The device readings in the table: attribute of a step, heading, and number of decimals."""
@@ -33,7 +36,7 @@ def table(result: "RunResult") -> str:
 
 
 def _camera_lines(result: "RunResult", camera: "CameraResult") -> list[str]:
-    from dic import gauge_text
+    from dic.strain import gauge_text
 
     calibration = camera.require_calibration()
     lines = [

@@ -11,15 +11,10 @@ from dic.errors import MeasurementError, OutputError, WorkerError
 from dic.shell.console import COULD_NOT, fail, say, sentence_of
 
 if TYPE_CHECKING:
-    from dic import (
-        CorrectionSettings,
-        CorrelationSettings,
-        Gauge,
-        RunResult,
-        RunSource,
-        StrainSettings,
-    )
-    from dic.workers.workers import Workers
+    from dic import CorrectionSettings, CorrelationSettings, StrainSettings
+    from dic.gauges import Gauge
+    from dic.pipeline import RunResult, RunSource
+    from dic.workers import Workers
 
 MEASURED, STRAIN_ANEW, KNOWN = "measured", "strain anew", "known before"
 NOT_PROCESSED, NOT_BEGUN = "not processed", "not begun"

@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dic.commands.series_record import SeriesRecord
-from dic.files.writing import write_text
+from dic.files import write_text
 
 if TYPE_CHECKING:
-    from dic import Alignment, CorrelationSettings, MapSettings, MeasuredSeries, Specimen
-    from dic.derived.series_files import SeriesFiles, SeriesOutputs
-    from dic.derived.series_maps import SeriesMaps
-    from dic.pipeline.corrections import MeasuredStep
-    from dic.pipeline.measuring import Measuring
-    from dic.pipeline.set_up import SeriesSetUp
+    from dic import CorrelationSettings
+    from dic.derived import SeriesFiles, SeriesMaps, SeriesOutputs
+    from dic.out_of_plane import Alignment
+    from dic.pictures import MapSettings
+    from dic.pipeline import MeasuredSeries, MeasuredStep, Measuring, SeriesSetUp
+    from dic.specimen import Specimen
     from dic.typing import Grey
 
 _UNCORRECTED = (
@@ -127,9 +127,7 @@ class SeriesEvaluation:
     def _outputs(self) -> "Iterator[SeriesOutputs]":
         """Print what all images share, and provide the output files; write the table of strains last."""
         from dic.commands.gauge_text import gauge_lines, gauges_dict
-        from dic.derived.gauge_series import GaugeReader
-        from dic.derived.series_files import SeriesOutputs
-        from dic.derived.series_maps import SeriesMaps
+        from dic.derived import GaugeReader, SeriesMaps, SeriesOutputs
         from dic.shell.console import say
 
         files, calibration, motion = self._places.files, self._set_up.calibration, self._set_up.motion
@@ -171,7 +169,7 @@ class SeriesEvaluation:
 
     def _gauge(self) -> str:
         """Return lines about the virtual strain gauge: its width, and the strain wave that it resolves."""
-        from dic import gauge_text, strain_resolution_px
+        from dic.strain import gauge_text, strain_resolution_px
 
         settings, strain, calibration = self._settings, self._set_up.strain, self._set_up.calibration
         gauge_px, resolved_px = strain.gauge_px(settings), strain_resolution_px(settings, strain)
@@ -181,7 +179,7 @@ class SeriesEvaluation:
 
     def _calibrated(self) -> dict[str, Any]:
         """Return assumed motion, the stage's alignment and the camera's sensitivity, for JSON."""
-        from dic import Sensitivity
+        from dic.out_of_plane import Sensitivity
 
         calibration, motion = self._set_up.calibration, self._set_up.motion
         if calibration is None or motion is None:

@@ -21,9 +21,12 @@ from dic.commands.shared_options import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from dic import Alignment, Gauge, ResultPlace, StrainSettings
-    from dic.derived.series_files import SeriesFiles
-    from dic.pipeline.set_up import SeriesSetUp
+    from dic import StrainSettings
+    from dic.derived import SeriesFiles
+    from dic.gauges import Gauge
+    from dic.out_of_plane import Alignment
+    from dic.pipeline import SeriesSetUp
+    from dic.results import ResultPlace
     from dic.typing import Float, Mask
 
 
@@ -51,7 +54,7 @@ class RegionOptions:
 
     def outputs(self) -> "tuple[Path, ...]":
         """Return the paths of the files that `--write-mask` asks for."""
-        from dic import region_files
+        from dic.specimen import region_files
 
         return () if self.write_mask is None else region_files(self.write_mask)
 
@@ -92,7 +95,7 @@ class StartOptions:
 
     def hint(self, shape: tuple[int, int]) -> "Float | None":
         """Return the expected motion from `--hint` as a homography, or None if the option was not given."""
-        from dic import rigid_motion
+        from dic.correlation import rigid_motion
 
         motion = self.motion()
         if motion is None:
@@ -102,7 +105,7 @@ class StartOptions:
 
     def motion(self) -> tuple[float, float, float] | None:
         """Return angle and shift of `--hint`; raise an error for another text, before any image is read."""
-        from dic import CorrelationError
+        from dic.errors import CorrelationError
 
         if self.hint_text is None:
             return None
@@ -133,7 +136,7 @@ class AlignmentOptions:
 
     def read(self, assumed: Chosen[Motion]) -> Motion:
         """Return the assumed motion with the alignment of the options."""
-        from dic import load_alignment
+        from dic.out_of_plane import load_alignment
 
         known = None if self.alignment_file is None else load_alignment(self.alignment_file)
         return assumed.settings(alignment=known)
@@ -144,7 +147,7 @@ class AlignmentOptions:
         The alignment (tilt of specimen and stage axis relative to the grid) can only be determined from a
         rotation of the specimen.
         """
-        from dic import CorrelationError
+        from dic.errors import CorrelationError
 
         if self.save_alignment is not None and motion != "rigid":
             raise CorrelationError(
@@ -157,7 +160,8 @@ class AlignmentOptions:
 
     def save(self, alignment: "Alignment | None") -> None:
         """Write the rotation stage's alignment to the file of `--save-alignment`, if this option is given."""
-        from dic import CorrelationError, save_alignment
+        from dic.errors import CorrelationError
+        from dic.out_of_plane import save_alignment
 
         if self.save_alignment is None:
             return
@@ -175,8 +179,8 @@ class AlignmentOptions:
 def read_set_up(calibration_file: Path | None, strain: "StrainSettings", motion: Motion) -> "SeriesSetUp":
     """Read the calibration file, and return the inputs from which a series' strains are computed."""
     from dic import load_calibration
-    from dic.files.digest import file_sha256
-    from dic.pipeline.set_up import SeriesSetUp
+    from dic.files import file_sha256
+    from dic.pipeline import SeriesSetUp
 
     if calibration_file is None:
         return SeriesSetUp(strain, motion)
@@ -210,7 +214,7 @@ class SeriesOutputOptions:
 
         The other files that the command writes are `written`.
         """
-        from dic import ResultPlace
+        from dic.results import ResultPlace
 
         if self.output is None:
             return None
@@ -225,7 +229,7 @@ class SeriesOutputOptions:
 
     def files(self, deformed: list[Path], gauges: "tuple[Gauge, ...]", maps: MapOutputs) -> "SeriesFiles":
         """Return the paths of the output files for the deformed images, except the file of `--json`."""
-        from dic.derived.series_files import SeriesFiles
+        from dic.derived import SeriesFiles
 
         folders, sheets = (self.csv_folder, maps.folder), maps.contact_sheets()
         return SeriesFiles(self.output, *folders, deformed, maps.file_format, sheets, gauges)

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from dic.commands.series_text import corrected_lines, image_lines, name_of, series_table
-from dic.files.lazy import Spool
+from dic.files import Spool
 from dic.shell.console import fail, say
 
 if TYPE_CHECKING:
-    from dic import MeasuredImage
+    from dic.pipeline import MeasuredImage
 
 
 class SeriesRecord:

@@ -14,7 +14,7 @@ from dic.commands.settings_file import SETTINGS, Setting, toml_text
 from dic.settings import default_of
 
 if TYPE_CHECKING:
-    from dic.results.job import Job
+    from dic.results import Job
 
 _WIDTH = 98
 _USERS = ("correlate", "process", "strain")
@@ -83,8 +83,9 @@ def _users(setting: Setting) -> list[str]:
 
 
 def _job_of(results: Path) -> "Job":
-    from dic import RunFileError, load_run_result, load_series_result
-    from dic.pipeline.result_file import is_series_result
+    from dic import load_run_result, load_series_result
+    from dic.errors import RunFileError
+    from dic.pipeline import is_series_result
 
     load = load_series_result if is_series_result(results) else load_run_result
     origin = load(results).provenance

@@ -10,10 +10,11 @@ from typing import Any
 
 import click
 
-from dic import CorrelationSettings, Motion, ReferenceSettings, StrainSettings, SurfaceSettings
+from dic import CorrelationSettings, Motion, ReferenceSettings, StrainSettings
 from dic.commands.options import is_option_of
 from dic.errors import CorrelationError, MeasurementError, joined
-from dic.files.reading import read_text
+from dic.files import read_text
+from dic.pipeline import SurfaceSettings
 from dic.settings import Declared, declared_in
 
 TABLES: dict[str, tuple[type, ...]] = {

@@ -2,8 +2,9 @@
 
 from typing import Any
 
-from dic import GAUGES, CorrelationSettings, ReferenceSettings, StrainSettings
+from dic import CorrelationSettings, ReferenceSettings, StrainSettings
 from dic.commands.options import option, use
+from dic.gauges import GAUGES
 from dic.settings import either
 
 correlation_options = use(

@@ -7,11 +7,12 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
-from dic import CorrectionSettings, Motion, StrainSettings, SurfaceSettings
+from dic import CorrectionSettings, Motion, StrainSettings
 from dic.commands.options import Chosen, Grouped, all_of, as_in_results, option, options, use
 from dic.commands.run_output import RunOutputOptions, end_run, read_alignment
 from dic.commands.settings_file import settings_option, used_settings_file
 from dic.commands.shared_options import COMMA_NEEDS, comma, csv, force, json_file, strain_options
+from dic.pipeline import SurfaceSettings
 from dic.shell.output_paths import require_places
 
 _FILE = click.Path(path_type=Path)
@@ -34,7 +35,7 @@ class AnewOptions:
 
     def of_series(self, assumed: Chosen[Motion], known: Motion) -> Motion:
         """Return the motion of a series; a value without an option comes from `known`."""
-        from dic import load_alignment
+        from dic.out_of_plane import load_alignment
 
         kind = assumed.values["kind"]
         if kind is not None and kind != known.kind:
@@ -56,7 +57,7 @@ class AnewOptions:
 
     def require(self, source: str, *, series: bool) -> None:
         """Raise an error if an option of a run is given for a series, or an option of a series for a run."""
-        from dic import CorrelationError
+        from dic.errors import CorrelationError
 
         idle = {"--plate-mm": "surface_plate_mm"}
         if not series:
@@ -112,7 +113,7 @@ def strain(
     Exit status: 0 if all images are measured well, 1 if an image is measured poorly, 2 if an image could not
     be measured.
     """
-    from dic.pipeline.result_file import is_series_result
+    from dic.pipeline import is_series_result
 
     series = is_series_result(results)
     anew.require(str(results), series=series)
@@ -135,13 +136,12 @@ def _of_series(
     outputs: StrainOutputOptions,
     read: list[Path | None],
 ) -> None:
-    from dic import MapSettings, load_series_result
+    from dic import load_series_result
     from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
     from dic.commands.series_options import read_set_up
-    from dic.derived.series_files import SeriesFiles
-    from dic.pipeline.reuse import job_of_fields
-    from dic.pipeline.set_up import SeriesSetUp
-    from dic.pipeline.strain_anew import series_anew
+    from dic.derived import SeriesFiles
+    from dic.pictures import MapSettings
+    from dic.pipeline import SeriesSetUp, job_of_fields, series_anew
 
     result = load_series_result(results)
     known = SeriesSetUp.of_job(job_of_fields(result), result.calibration)
@@ -178,8 +178,7 @@ def _of_run(
 ) -> None:
     from dic import load_run_result, strain_of_run
     from dic.commands.run_table import table
-    from dic.pipeline.reuse import job_of_fields
-    from dic.pipeline.set_up import strain_of_job
+    from dic.pipeline import job_of_fields, strain_of_job
     from dic.shell.console import say
     from dic.shell.progress import progress
 

@@ -14,11 +14,11 @@ from dic.commands.settings_file import settings_option, used_settings_file
 from dic.commands.shared_options import force
 from dic.commands.study_text import table
 from dic.errors import each_warning_once
-from dic.files.writing import write_text
+from dic.files import write_text
 from dic.shell.output_paths import require_places
 
 if TYPE_CHECKING:
-    from dic import StudiedSettings, Study, Sweep, Wave
+    from dic.study import StudiedSettings, Study, Sweep, Wave
 
 _FILE = click.Path(path_type=Path)
 
@@ -44,7 +44,7 @@ class AssumedOptions:
 
     def wave(self) -> "Wave | None":
         """Return the assumed strain; None without these options."""
-        from dic import Wave
+        from dic.study import Wave
 
         values = {
             "period_px": self.period_px,
@@ -67,7 +67,7 @@ class SweepOptions:
 
     def sweep(self) -> "Sweep":
         """Return the combinations to try; raise an error that names all wrong lists together."""
-        from dic import Sweep
+        from dic.study import Sweep
 
         subsets, steps, windows = all_of(
             lambda: _numbers("--subsets", self.subsets),
@@ -93,7 +93,7 @@ class StudyOutputOptions:
 
 
 def _numbers(option: str, text: str) -> tuple[int, ...]:
-    from dic import CorrelationError
+    from dic.errors import CorrelationError
 
     try:
         return tuple(int(part) for part in text.split(","))
@@ -135,9 +135,11 @@ def study(
 
     Exit status: 0 for a recommendation, 2 if the images or settings cannot be used.
     """
-    from dic import plot_study, read_image, study_settings, write_region
+    from dic import read_image, study_settings
     from dic.shell.console import say
     from dic.shell.progress import progress
+    from dic.specimen import write_region
+    from dic.study import plot_study
 
     wave, sweep, settings, how = all_of(assumed.wave, lists.sweep, shared.settings, strain.settings)
     files = [reference, *images, static, *region.files(), used_settings_file()]

@@ -4,7 +4,8 @@ import textwrap
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dic import CorrelationSettings, StrainSettings, StudiedSettings, Study
+    from dic import CorrelationSettings, StrainSettings
+    from dic.study import StudiedSettings, Study
 
 _BEST = 8
 """Number of settings in the table of the smallest errors."""

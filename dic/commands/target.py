@@ -6,13 +6,13 @@ from typing import Any
 
 import click
 
-from dic import TARGETS
 from dic.commands.options import telling, use
 from dic.commands.target_options import COUNT, PITCH, further_fields
 from dic.errors import CalibrationError
 from dic.settings import either
 from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
+from dic.targets import TARGETS
 
 _FILE = click.Path(path_type=Path)
 _KINDS = [f"{kind.name} ({kind.about})" if kind.about else kind.name for kind in TARGETS.values()]
@@ -51,7 +51,7 @@ def target(
     The sheet has two rulers, by which you check that the printer did not change the size. The command prints
     the options with which `dic calibrate` finds the target.
     """
-    from dic import draw_target
+    from dic.targets import draw_target
 
     chosen, values = TARGETS[kind], {"pitch_mm": pitch_mm, **vars(further)}
     for name, value in vars(further).items():

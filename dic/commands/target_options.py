@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 
 import click
 
-from dic import TARGETS
 from dic.commands.options import option, options, use
 from dic.errors import CalibrationError
+from dic.targets import TARGETS
 
 if TYPE_CHECKING:
-    from dic import Target
+    from dic.targets import Target
 
 
 class _Count(click.ParamType[tuple[int, int]]):
@@ -114,7 +114,7 @@ class TargetOptions(_Described):  # type: ignore[misc]  # its fields are those o
             If the options name several kinds of target, or if an option such as `--marker-mm` is given
             without the numbers of its kind.
         """
-        from dic import LineGridTarget
+        from dic.targets import LineGridTarget
 
         given: dict[str, Any] = {name: value for name, value in vars(self).items() if value is not None}
         numbers = {kind.option: given.get(kind.option.replace("-", "_")) for kind in TARGETS.values()}

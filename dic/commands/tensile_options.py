@@ -1,8 +1,8 @@
 """Options that describe a tensile test, for `dic properties` and `dic report`."""
 
-from dic import PropertySettings
 from dic.commands.options import Chosen, use
 from dic.errors import CurveError
+from dic.properties import PropertySettings
 
 tensile_options = use("test", PropertySettings)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from dic.workers.workers import Workers
+    from dic.workers import Workers
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -53,9 +53,10 @@ def chosen_workers() -> "Iterator[Workers | None]":
     WorkerError
         If the options contradict each other, or the scheduler cannot be used.
     """
-    from dic import ClusterWorkers, LocalWorkers, WorkerError
+    from dic import LocalWorkers
+    from dic.errors import WorkerError
     from dic.shell.console import say
-    from dic.workers.workers import ThreadWorker, one_processor
+    from dic.workers import ClusterWorkers, ThreadWorker, one_processor
 
     chosen = click.get_current_context().meta.get(_CHOSEN, {})
     count, address = chosen.get("workers"), chosen.get("scheduler")

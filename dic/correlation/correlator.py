@@ -133,7 +133,7 @@ class Correlator:
             since the earlier image.
         hint : ndarray, shape (3, 3), optional
             Expected homography from the reference to the deformed image. For a known rotation, such as the
-            angle of a stage, `dic.rigid_motion` returns the homography.
+            angle of a stage, `dic.correlation.rigid_motion` returns the homography.
 
         Raises
         ------

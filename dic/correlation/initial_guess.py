@@ -154,7 +154,7 @@ def checked_homography(hint: object) -> Float:
         "expect motion",
         "a homography of shape (3, 3)",
         got,
-        "give the homography that dic.rigid_motion returns",
+        "give the homography that dic.correlation.rigid_motion returns",
     )
 
 

@@ -127,7 +127,7 @@ def export_results(
     folder : path
         Each format gets a folder of its own in this folder.
     formats : sequence of str
-        Some of the names in `dic.EXPORTS`, such as "csv" or "netcdf".
+        Some of the names in `dic.exports.EXPORTS`, such as "csv" or "netcdf".
     camera : str, optional
         Camera of a run. Default: all cameras.
     raw_strain : bool

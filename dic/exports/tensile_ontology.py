@@ -127,7 +127,7 @@ def write_tensile_ontology(properties: Properties, path: PathLike, about: AboutT
         If the file cannot be written.
     """
     require_kind("properties", properties, Properties, "compute them with dic.material_properties")
-    require_kind("about", about, AboutTest, 'give dic.AboutTest(name="specimen 7")')
+    require_kind("about", about, AboutTest, 'give dic.exports.AboutTest(name="specimen 7")')
     classes = {**CLASSES, **_offsets(properties)}
     test = _Test(about)
     for key, value in properties.values.items():

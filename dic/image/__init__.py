@@ -1,1 +1,5 @@
 """Read, check and interpolate images, and read regions of interest."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

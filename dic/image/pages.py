@@ -13,8 +13,7 @@ from dic.files.reading import opened
 from dic.image.channels import series_of_pages
 from dic.image.container import Damage
 from dic.image.numbering import missing_numbers
-from dic.image.tiff import SIGNATURES as TIFFS
-from dic.image.tiff import pages_of_file
+from dic.image.tiff import SIGNATURES as TIFFS, pages_of_file
 from dic.image.video import is_video, read_video
 from dic.typing import PathLike
 

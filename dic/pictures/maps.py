@@ -48,8 +48,8 @@ def write_maps(
         calibrated values.
     settings : MapSettings, optional
     scale : mapping, optional
-        Lower and upper end of the colour scale of each quantity, for example from `dic.map_scale`. Default:
-        the 1st to the 99th percentile of this image.
+        Lower and upper end of the colour scale of each quantity, for example from `dic.pictures.map_scale`.
+        Default: the 1st to the 99th percentile of this image.
 
     Raises
     ------

@@ -130,7 +130,9 @@ def material_properties(
         None, and its flags give the reason.
     """
     require_kind("curve", curve, Curve, "read it with dic.read_curve")
-    require_kind("settings", settings, PropertySettings, "give dic.PropertySettings(area_mm2=120.0)")
+    require_kind(
+        "settings", settings, PropertySettings, "give dic.properties.PropertySettings(area_mm2=120.0)"
+    )
     record = record_of(curve, settings.area_mm2)
     found = elastic_line(record, settings, points)
     _require_possible(record, found)

@@ -12,8 +12,7 @@ from dic.files.toml import read_toml
 from dic.regions.drawn import DrawnRegion
 from dic.regions.file import outlines_of, region_of
 from dic.regions.imagej import imagej_areas
-from dic.regions.tables import EXPECTED as _EXPECTED_TABLE
-from dic.regions.tables import read_corners
+from dic.regions.tables import EXPECTED as _EXPECTED_TABLE, read_corners
 from dic.typing import PathLike
 
 IMAGEJ = (".roi", ".zip")

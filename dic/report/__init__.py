@@ -1,5 +1,5 @@
 """Writes reports as single HTML files; the report on runs compares them with Helm and Deaner's paper."""
 
-from dic.report.page import write_report
+from lazy_loader import attach_stub
 
-__all__ = ["write_report"]
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

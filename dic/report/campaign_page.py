@@ -20,7 +20,7 @@ from dic.report.tensile_page import DECIMALS, value_cell
 from dic.report.tensile_test import SYMBOLS
 from dic.typing import PathLike
 
-_COMPARE_FIRST = "compare specimens first: dic.compare_specimens(properties)"
+_COMPARE_FIRST = "compare specimens first: dic.campaigns.compare_specimens(properties)"
 _DASHES, _WIDTHS = ("-", "--", ":", "-."), (1.3, 2.6)
 _MOST_NAMED = 40
 """A figure of more curves than this has no legend: no more styles of line can be told apart."""

@@ -9,8 +9,7 @@ from dic.gauges.series import GaugeSeries
 from dic.pictures.contact_sheet import draw_contact_sheet, shown_of
 from dic.pictures.maps import draw_maps
 from dic.pictures.panels import Maps, maps_of, scale_of
-from dic.pictures.plots import draw_banded
-from dic.pictures.plots import plot_style as gauge_style
+from dic.pictures.plots import draw_banded, plot_style as gauge_style
 from dic.pictures.settings import MapSettings, PlotSettings
 from dic.pipeline.measured_images import MeasuredSeries
 from dic.report.series_means import SeriesMeans

@@ -5,8 +5,7 @@ the images after it comes from this correlation, and not from the displacements 
 the first reference. If a measurement is continued, its results are the same bits only with these data.
 """
 
-from dataclasses import dataclass
-from dataclasses import field as dataclass_field
+from dataclasses import dataclass, field as dataclass_field
 from typing import Any
 
 import numpy as np

@@ -81,8 +81,8 @@ def study_settings(
     MeasurementError
         If an image or a setting cannot be used, or if no combination fits into the region.
     """
-    require_kind("wave", wave, Wave | None, "give dic.Wave(period_px=100)")
-    require_kind("sweep", sweep, Sweep | None, "give dic.Sweep(subsets_px=(21, 31, 41))")
+    require_kind("wave", wave, Wave | None, "give dic.study.Wave(period_px=100)")
+    require_kind("sweep", sweep, Sweep | None, "give dic.study.Sweep(subsets_px=(21, 31, 41))")
     require_kind("settings", settings, CorrelationSettings | None, "give dic.CorrelationSettings()")
     require_kind("strain", strain, StrainSettings | None, "give dic.StrainSettings(measure='small')")
     sweep, settings, strain = sweep or Sweep(), settings or CorrelationSettings(), strain or StrainSettings()

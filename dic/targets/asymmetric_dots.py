@@ -28,7 +28,7 @@ def find_asymmetric_dots(
 ) -> GridPoints:
     """Return the centres of the dots of an asymmetric grid.
 
-    `dic.AsymmetricDotTarget` describes this target.
+    `dic.targets.AsymmetricDotTarget` describes this target.
 
     Raises
     ------

@@ -46,7 +46,7 @@ def find_charuco(
     dictionary: str,
     source: str,
 ) -> GridPoints:
-    """Return the visible corners of a ChArUco board. `dic.CharucoTarget` describes the board.
+    """Return the visible corners of a ChArUco board. `dic.targets.CharucoTarget` describes the board.
 
     At least half of the corners must be visible. On every side of the board, at least one corner in the outer
     third must be visible, because a calibration is valid only in the area between its points. The argument

@@ -49,7 +49,7 @@ _SMALL_IMAGE_PX2 = 1_600_000
 def find_checkerboard(
     grey: Grey, squares: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis
 ) -> GridPoints:
-    """Return the inner corners of a checkerboard. `dic.CheckerboardTarget` describes the board.
+    """Return the inner corners of a checkerboard. `dic.targets.CheckerboardTarget` describes the board.
 
     The detector (Duda and Frese, "Accurate Detection and Localization of Checkerboard Corners for
     Calibration", BMVC 2018) finds either all corners or none. Refined corners that do not fit the lattice are

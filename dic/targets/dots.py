@@ -20,7 +20,7 @@ _FILLED = 0.6
 
 
 def find_dots(grey: Grey, dots: tuple[int, int], pitch_mm: float, source: str, x_axis: XAxis) -> GridPoints:
-    """Return the centres of a lattice of dots. `dic.DotTarget` describes this target.
+    """Return the centres of a lattice of dots. `dic.targets.DotTarget` describes this target.
 
     If three of the dots are hollow, they mark the origin and the axes, and the lattice may be larger than the
     picture. Dots that the image's rim cuts are left out.

@@ -61,7 +61,7 @@ def find_target(
     """
     spec = LineGridTarget() if spec is None else spec
     source = source or name_of(image, "target image")
-    require_target(spec, source, "give dic.LineGridTarget((21, 21), pitch_mm=0.5)")
+    require_target(spec, source, "give dic.targets.LineGridTarget((21, 21), pitch_mm=0.5)")
     grey = grey_image(image, source)
     if region_px is not None:
         part, (left, top) = cropped(grey, region_px, source)

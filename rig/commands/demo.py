@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from rig import Aborted, RigError, read_rig, run_protocol
 
 if TYPE_CHECKING:
-    from dic import TensileTest
     from dic.pipeline.result import RunResult
+    from dic.report import TensileTest
 
 EXPERIMENTS = {
     "tension": ("tension.toml", "rig-virtual-tension.toml"),
@@ -106,7 +106,9 @@ def _tensile_test(result: "RunResult", folder: Path) -> "TensileTest":
 
     The measurement has no access to the exact properties: they come from the driver of the virtual rig.
     """
-    from dic import PropertySettings, measure_gauges, tensile_test, whole_field_gauges
+    from dic import measure_gauges, tensile_test
+    from dic.derived import whole_field_gauges
+    from dic.properties import PropertySettings
 
     gauges = whole_field_gauges(result)
     known = _exact_properties(folder / EXPERIMENTS[_PROPERTIES][1])

@@ -48,7 +48,9 @@ def calibration(images):
     height, width = images[0].shape
     index = np.stack(np.meshgrid(np.arange(9), np.arange(9)), axis=-1).reshape(-1, 2)
     x, y = index[:, 0] * (width - 1) / 8, (8 - index[:, 1]) * (width - 1) / 8
-    grid = dic.GridPoints.on_lattice(index, np.column_stack([x, y]), (9, 9), (width - 1) / 8 * MM_PER_PX)
+    grid = dic.targets.GridPoints.on_lattice(
+        index, np.column_stack([x, y]), (9, 9), (width - 1) / 8 * MM_PER_PX
+    )
     return dic.Calibration.fit(grid, (height, width))
 
 
@@ -81,7 +83,7 @@ def test_arrays_files_and_texts_give_the_same(images, folder):
         dic.measure_images(*images),
         dic.measure_images(images[0].astype(np.float64), iter([deformed])),
         dic.measure_images(str(reference), str(deformed)),
-        dic.measure_images(reference, dic.SeriesImage(images[1], "own name")),
+        dic.measure_images(reference, dic.pipeline.SeriesImage(images[1], "own name")),
     ]
     for series in ways:
         np.testing.assert_array_equal(series.reference, images[0])
@@ -139,12 +141,12 @@ def test_a_grid_image_gives_a_calibration(draw_grid, tmp_path):
     drawn = draw_grid(pan_deg=20, noise=1)
     path = tmp_path / "grid.png"
     cv2.imwrite(str(path), drawn.image.astype(np.uint8))
-    target = dic.LineGridTarget((21, 21), pitch_mm=0.5)
+    target = dic.targets.LineGridTarget((21, 21), pitch_mm=0.5)
     of_file = dic.calibrate_images(path, target)
     of_array = dic.calibrate_images([drawn.image.astype(np.uint8)], target, model="pinhole")
     assert of_file.source == str(path)
     assert (of_file.model, of_array.model) == ("bicubic", "pinhole")
-    np.testing.assert_array_equal(dic.find_target(str(path), target).uv_px, of_array.grid.uv_px)
+    np.testing.assert_array_equal(dic.targets.find_target(str(path), target).uv_px, of_array.grid.uv_px)
     for calibration in (of_file, of_array):
         assert np.abs(calibration.map(drawn.uv_px) - drawn.xy_mm).max() < 0.01
 
@@ -170,7 +172,7 @@ class TestSeries:
                 taken.append(number)
                 yield images[number % 2]
 
-        found = dic.measure_series(dic.Series(images[0]), watched())
+        found = dic.measure_series(dic.correlation.Series(images[0]), watched())
         assert taken == []
         kept = []
         for image in found:
@@ -201,13 +203,13 @@ class TestSeries:
         assert done.report["sensitivity"] == vars(series.sensitivity)
 
     def test_a_motion_needs_a_calibration(self, images):
-        with pytest.raises(dic.CorrelationError, match="expected a calibration"):
+        with pytest.raises(dic.errors.CorrelationError, match="expected a calibration"):
             dic.measure_images(*images, motion="rigid")
-        with pytest.raises(dic.CorrelationError, match="one of free, rigid, tension, got wild"):
+        with pytest.raises(dic.errors.CorrelationError, match="one of free, rigid, tension, got wild"):
             dic.measure_images(*images, motion="wild")
 
     def test_a_calibration_of_another_format_is_refused(self, images, calibration):
-        with pytest.raises(dic.CalibrationError, match="apply calibration: expected 180 × 160 px"):
+        with pytest.raises(dic.errors.CalibrationError, match="apply calibration: expected 180 × 160 px"):
             dic.measure_images(images[0][:-1], images[1][:-1], calibration=calibration)
 
 
@@ -237,7 +239,7 @@ dic.write_maps(series.images[-1].measurement, series.reference, "strain.png")
     assert repr(run).count("\n") == 2
     assert "off_axis" in repr(run)
     assert [image.label for image in found["series"].images] == ["step 2", "step 3"]
-    with pytest.raises(dic.RunFileError, match=r"choose a camera: expected .*off_axis.*, got above"):
+    with pytest.raises(dic.errors.RunFileError, match=r"choose a camera: expected .*off_axis.*, got above"):
         run.series("above")
 
 
@@ -256,7 +258,7 @@ def speckled() -> dic.Correlator:
 
 
 @cache
-def field() -> dic.Field:
+def field() -> dic.correlation.Field:
     return speckled().correlate(speckled_image())
 
 
@@ -276,13 +278,13 @@ WRONG = [
     (lambda: speckled().correlate(GREY, hint="up"), "hint: .* got a str"),
     (lambda: speckled().correlate(GREY, hint=np.full((3, 3), np.nan)), "takes points to infinity"),
     (lambda: speckled().correlate(GREY, previous=GREY), "previous: expected a Field or None, got a ndarray"),
-    (lambda: dic.Series(GREY, incremental="now"), "auto or never or always, got now"),
+    (lambda: dic.correlation.Series(GREY, incremental="now"), "auto or never or always, got now"),
     (lambda: dic.measure("deformed.tif"), "field: expected a Field, got a str; correlate first"),
     (lambda: dic.measure_images(GREY, GREY, calibration=3), "calibration: expected a Calibration or None"),
     (lambda: dic.measure_images(GREY, GREY, settings=dic.StrainSettings()), "got a StrainSettings"),
     (lambda: dic.measure_images(GREY, GREY, motion=3), "motion: expected a Motion"),
-    (lambda: dic.find_target(GREY, "grid"), "target: expected a LineGridTarget or .* got a str"),
-    (lambda: dic.find_target(COLOUR), "got a colour image"),
+    (lambda: dic.targets.find_target(GREY, "grid"), "target: expected a LineGridTarget or .* got a str"),
+    (lambda: dic.targets.find_target(COLOUR), "got a colour image"),
     (lambda: dic.calibrate_images([]), "at least one image"),
     (lambda: dic.calibrate_images([GREY, GREY[1:]]), "images by one camera"),
     (lambda: dic.assess_quality(COLOUR), "got a colour image"),
@@ -298,13 +300,13 @@ WRONG = [
     ),
     (lambda: dic.read_image(GREY), "path: expected a str or a Path, got a ndarray; name an image file"),
     (lambda: dic.write_maps(GREY, GREY, "m.png"), "measurement: expected a Measurement, got a ndarray"),
-    (lambda: dic.write_csv(field(), "m.csv"), "got a Field; measure first: dic.measure\\(field\\)"),
+    (lambda: dic.results.write_csv(field(), "m.csv"), "got a Field; measure first: dic.measure\\(field\\)"),
     (lambda: dic.process_run(GREY), "path: expected a str or a Path, got a ndarray; name a run file"),
     (
         lambda: dic.write_report("run.h5", "r.html"),
         "results: expected a RunResult, got a str; process",
     ),
-    (lambda: dic.save_run_result(field(), "r.h5"), "result: expected a RunResult, got a Field"),
+    (lambda: dic.pipeline.save_run_result(field(), "r.h5"), "result: expected a RunResult, got a Field"),
     (lambda: dic.save_calibration(GREY, "c.h5"), "calibration: expected a Calibration, got a ndarray"),
 ]
 
@@ -319,7 +321,7 @@ def test_a_wrong_argument_is_one_sentence(call, sentence):
 def test_what_python_prints_of_a_result_is_short():
     results = [
         speckled(),
-        dic.Series(speckled_image()),
+        dic.correlation.Series(speckled_image()),
         field(),
         dic.measure(field()),
         dic.CorrelationSettings(),
@@ -334,7 +336,7 @@ def test_what_python_prints_of_a_result_is_short():
 
 class TestSettings:
     def test_all_mistakes_are_reported_together_each_with_a_value_that_works(self):
-        with pytest.raises(dic.CorrelationError) as refusal:
+        with pytest.raises(dic.errors.CorrelationError) as refusal:
             dic.CorrelationSettings(subset_px=30, step_px=0, shape="cubic", order=4, min_zncc=2.0)
         told = str(refusal.value)
         for words in ("subset", "step", "shape function", "spline order", "smallest ZNCC"):
@@ -354,7 +356,7 @@ class TestSettings:
         ids=str,
     )
     def test_text_truth_and_what_is_not_finite_are_no_numbers(self, wrong):
-        with pytest.raises(dic.CorrelationError, match="settings: "):
+        with pytest.raises(dic.errors.CorrelationError, match="settings: "):
             dic.CorrelationSettings(**wrong)
 
     def test_numbers_of_numpy_are_numbers(self):

@@ -6,7 +6,7 @@ Continuous integration builds the site by `make docs`, beside the quick tests.
 import subprocess
 import sys
 from importlib import import_module
-from inspect import isclass, isroutine
+from inspect import isclass, ismodule, isroutine
 
 import pytest
 
@@ -41,9 +41,10 @@ def test_notebooks_are_pages_with_their_code(site):
 @pytest.mark.parametrize("package", ["dic", "drivers", "rig", "simulators"])
 def test_reference_describes_all_that_is_public(site, package):
     page = (site / "reference" / f"{package}.html").read_text(encoding="utf-8")
-    module = import_module(package)
+    modules = [import_module(package)]
+    modules += [value for name in modules[0].__all__ if ismodule(value := getattr(modules[0], name))]
     # What is neither a class nor a function, such as the version or the name of a type, needs no description.
-    values = {name: getattr(module, name) for name in module.__all__}
+    values = {name: getattr(module, name) for module in modules for name in module.__all__}
     described = [name for name, value in values.items() if isclass(value) or isroutine(value)]
     assert len(described) > 20
     sign = '<span class="sig-name descname"><span class="pre">{}<'

@@ -16,10 +16,8 @@ import pytest
 from drivers.clock import VirtualClock
 from drivers.errors import DeviceError
 from drivers.testing.common import assert_says_all
-from tests.drivers.load_frames.test_contract import LINES as FRAME_LINES
-from tests.drivers.load_frames.test_contract import Machine, opened
-from tests.drivers.stages.test_contract import LINES as STAGE_LINES
-from tests.drivers.stages.test_contract import bench_on
+from tests.drivers.load_frames.test_contract import LINES as FRAME_LINES, Machine, opened
+from tests.drivers.stages.test_contract import LINES as STAGE_LINES, bench_on
 
 ROUNDS = 40
 FAULTS = ("lose-request", "drop", "corrupt", "split", "duplicate", "late", "stale")

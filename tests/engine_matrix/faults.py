@@ -7,8 +7,7 @@ from typing import Any
 
 from drivers.errors import DeviceError
 from rig.recorder.space import CLOSING_BYTES
-from simulators.wire.faults import CAMERA, LOAD_FRAME, STAGE, names
-from simulators.wire.faults import FAULTS as SIMULATED
+from simulators.wire.faults import CAMERA, FAULTS as SIMULATED, LOAD_FRAME, STAGE, names
 from tests.engine_matrix.runs import Moment, Run
 from tests.fault_matrix.matrix import LIES, rows
 

@@ -16,8 +16,7 @@ import math
 
 import numpy as np
 
-from dic.correlation.kernel import cholesky
-from dic.correlation.kernel import moments as m
+from dic.correlation.kernel import cholesky, moments as m
 from dic.correlation.kernel.jit import inlined, inner
 from dic.correlation.kernel.layout import Deformed, Flat, KernelReference
 from dic.correlation.kernel.method import Method, Shape, Subset

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.correlation.kernel import cholesky
-from dic.correlation.kernel import moments as m
+from dic.correlation.kernel import cholesky, moments as m
 from dic.correlation.kernel.jit import inner
 from dic.correlation.kernel.layout import Flat, KernelReference
 from dic.correlation.kernel.method import Shape, Subset

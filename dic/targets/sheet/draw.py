@@ -55,7 +55,7 @@ def draw_target(target: Target, path: PathLike, dpi: float = 600.0) -> tuple[flo
     OSError
         If the file cannot be written.
     """
-    require_target(target, "target", "give dic.DotTarget((14, 10), pitch_mm=5)")
+    require_target(target, "target", "give dic.targets.DotTarget((14, 10), pitch_mm=5)")
     _require_drawable(target)
     suffix = Path(path).suffix.lower()
     if suffix not in _SUFFIXES:

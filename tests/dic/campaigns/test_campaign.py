@@ -20,7 +20,9 @@ def one():
     """The properties from a short straight curve; the tests replace their values."""
     stress = np.concatenate([np.linspace(0, 400, 80), np.full(10, 400.0)])
     strain = np.concatenate([np.linspace(0, 0.002, 80), np.linspace(0.0021, 0.02, 10)])
-    return dic.material_properties(dic.Curve("one", 20 * stress, strain), dic.PropertySettings(area_mm2=20.0))
+    return dic.material_properties(
+        dic.properties.Curve("one", 20 * stress, strain), dic.properties.PropertySettings(area_mm2=20.0)
+    )
 
 
 def with_values(one, **values):
@@ -36,7 +38,7 @@ def with_values(one, **values):
 def test_mean_and_scatter_are_those_of_the_textbook(one):
     values = [(200.0, 1.0), (204.0, 2.0), (206.0, 2.0), (210.0, 4.0)]
     given = {n: with_values(one, E_gpa=pair) for n, pair in zip(NAMES, values, strict=False)}
-    found = dic.compare_specimens(given).groups[0].scatter["E_gpa"]
+    found = dic.campaigns.compare_specimens(given).groups[0].scatter["E_gpa"]
     assert found.mean == pytest.approx(205.0)
     # squares of the differences 5, 1, 1, 5 are 52 together
     assert found.std_between == pytest.approx(math.sqrt(52 / 3))
@@ -48,13 +50,13 @@ def test_mean_and_scatter_are_those_of_the_textbook(one):
 def test_a_standard_deviation_that_would_be_rounded_to_zero_has_two_digits(one):
     values = [(400.0, 0.0123), (410.0, 0.0123)]
     given = {n: with_values(one, Rm_mpa=pair) for n, pair in zip(NAMES, values, strict=False)}
-    cells = statistics_cells(dic.compare_specimens(given).groups[0].scatter["Rm_mpa"])
+    cells = statistics_cells(dic.campaigns.compare_specimens(given).groups[0].scatter["Rm_mpa"])
     assert cells == ["405.0", "7.1", "5.0", "0.012"]
 
 
 def test_a_large_standard_deviation_has_its_thousands_apart(one):
     given = {"a": with_values(one, Rm_mpa=(1e5, 2e4)), "b": with_values(one, Rm_mpa=(3e5, 2e4))}
-    cells = statistics_cells(dic.compare_specimens(given).groups[0].scatter["Rm_mpa"])
+    cells = statistics_cells(dic.campaigns.compare_specimens(given).groups[0].scatter["Rm_mpa"])
     # the differences from the mean are 100 000 each
     assert [cell.replace("\u202f", " ") for cell in cells] == [
         "200 000.0",
@@ -67,7 +69,7 @@ def test_a_large_standard_deviation_has_its_thousands_apart(one):
 def test_equal_specimens_do_not_scatter(one):
     # in floating point the mean of 0.1, 0.1, 0.1 is not exactly 0.1
     values = {name: with_values(one, Rm_mpa=(0.1, 1e-14)) for name in "abc"}
-    found = dic.compare_specimens(values).groups[0].scatter["Rm_mpa"]
+    found = dic.campaigns.compare_specimens(values).groups[0].scatter["Rm_mpa"]
     assert found.std_between > 0.0
     assert statistics_cells(found) == ["0.1", "0.0", "0.0", "1.0e-14"]
 
@@ -75,13 +77,17 @@ def test_equal_specimens_do_not_scatter(one):
 def test_a_specimen_without_a_value_is_left_out_of_the_mean(one):
     values = [(400.0, 1.0), (None, None), (410.0, 1.0)]
     given = {n: with_values(one, Rm_mpa=pair) for n, pair in zip(NAMES, values, strict=False)}
-    found = dic.compare_specimens(given).groups[0].scatter["Rm_mpa"]
+    found = dic.campaigns.compare_specimens(given).groups[0].scatter["Rm_mpa"]
     assert (found.names, found.mean) == (("a", "c"), 405.0)
     assert "too few" in found.outlier.reason
 
 
 def test_a_single_specimen_has_no_scatter(one):
-    found = dic.compare_specimens({"a": with_values(one, E_gpa=(200.0, None))}).groups[0].scatter["E_gpa"]
+    found = (
+        dic.campaigns.compare_specimens({"a": with_values(one, E_gpa=(200.0, None))})
+        .groups[0]
+        .scatter["E_gpa"]
+    )
     assert (found.mean, found.std_between, found.standard_error, found.stated_std) == (
         200.0,
         None,
@@ -93,16 +99,16 @@ def test_a_single_specimen_has_no_scatter(one):
 def test_an_outlier_is_marked_and_stays_in_the_mean(one, tmp_path):
     values = (199.31, 199.53, 200.19, 200.82, 201.92, 201.95, 202.18, 245.57)
     given = {f"s{k}": with_values(one, E_gpa=(value, 0.5)) for k, value in enumerate(values)}
-    campaign = dic.compare_specimens(given)
+    campaign = dic.campaigns.compare_specimens(given)
     found = campaign.groups[0].scatter["E_gpa"]
     assert (found.outlying, found.count) == ("s7", 8)
     assert found.mean == pytest.approx(sum(values) / 8)
-    dic.write_campaign_table(campaign, tmp_path / "t.csv")
+    dic.campaigns.write_campaign_table(campaign, tmp_path / "t.csv")
     rows = list(csv.DictReader((tmp_path / "t.csv").read_text("utf-8-sig").splitlines()))
     assert [row["specimen"] for row in rows if row["outlier_of"] == "E_gpa"] == ["s7"]
     means = {row["line"]: row["E_gpa"] for row in rows if row["line"] != "specimen"}
     assert float(means["mean"]) == pytest.approx(sum(values) / 8, abs=1e-5)
-    dic.write_campaign_report(campaign, tmp_path / "r.html")
+    dic.report.write_campaign_report(campaign, tmp_path / "r.html")
     assert "245.57<b>†</b><br><small>± 0.50</small>" in (tmp_path / "r.html").read_text()
 
 
@@ -121,10 +127,10 @@ def test_different_kinds_of_strain_are_stated_and_warned_of(one, tmp_path):
     assert "images without a reading: 2 of a, 2 of b" in lines
     told = [(each["strain_kind"], each["left_out"]) for each in mixed.as_dict()["specimens"]]
     assert told == [("corrected", 2), ("calibrated", 2)]
-    dic.write_campaign_table(mixed, tmp_path / "t.csv")
+    dic.campaigns.write_campaign_table(mixed, tmp_path / "t.csv")
     rows = list(csv.DictReader((tmp_path / "t.csv").read_text("utf-8-sig").splitlines()))
     assert [row["strain_kind"] for row in rows if row["line"] == "specimen"] == ["corrected", "calibrated"]
-    dic.write_campaign_report(mixed, tmp_path / "r.html")
+    dic.report.write_campaign_report(mixed, tmp_path / "r.html")
     page = (tmp_path / "r.html").read_text()
     assert warning in page
     assert "<td>calibrated, without 2 images</td>" in page
@@ -134,7 +140,7 @@ def test_planar_anisotropy_is_that_of_the_mean_ratio_of_each_direction(one):
     ratios = {"a": (1.6, 0.02), "b": (2.0, 0.02), "c": (1.2, 0.02), "d": (2.2, 0.02)}
     directions = {"a": 0, "b": 0, "c": 45, "d": 90}
     given = {name: with_values(one, r=pair) for name, pair in ratios.items()}
-    campaign = dic.compare_specimens(given, directions)
+    campaign = dic.campaigns.compare_specimens(given, directions)
     # r0 is 1.8 with the standard error 0.4 / √2 / √2 = 0.2; r45 and r90 have the stated 0.02
     found = campaign.anisotropy
     assert found["r_mean"].value == pytest.approx((1.8 + 2 * 1.2 + 2.2) / 4)
@@ -147,10 +153,10 @@ def test_planar_anisotropy_is_that_of_the_mean_ratio_of_each_direction(one):
 
 def test_without_a_direction_of_the_three_there_is_a_reason(one):
     given = {name: with_values(one, r=(1.5, 0.1)) for name in "ab"}
-    found = dic.compare_specimens(given, {"a": 0, "b": 90}).anisotropy
+    found = dic.campaigns.compare_specimens(given, {"a": 0, "b": 90}).anisotropy
     assert found["r_mean"].value is None
     assert "no strain ratio at 45°" in found["r_mean"].flags[0]
-    assert dic.compare_specimens(given).anisotropy == {}
+    assert dic.campaigns.compare_specimens(given).anisotropy == {}
 
 
 @pytest.mark.parametrize(
@@ -158,10 +164,10 @@ def test_without_a_direction_of_the_three_there_is_a_reason(one):
     [({"a": 0}, "a direction of each specimen, or none"), ({"a": 0, "b": 180}, "below 180°, got 180")],
 )
 def test_impossible_directions_are_refused(one, directions, words):
-    with pytest.raises(dic.CurveError, match=words):
-        dic.compare_specimens({"a": one, "b": one}, directions)
+    with pytest.raises(dic.errors.CurveError, match=words):
+        dic.campaigns.compare_specimens({"a": one, "b": one}, directions)
 
 
 def test_no_specimen_is_refused():
-    with pytest.raises(dic.CurveError, match="at least one specimen, got none"):
-        dic.compare_specimens({})
+    with pytest.raises(dic.errors.CurveError, match="at least one specimen, got none"):
+        dic.campaigns.compare_specimens({})

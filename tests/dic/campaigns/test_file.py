@@ -32,7 +32,7 @@ gauge_length_mm = 50
 
 def read(folder: Path, text: str):
     (folder / "campaign.toml").write_text(text)
-    return dic.read_campaign(folder)
+    return dic.campaigns.read_campaign(folder)
 
 
 def test_defaults_hold_unless_a_specimen_says_otherwise(tmp_path):
@@ -40,11 +40,11 @@ def test_defaults_hold_unless_a_specimen_says_otherwise(tmp_path):
     assert (first.name, first.file, first.settings.area_mm2) == ("first", tmp_path / "a.csv", 120.0)
     # the errors of both sides are independent: 6 · 0.02 and 20 · 0.01 mm²
     assert first.settings.area_std_mm2 == pytest.approx(math.hypot(0.12, 0.2))
-    assert first.source == dic.CurveColumns("Load:kN", "Strain:%")
+    assert first.source == dic.campaigns.CurveColumns("Load:kN", "Strain:%")
     assert (second.name, second.settings.area_mm2, second.settings.area_std_mm2) == ("b", 119.0, None)
     assert second.settings.load_std_percent == 0.3
     assert second.settings.offsets_percent == (0.2, 0.1)
-    assert second.source == dic.CurveColumns("Load:kN", "3:mm", gauge_length_mm=50)
+    assert second.source == dic.campaigns.CurveColumns("Load:kN", "3:mm", gauge_length_mm=50)
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_defaults_hold_unless_a_specimen_says_otherwise(tmp_path):
 )
 def test_what_is_wrong_with_the_file_is_said_in_one_sentence(tmp_path, old, new, words):
     assert old in GOOD
-    with pytest.raises(dic.CurveError) as caught:
+    with pytest.raises(dic.errors.CurveError) as caught:
         read(tmp_path, GOOD.replace(old, new, 1))
     assert [word for word in words if word not in str(caught.value)] == []
     assert "\n" not in str(caught.value)
@@ -87,24 +87,29 @@ def test_what_is_wrong_with_the_file_is_said_in_one_sentence(tmp_path, old, new,
 
 def test_all_unknown_keys_are_told_together(tmp_path):
     text = GOOD.replace("load_std", "lod_std").replace("area_mm2", "aera_mm2").replace("[[", "x = 1\n[[", 1)
-    with pytest.raises(dic.CurveError) as caught:
+    with pytest.raises(dic.errors.CurveError) as caught:
         read(tmp_path, text)
     for key in ("'lod_std_percent'", "'aera_mm2'", "'x'"):
         assert key in str(caught.value)
 
 
 def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(dic.CurveError, match=r"campaign\.toml: read the campaign: expected a TOML file"):
-        dic.read_campaign(tmp_path)
+    with pytest.raises(
+        dic.errors.CurveError, match=r"campaign\.toml: read the campaign: expected a TOML file"
+    ):
+        dic.campaigns.read_campaign(tmp_path)
 
 
 def test_tables_of_a_folder_are_taken_in_natural_order(tmp_path):
     for name in ("s10.csv", "s2.csv", "s2.txt"):
         (tmp_path / name).write_text("")
-    columns, settings = dic.CurveColumns("1:kN", "2:%"), dic.PropertySettings(area_mm2=20.0)
-    listed = dic.list_specimens(tmp_path, columns, settings)
+    columns, settings = (
+        dic.campaigns.CurveColumns("1:kN", "2:%"),
+        dic.properties.PropertySettings(area_mm2=20.0),
+    )
+    listed = dic.campaigns.list_specimens(tmp_path, columns, settings)
     assert [specimen.name for specimen in listed] == ["s2", "s10"]
-    left = dic.list_specimens(tmp_path, columns, settings, leave_out=[tmp_path / "s10.csv"])
+    left = dic.campaigns.list_specimens(tmp_path, columns, settings, leave_out=[tmp_path / "s10.csv"])
     assert [specimen.name for specimen in left] == ["s2"]
-    with pytest.raises(dic.CurveError, match=r"a folder with files \*\.dat, got none"):
-        dic.list_specimens(tmp_path, columns, settings, pattern="*.dat")
+    with pytest.raises(dic.errors.CurveError, match=r"a folder with files \*\.dat, got none"):
+        dic.campaigns.list_specimens(tmp_path, columns, settings, pattern="*.dat")

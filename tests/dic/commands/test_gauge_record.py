@@ -280,9 +280,9 @@ transverse_gauge = "width"
 
 
 def test_without_gauges_a_campaign_reads_the_whole_field(folder):
-    source = dic.GaugeChoice(record=folder / "machine.csv", load="Force:kN")
-    settings = dic.PropertySettings(area_mm2=AREA_MM2)
-    specimen = dic.CampaignSpecimen("whole", folder / "r.h5", settings, source)
-    (test,) = dic.measure_campaign([specimen]).tests
+    source = dic.campaigns.GaugeChoice(record=folder / "machine.csv", load="Force:kN")
+    settings = dic.properties.PropertySettings(area_mm2=AREA_MM2)
+    specimen = dic.campaigns.CampaignSpecimen("whole", folder / "r.h5", settings, source)
+    (test,) = dic.campaigns.measure_campaign([specimen]).tests
     assert test.properties.values["E_gpa"].value == pytest.approx(E_MPA / 1e3, rel=0.01)
     assert test.properties.values["nu"].value == pytest.approx(0.33, abs=0.01)

@@ -72,7 +72,7 @@ def test_results_are_complete_although_no_picture_can_be_drawn(folder, tmp_path,
 def calibration(tmp_path_factory):
     """A calibration file of an on-axis camera with 10 px/mm."""
     index = np.stack(np.meshgrid(np.arange(19), np.arange(17)), axis=-1).reshape(-1, 2)
-    grid = dic.GridPoints.on_lattice(index, index * [10.0, -10.0] + [0.0, 160.0], (19, 17), 1.0)
+    grid = dic.targets.GridPoints.on_lattice(index, index * [10.0, -10.0] + [0.0, 160.0], (19, 17), 1.0)
     path = tmp_path_factory.mktemp("calibration") / "cal.h5"
     dic.save_calibration(dic.Calibration.fit(grid, (160, 180)), path)
     return path

@@ -39,7 +39,7 @@ def test_each_setting_of_the_file_is_an_option_with_its_sentence_and_default():
 
 
 def test_documentation_of_settings_names_each_with_its_sentence_and_bounds():
-    for kind in (dic.CorrelationSettings, dic.StrainSettings, dic.Motion, dic.MapSettings):
+    for kind in (dic.CorrelationSettings, dic.StrainSettings, dic.Motion, dic.pictures.MapSettings):
         for name, declared in declared_in(kind).items():
             assert f"{name} : " in kind.__doc__
             assert declared.sentence in kind.__doc__

@@ -159,7 +159,7 @@ def test_python_takes_the_same(folder):
         again = dic.measure_images(reference, images, settings=SETTINGS)
         assert [image.mean.exx for image in again.images] == expected
     with pytest.raises(
-        dic.CorrelationError, match="images: expected images of the deformed specimen, got None"
+        dic.errors.CorrelationError, match="images: expected images of the deformed specimen, got None"
     ):
         dic.measure_images(reference, settings=SETTINGS)
 
@@ -174,7 +174,7 @@ def test_python_writes_the_table_of_strains(folder, tmp_path):
     (tmp_path / "a.png").write_bytes(b"no image")
     images = [*dic.list_images("series"), tmp_path / "a.png"]
     series = dic.measure_images("series/img0.png", images[1:], settings=SETTINGS)
-    dic.write_strain_table(series.rows(), tmp_path / "strain.csv")
+    dic.results.write_strain_table(series.rows(), tmp_path / "strain.csv")
     with (tmp_path / "strain.csv").open(encoding="utf-8", newline="") as file:
         *measured_rows, failed = csv.DictReader(file)
     assert [float(row["raw_exx"]) for row in measured_rows] == pytest.approx(STRETCHES[1:], abs=3e-5)

@@ -23,10 +23,10 @@ def test_the_printed_options_find_the_target(kind: str, tmp_path: Path) -> None:
     assert run_dic("calibrate", sheet, *options).status == 0
 
 
-@pytest.mark.parametrize("name", dic.TARGETS)
+@pytest.mark.parametrize("name", dic.targets.TARGETS)
 def test_the_options_of_a_target_describe_this_target(name: str) -> None:
     values = {"pitch_mm": 2.5, "marker_mm": None, "dictionary": "DICT_4X4_100"}
-    target = dic.TARGETS[name].of((12, 11), values)
+    target = dic.targets.TARGETS[name].of((12, 11), values)
     given = calibrate.make_context("calibrate", ["image.png", *target.options.split()]).params
     options = {name.removeprefix("target_"): given[name] for name in given if name.startswith("target_")}
 
@@ -35,7 +35,9 @@ def test_the_options_of_a_target_describe_this_target(name: str) -> None:
 
 @pytest.mark.parametrize("command", ["target", "gauges", "export"])
 def test_the_help_names_every_kind_of_the_registry(command: str) -> None:
-    registry = {"target": dic.TARGETS, "gauges": dic.GAUGES, "export": dic.EXPORTS}[command]
+    registry = {"target": dic.targets.TARGETS, "gauges": dic.gauges.GAUGES, "export": dic.exports.EXPORTS}[
+        command
+    ]
     text = run_dic(command, "--help").out
 
     assert [name for name in registry if name not in text] == []

@@ -245,7 +245,7 @@ def test_example_of_facts_in_the_documentation_states_every_fact(tmp_path):
     page = (DOCS / "report.md").read_text("utf-8")
     (example,) = re.findall(r"```toml\n(\[laboratory\].*?)```", page, re.DOTALL)
     (tmp_path / "facts.toml").write_text(example, encoding="utf-8")
-    facts = dic.read_stated_facts(tmp_path / "facts.toml")
+    facts = dic.report.read_stated_facts(tmp_path / "facts.toml")
     assert {name: set(table) for name, table in facts.tables.items()} == {
         name: set(known) for name, known in FACTS_KNOWN.items()
     }
@@ -255,10 +255,10 @@ def test_example_of_facts_in_the_documentation_states_every_fact(tmp_path):
 @pytest.fixture(scope="module")
 def column(folder):
     """The column of the tension test's raw strain."""
-    record = dic.read_machine_record(folder / "machine.csv", load="Force:kN")
+    record = dic.records.read_machine_record(folder / "machine.csv", load="Force:kN")
     series = dic.measure_gauges(folder / "r.h5", dic.read_gauges(texts=[AXIAL]))
-    series, _ = dic.join_record(series, record, "row")
-    return dic.tensile_test(series, "axial", None, dic.PropertySettings(area_mm2=AREA_MM2)).main
+    series, _ = dic.derived.join_record(series, record, "row")
+    return dic.tensile_test(series, "axial", None, dic.properties.PropertySettings(area_mm2=AREA_MM2)).main
 
 
 def test_points_of_the_curve_are_those_that_were_asked_for(column):
@@ -289,7 +289,7 @@ def test_points_of_the_curve_are_those_that_were_asked_for(column):
     ],
 )
 def test_points_that_the_curve_does_not_have_are_refused(column, wanted, words):
-    with pytest.raises(dic.CurveError, match=re.escape(words)):
+    with pytest.raises(dic.errors.CurveError, match=re.escape(words)):
         chosen_states(column, [wanted])
 
 
@@ -344,12 +344,12 @@ def test_pdf_has_every_table_whole_on_a_page(folder, tmp_path):
 @pytest.mark.parametrize("written", ['"2026-03-02"', "2026-03-02", '"2026-03-02T08:30:00+01:00"'])
 def test_a_stated_date_is_a_date_of_iso_8601(tmp_path, written):
     (tmp_path / "facts.toml").write_text(f"[laboratory]\ndate = {written}\n")
-    facts = dic.read_stated_facts(tmp_path / "facts.toml")
+    facts = dic.report.read_stated_facts(tmp_path / "facts.toml")
     assert json.loads(json.dumps(facts.as_dict()))["laboratory"]["date"].startswith("2026-03-02")
-    dic.AboutTest("a", facts.tables)
+    dic.exports.AboutTest("a", facts.tables)
     said = r"\[laboratory\] date: expected a date of ISO 8601, got '2.3.26'"
-    with pytest.raises(dic.OutputError, match=said):
-        dic.AboutTest("a", {"laboratory": {"date": "2.3.26"}})
+    with pytest.raises(dic.errors.OutputError, match=said):
+        dic.exports.AboutTest("a", {"laboratory": {"date": "2.3.26"}})
 
 
 def test_an_error_of_the_program_is_no_sentence_about_the_results(folder, tmp_path, monkeypatch):

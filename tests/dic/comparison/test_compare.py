@@ -52,7 +52,7 @@ def measurement(region=None):
 @pytest.mark.parametrize("program", WRITERS)
 def test_each_program_differs_by_what_it_measures_too_much_and_by_nothing_else(program, tmp_path):
     path = WRITERS[program](tmp_path / "peer")
-    peer = dic.read_peer(path, number=2 if program.startswith("Ncorr") else 1)
+    peer = dic.comparison.read_peer(path, number=2 if program.startswith("Ncorr") else 1)
     assert peer.program == program.split()[0]
     found = compare(measurement(), peer)
     assert found.common == (64 if program.startswith("Ncorr") else 9)
@@ -74,7 +74,7 @@ def test_each_program_differs_by_what_it_measures_too_much_and_by_nothing_else(p
 
 def test_statistics_are_those_of_the_differences():
     ours, peer = np.array([1.0, 2.0, 4.0, np.nan, 9.0]), np.array([0.0, 0.0, 0.0, 0.0, np.nan])
-    difference = dic.Difference("u_px", ours, peer)
+    difference = dic.comparison.Difference("u_px", ours, peer)
     expected = {"points": 3, "mean": 7 / 3, "rms": np.sqrt(7.0), "std": np.sqrt(14) / 3, "median": 2.0}
     expected |= {"quantile_05": 1.1, "quantile_95": 3.8, "largest": 4.0}
     assert difference.as_dict() == pytest.approx(expected)
@@ -82,22 +82,22 @@ def test_statistics_are_those_of_the_differences():
 
 def test_ncorr_file_of_one_image_and_texts_with_spaces_are_read(tmp_path):
     for write in (write_ncorr, write_ncorr_73):
-        assert len(dic.read_peer(write(tmp_path / "one.mat", images=1))) == 64
-    assert len(dic.read_peer(write_dice(tmp_path / "spaces.txt", " "))) == len(points()[0])
-    assert dic.read_peer(tmp_path / "spaces.txt").image == "images/def.tif"
+        assert len(dic.comparison.read_peer(write(tmp_path / "one.mat", images=1))) == 64
+    assert len(dic.comparison.read_peer(write_dice(tmp_path / "spaces.txt", " "))) == len(points()[0])
+    assert dic.comparison.read_peer(tmp_path / "spaces.txt").image == "images/def.tif"
 
 
 def test_gap_in_the_region_is_not_interpolated(tmp_path):
     """A slit one pixel wide, from the left edge to the right, between two rows of points."""
     region = np.ones((100, 100), bool)
     region[65] = False
-    peer = dic.read_peer(write_dice(tmp_path / "dice.txt"))
+    peer = dic.comparison.read_peer(write_dice(tmp_path / "dice.txt"))
     found = compare(measurement(region), peer).differences["u_px"].values
     y = peer.points_px[:, 1]
     assert np.isfinite(found[y < 60]).sum() == 6
     # 71.25 lies between the rows 70 and 80, below the slit.
     assert np.isfinite(found[y > 70]).sum() == 3
-    shifted = dic.PeerField(
+    shifted = dic.comparison.PeerField(
         "DICe", "", peer.points_px - [0.0, 8.0], peer.u_px, peer.v_px, {}, "green-lagrange"
     )
     found = compare(measurement(region), shifted).differences["u_px"].values

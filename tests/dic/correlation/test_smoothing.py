@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from benchmarks.speckle import Speckle, shift
-from dic import CorrelationError, CorrelationSettings, Correlator, Series, measure
+from dic import CorrelationSettings, Correlator, measure
+from dic.correlation import Series
 from dic.correlation.smoothing import LARGEST_BIAS_PX, Smoothing
+from dic.errors import CorrelationError
 from tests.dic.correlation.sharp_patterns import discs
 
 

@@ -10,20 +10,12 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from dic import (
-    Calibration,
-    Extensometer,
-    GridPoints,
-    LineCut,
-    PointGauge,
-    StrainGauge,
-    TransverseExtensometer,
-    read_gauges,
-    read_region,
-)
+from dic import Calibration, read_gauges, read_region
 from dic.drawing.millimetres import calibration_nodes
 from dic.drawing.picture import shown_picture
+from dic.gauges import Extensometer, LineCut, PointGauge, StrainGauge, TransverseExtensometer
 from dic.gauges.file import gauge_text
+from dic.targets import GridPoints
 from tests.command_line import refusal, run_dic
 from tests.image_files import write_image
 from tests.places import DOCS, ROOT

@@ -8,15 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from dic import (
-    LineCut,
-    PointGauge,
-    StrainGauge,
-    TransverseExtensometer,
-    load_calibration,
-    read_gauges,
-    read_region,
-)
+from dic import load_calibration, read_gauges, read_region
+from dic.gauges import LineCut, PointGauge, StrainGauge, TransverseExtensometer
 from dic.regions.read import read_drawn_region
 from tests.browser import browser
 from tests.command_line import run_dic

@@ -52,7 +52,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     states = [State(Pose.sloped(0.05, -0.15, 0.005), F), State(Pose.sloped(0.1, 0.1, 0.02), F)]
     steps = [RunStep(2 + k, "load", 1000.0, 1001.0 + k, 0.1, np.nan, 9.0 * k) for k in range(2)]
     run = run_of(steps, states, [states[0], State(F=np.diag([1.02, 1.0]))])
-    dic.save_run_result(run, made / "run.h5")
+    dic.pipeline.save_run_result(run, made / "run.h5")
     for name in ("series", "run"):
         places = "-o", made / name, "--json", made / f"{name}.json"
         assert run_dic("export", made / f"{name}.h5", *FORMATS, *places).status == 0
@@ -210,7 +210,7 @@ def test_copy_of_the_reference_has_no_failed_points_in_dice_text(folder, tmp_pat
     with h5py.File(result) as file:
         assert (file["series/zncc"][0] > 1.0).any()
         points = np.count_nonzero((file["series/status"][0] == 0) & (file["series/active"][:] == 1))
-    assert len(dic.read_peer(out / "dice" / "DICe_solution_1.txt")) == points
+    assert len(dic.comparison.read_peer(out / "dice" / "DICe_solution_1.txt")) == points
 
 
 def test_raw_strain_beside_the_calibrated_one_is_that_of_planes_through_the_displacements(folder, tmp_path):
@@ -255,7 +255,7 @@ def test_own_export_in_dices_format_is_compared_only_if_its_strain_is_raw(folder
     # The series has an image that could not be measured.
     assert run_dic("strain", folder / "series.h5", "--strain", "hencky", "-o", hencky).status == 2
     assert run_dic("export", hencky, "dice", "-o", tmp_path).status == 0
-    assert dic.read_peer(tmp_path / "dice" / "DICe_solution_3.txt").measure == "hencky"
+    assert dic.comparison.read_peer(tmp_path / "dice" / "DICe_solution_3.txt").measure == "hencky"
 
 
 def test_table_names_the_failures_of_a_camera_that_measured_nothing(folder, tmp_path):

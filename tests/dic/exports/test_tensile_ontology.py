@@ -90,7 +90,7 @@ def curve():
 
 @pytest.fixture(scope="module")
 def found():
-    settings = dic.PropertySettings(
+    settings = dic.properties.PropertySettings(
         area_mm2=AREA_MM2, area_std_mm2=0.05, load_std_percent=0.3, offsets_percent=(0.2, 0.1, 0.5)
     )
     return dic.material_properties(curve(), settings)
@@ -102,7 +102,7 @@ def written(found, tmp_path):
 
     def write(**about):
         path = tmp_path / "test.ttl"
-        dic.write_tensile_ontology(found, path, dic.AboutTest(**({"name": "Zx 7"} | about)))
+        dic.exports.write_tensile_ontology(found, path, dic.exports.AboutTest(**({"name": "Zx 7"} | about)))
         return rdflib.Graph().parse(path, format="turtle")
 
     return write
@@ -208,7 +208,9 @@ def test_every_value_has_its_uncertainty_and_its_rule(written, found):
 
 
 def test_what_the_ontology_has_no_class_for_is_named(found, tmp_path):
-    left_out = dic.write_tensile_ontology(found, tmp_path / "test.ttl", dic.AboutTest(name="7"))
+    left_out = dic.exports.write_tensile_ontology(
+        found, tmp_path / "test.ttl", dic.exports.AboutTest(name="7")
+    )
     assert left_out == [key for key in ("nu", "r", "n") if found.values[key].value is not None]
     assert "n" in left_out
 
@@ -312,8 +314,10 @@ def test_different_names_have_different_iris_of_plain_ascii(written):
 def test_the_individuals_begin_with_the_iri_that_is_given(written):
     (process,) = written(iri="https://lab.example/tests/").subjects(rdflib.RDF.type, PROCESS)
     assert str(process) == "https://lab.example/tests/Zx%207_process"
-    with pytest.raises(dic.OutputError, match="IRI of the test: expected an IRI without spaces, got lab 5"):
-        dic.AboutTest(name="a", iri="lab 5")
+    with pytest.raises(
+        dic.errors.OutputError, match="IRI of the test: expected an IRI without spaces, got lab 5"
+    ):
+        dic.exports.AboutTest(name="a", iri="lab 5")
 
 
 def test_the_command_writes_the_values_of_its_json(tmp_path):

@@ -10,11 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dic import Extensometer, GaugeImage, GaugeSeries, PropertySettings, TransverseExtensometer, tensile_test
+from dic import tensile_test
+from dic.gauges import Extensometer, GaugeImage, GaugeSeries, TransverseExtensometer
 from dic.gauges.placed import PlacedGauges
 from dic.out_of_plane.correction import stated
 from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.tension import correct_tilt
+from dic.properties import PropertySettings
 from simulators.scene.pose import Pose
 from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 from tests.dic.out_of_plane.rendered import RenderedView

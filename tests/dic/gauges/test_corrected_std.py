@@ -7,7 +7,7 @@ grid and specimen, the mounting of the specimen, and its tilt under load.
 import numpy as np
 import pytest
 
-from dic import Extensometer, PointGauge, StrainGauge, TransverseExtensometer
+from dic.gauges import Extensometer, PointGauge, StrainGauge, TransverseExtensometer
 from dic.gauges.placed import PlacedGauges
 from dic.out_of_plane.correction import stated
 from dic.out_of_plane.shift import Shift

@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dic import Extensometer, GaugeError, LineCut, PointGauge, StrainGauge, measure_gauges, write_gauge_table
+from dic import measure_gauges
 from dic.correlation.settings import CorrelationSettings
+from dic.errors import GaugeError
+from dic.gauges import Extensometer, LineCut, PointGauge, StrainGauge, write_gauge_table
 from dic.gauges.points import GridPlaces
 from dic.gauges.sums import covariance_at_points
 from dic.image.point_grid import connected_part, place_points

@@ -2,15 +2,9 @@
 
 import pytest
 
-from dic import (
-    Extensometer,
-    GaugeError,
-    LineCut,
-    PointGauge,
-    StrainGauge,
-    TransverseExtensometer,
-    read_gauges,
-)
+from dic import read_gauges
+from dic.errors import GaugeError
+from dic.gauges import Extensometer, LineCut, PointGauge, StrainGauge, TransverseExtensometer
 
 GOOD = """
 unit = "mm"

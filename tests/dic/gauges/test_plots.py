@@ -11,9 +11,9 @@ from dic.gauges import cut_plot, plot
 from tests.dic.gauges.exact_fields import exact_field, exact_series, stretched
 
 STRAINS = np.array([0.001, 0.002, 0.003, 0.004])
-AXIAL = dic.Extensometer(name="axial", start=(150, 80), end=(150, 320), patch=40)
-FOIL = dic.StrainGauge(name="foil", centre=(150, 200), size=(80, 80), direction_deg=90.0)
-ACROSS = dic.LineCut(name="across", start=(40, 200), end=(260, 200), places=23)
+AXIAL = dic.gauges.Extensometer(name="axial", start=(150, 80), end=(150, 320), patch=40)
+FOIL = dic.gauges.StrainGauge(name="foil", centre=(150, 200), size=(80, 80), direction_deg=90.0)
+ACROSS = dic.gauges.LineCut(name="across", start=(40, 200), end=(260, 200), places=23)
 """A cut whose places are points of the field."""
 BEND = 1e-5
 
@@ -43,7 +43,7 @@ def drawn(monkeypatch):
 
     def draw(function, series, **how):
         figures = []
-        module = plot if function is dic.plot_gauges else cut_plot
+        module = plot if function is dic.gauges.plot_gauges else cut_plot
         monkeypatch.setattr(module, "write_plot", lambda figure, *rest: figures.append(figure))
         said = function(series, "picture.svg", **how)
         return figures[0], said
@@ -56,7 +56,7 @@ def lines_of(axis):
 
 
 def test_gauges_are_drawn_against_the_load_in_micro_strain(drawn):
-    figure, said = drawn(dic.plot_gauges, of_strains((AXIAL, FOIL)), against="load")
+    figure, said = drawn(dic.gauges.plot_gauges, of_strains((AXIAL, FOIL)), against="load")
     (axis,) = figure.axes
     lines = lines_of(axis)
     assert set(lines) == {"axial, raw", "foil, raw"}
@@ -69,7 +69,7 @@ def test_gauges_are_drawn_against_the_load_in_micro_strain(drawn):
 
 def test_small_loads_are_drawn_in_newtons_and_large_strains_in_percent(drawn):
     series = of_strains((AXIAL,), strains=(0.05,))
-    figure, _ = drawn(dic.plot_gauges, series, against="load")
+    figure, _ = drawn(dic.gauges.plot_gauges, series, against="load")
     (axis,) = figure.axes
     (line,) = lines_of(axis).values()
     assert (axis.get_xlabel(), axis.get_ylabel()) == ("load, N", "engineering strain, %")
@@ -82,7 +82,7 @@ def test_small_loads_are_drawn_in_newtons_and_large_strains_in_percent(drawn):
     [("image", [1, 2, 3, 4], "number of the image"), ("time", [0.0, 2.0, 4.0, 6.0], "time, s")],
 )
 def test_gauges_are_drawn_against_the_number_of_the_image_or_time(drawn, against, x, label):
-    figure, _ = drawn(dic.plot_gauges, of_strains((AXIAL,)), against=against)
+    figure, _ = drawn(dic.gauges.plot_gauges, of_strains((AXIAL,)), against=against)
     (axis,) = figure.axes
     (line,) = lines_of(axis).values()
     np.testing.assert_allclose(line.get_xdata(), x)
@@ -90,7 +90,7 @@ def test_gauges_are_drawn_against_the_number_of_the_image_or_time(drawn, against
 
 
 def test_extensions_have_the_unit_of_their_lengths(drawn):
-    figure, _ = drawn(dic.plot_gauges, of_strains((AXIAL, FOIL)), quantity="extension")
+    figure, _ = drawn(dic.gauges.plot_gauges, of_strains((AXIAL, FOIL)), quantity="extension")
     (axis,) = figure.axes
     (line,) = lines_of(axis).values()  # an area has no extension
     np.testing.assert_allclose(line.get_ydata(), STRAINS * 240.0, rtol=1e-6)
@@ -99,7 +99,7 @@ def test_extensions_have_the_unit_of_their_lengths(drawn):
 
 def test_the_band_is_the_95_percent_interval(drawn):
     series = of_strains((AXIAL,))
-    figure, _ = drawn(dic.plot_gauges, series)
+    figure, _ = drawn(dic.gauges.plot_gauges, series)
     (band,) = figure.axes[0].collections
     _, std = series.strain("axial")
     heights = band.get_paths()[0].vertices[:, 1]
@@ -109,7 +109,7 @@ def test_the_band_is_the_95_percent_interval(drawn):
 
 def test_images_without_a_reading_or_a_load_leave_gaps_and_are_named(drawn):
     series = of_strains((AXIAL,), images=[1], loads=[2])
-    figure, said = drawn(dic.plot_gauges, series, against="load")
+    figure, said = drawn(dic.gauges.plot_gauges, series, against="load")
     (line,) = lines_of(figure.axes[0]).values()
     np.testing.assert_array_equal(np.isfinite(line.get_ydata()), [True, False, True, True])
     np.testing.assert_array_equal(np.isfinite(line.get_xdata()), [True, True, False, True])
@@ -122,7 +122,9 @@ def test_cameras_and_kinds_are_lines_of_their_own(drawn):
     raw = series.images[0].readings["axial"]["raw"]
     both = {"axial": {"raw": raw, "calibrated": replace(raw, strain=0.0015, unit="mm")}}
     images = [replace(series.images[0], readings=both, known={"camera": name}) for name in ("left", "right")]
-    figure, _ = drawn(dic.plot_gauges, replace(series, images=tuple(images)), kinds=("raw", "calibrated"))
+    figure, _ = drawn(
+        dic.gauges.plot_gauges, replace(series, images=tuple(images)), kinds=("raw", "calibrated")
+    )
     lines = lines_of(figure.axes[0])
     assert set(lines) == {
         f"axial, {camera}, {kind}" for camera in ("left", "right") for kind in ("raw", "calibrated")
@@ -144,7 +146,7 @@ def test_colours_differ_in_lightness_for_every_kind_of_vision():
 
 def test_a_cut_shows_the_formula_of_the_strain_along_the_line(drawn):
     series = dic.measure_gauges(exact_series(exact_field(bent)), (ACROSS,))
-    figure, said = drawn(dic.plot_cuts, series, quantity="exx")
+    figure, said = drawn(dic.gauges.plot_cuts, series, quantity="exx")
     (axis,) = figure.axes
     (line,) = lines_of(axis).values()
     x = np.linspace(40.0, 260.0, 23)
@@ -158,7 +160,7 @@ def test_a_cut_shows_the_formula_of_the_strain_along_the_line(drawn):
 def test_a_place_without_points_leaves_a_gap_in_a_cut(drawn):
     lost = [(row, column) for row in range(14, 23) for column in range(9, 14)]
     series = dic.measure_gauges(exact_series(exact_field(bent, lost=lost)), (ACROSS,))
-    figure, _ = drawn(dic.plot_cuts, series, quantity="exx")
+    figure, _ = drawn(dic.gauges.plot_cuts, series, quantity="exx")
     (line,) = lines_of(figure.axes[0]).values()
     known = np.isfinite(line.get_ydata())
     assert known[[0, -1]].all()
@@ -172,38 +174,42 @@ def test_displacements_in_different_units_are_not_drawn_on_one_axis(drawn):
     (image,) = dic.measure_gauges(exact_series(exact_field(bent)), (ACROSS,)).images
     raw = image.readings["across"]["raw"]
     both = {"across": {"raw": raw, "calibrated": replace(raw, unit="mm")}}
-    series = dic.GaugeSeries("", (ACROSS,), (replace(image, readings=both),))
+    series = dic.gauges.GaugeSeries("", (ACROSS,), (replace(image, readings=both),))
     kinds = ("raw", "calibrated")
-    with pytest.raises(dic.GaugeError, match="draw u: expected values in one unit, got mm and px"):
-        dic.plot_cuts(series, "picture.svg", quantity="u", kinds=kinds)
-    figure, _ = drawn(dic.plot_cuts, series, quantity="exx", kinds=kinds)  # a strain has no unit
+    with pytest.raises(dic.errors.GaugeError, match="draw u: expected values in one unit, got mm and px"):
+        dic.gauges.plot_cuts(series, "picture.svg", quantity="u", kinds=kinds)
+    figure, _ = drawn(dic.gauges.plot_cuts, series, quantity="exx", kinds=kinds)  # a strain has no unit
     assert len(lines_of(figure.axes[0])) == 2
 
 
 def test_a_long_series_is_shown_by_eight_measured_images_of_a_cut(drawn):
     strains = np.linspace(1e-4, 2e-3, 20)
     series = of_strains((ACROSS,), strains=strains, images=[0, 10, 19])
-    figure, said = drawn(dic.plot_cuts, series)
+    figure, said = drawn(dic.gauges.plot_cuts, series)
     lines = lines_of(figure.axes[0])
     assert [label.split(":")[0] for label in lines] == ["2", "4", "7", "9", "12", "14", "17", "19"]
     assert said == []
-    figure, said = drawn(dic.plot_cuts, series, images=[20, 5])
+    figure, said = drawn(dic.gauges.plot_cuts, series, images=[20, 5])
     assert [label.split(":")[0] for label in lines_of(figure.axes[0])] == ["5"]
     assert said == ["across: no values in image 19"]
 
 
 def test_text_stays_text_in_svg_and_the_size_is_that_on_paper(tmp_path):
     series = of_strains((AXIAL,))
-    dic.plot_gauges(series, tmp_path / "g.svg", settings=dic.PlotSettings(width_mm=90.0, height_mm=60.0))
+    dic.gauges.plot_gauges(
+        series, tmp_path / "g.svg", settings=dic.pictures.PlotSettings(width_mm=90.0, height_mm=60.0)
+    )
     text = (tmp_path / "g.svg").read_text()
     for words in ("engineering strain, µε", "number of the image", "axial, raw"):
         assert f">{words}<" in text
     points = 72.0 / 25.4
     assert f'width="{90.0 * points:.6f}'[:10] in text
-    dic.plot_gauges(series, tmp_path / "g.png", settings=dic.PlotSettings(90.0, 60.0, dpi=254))
+    dic.gauges.plot_gauges(
+        series, tmp_path / "g.png", settings=dic.pictures.PlotSettings(90.0, 60.0, dpi=254)
+    )
     with Image.open(tmp_path / "g.png") as picture:
         assert picture.size == (900, 600)
-    dic.plot_gauges(series, tmp_path / "g.pdf")
+    dic.gauges.plot_gauges(series, tmp_path / "g.pdf")
     assert (tmp_path / "g.pdf").read_bytes().startswith(b"%PDF")
 
 
@@ -219,23 +225,23 @@ def test_text_stays_text_in_svg_and_the_size_is_that_on_paper(tmp_path):
 )
 def test_what_cannot_be_drawn_is_refused_in_one_sentence(tmp_path, how, words):
     series = of_strains((AXIAL,), loads=range(4))
-    with pytest.raises(dic.GaugeError, match=words):
-        dic.plot_gauges(series, tmp_path / "g.png", **how)
+    with pytest.raises(dic.errors.GaugeError, match=words):
+        dic.gauges.plot_gauges(series, tmp_path / "g.png", **how)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_wrong_kinds_of_gauges_images_and_files_are_refused(tmp_path):
     cuts, gauges = of_strains((ACROSS,)), of_strains((AXIAL,))
-    with pytest.raises(dic.GaugeError, match="draw line cuts with `dic plot cuts`"):
-        dic.plot_gauges(cuts, tmp_path / "g.png")
-    with pytest.raises(dic.GaugeError, match="expected a line cut, got gauges: extensometer"):
-        dic.plot_cuts(gauges, tmp_path / "g.png")
-    with pytest.raises(dic.GaugeError, match="expected numbers from 1 to 4, got 5"):
-        dic.plot_cuts(cuts, tmp_path / "g.png", images=[5])
-    with pytest.raises(dic.GaugeError, match="an image that could be measured, got none"):
-        dic.plot_cuts(of_strains((ACROSS,), images=range(4)), tmp_path / "g.png")
-    with pytest.raises(dic.OutputError, match=r"ends with \.png, \.pdf, \.svg, got \.jpg"):
-        dic.plot_cuts(cuts, tmp_path / "g.jpg")
-    with pytest.raises(dic.CorrelationError, match="height of plots: expected 20 to 2000 mm, got 5"):
-        dic.PlotSettings(height_mm=5.0)
+    with pytest.raises(dic.errors.GaugeError, match="draw line cuts with `dic plot cuts`"):
+        dic.gauges.plot_gauges(cuts, tmp_path / "g.png")
+    with pytest.raises(dic.errors.GaugeError, match="expected a line cut, got gauges: extensometer"):
+        dic.gauges.plot_cuts(gauges, tmp_path / "g.png")
+    with pytest.raises(dic.errors.GaugeError, match="expected numbers from 1 to 4, got 5"):
+        dic.gauges.plot_cuts(cuts, tmp_path / "g.png", images=[5])
+    with pytest.raises(dic.errors.GaugeError, match="an image that could be measured, got none"):
+        dic.gauges.plot_cuts(of_strains((ACROSS,), images=range(4)), tmp_path / "g.png")
+    with pytest.raises(dic.errors.OutputError, match=r"ends with \.png, \.pdf, \.svg, got \.jpg"):
+        dic.gauges.plot_cuts(cuts, tmp_path / "g.jpg")
+    with pytest.raises(dic.errors.CorrelationError, match="height of plots: expected 20 to 2000 mm, got 5"):
+        dic.pictures.PlotSettings(height_mm=5.0)
     assert list(tmp_path.iterdir()) == []

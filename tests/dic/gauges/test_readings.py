@@ -3,15 +3,9 @@
 import numpy as np
 import pytest
 
-from dic import (
-    Extensometer,
-    GaugeError,
-    LineCut,
-    PointGauge,
-    StrainGauge,
-    TransverseExtensometer,
-    measure_gauges,
-)
+from dic import measure_gauges
+from dic.errors import GaugeError
+from dic.gauges import Extensometer, LineCut, PointGauge, StrainGauge, TransverseExtensometer
 from dic.gauges.placed import PlacedGauges
 from tests.dic.gauges.exact_fields import exact_field, exact_series, stretched
 

@@ -7,16 +7,10 @@ import h5py
 import numpy as np
 import pytest
 
-from dic import (
-    Extensometer,
-    GaugeError,
-    LineCut,
-    PointGauge,
-    StrainGauge,
-    TransverseExtensometer,
-    measure_gauges,
-    save_run_result,
-)
+from dic import measure_gauges
+from dic.errors import GaugeError
+from dic.gauges import Extensometer, LineCut, PointGauge, StrainGauge, TransverseExtensometer
+from dic.pipeline import save_run_result
 from dic.runfile.reader import RunStep
 from simulators.scene.pose import Pose
 from tests.command_line import refusal, run_dic

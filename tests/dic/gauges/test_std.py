@@ -5,16 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dic import (
-    CorrelationSettings,
-    Extensometer,
-    LineCut,
-    PointGauge,
-    StrainGauge,
-    TransverseExtensometer,
-    measure_gauges,
-    measure_images,
-)
+from dic import CorrelationSettings, measure_gauges, measure_images
+from dic.gauges import Extensometer, LineCut, PointGauge, StrainGauge, TransverseExtensometer
 from tests.conftest import SpecklePattern
 from tests.dic.gauges.exact_fields import exact_field, exact_series, stretched, with_noise
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dic import CorrectionSettings, CorrelationError, Motion
+from dic import CorrectionSettings, Motion
+from dic.errors import CorrelationError
 from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.tension import correct_tilt
 from simulators.scene.optics import PinholeCamera

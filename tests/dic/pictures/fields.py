@@ -10,7 +10,9 @@ import dic
 SHAPE = (240, 300)
 
 
-def field_of(motion: Callable[[np.ndarray], np.ndarray], gradient: np.ndarray, lost: tuple = ()) -> dic.Field:
+def field_of(
+    motion: Callable[[np.ndarray], np.ndarray], gradient: np.ndarray, lost: tuple = ()
+) -> dic.correlation.Field:
     """Return a field whose points have the displacements of the function `motion`.
 
     Parameters
@@ -28,23 +30,25 @@ def field_of(motion: Callable[[np.ndarray], np.ndarray], gradient: np.ndarray, l
     warps = np.empty((*shape, 6))
     warps[..., [0, 3]] = motion(places)
     warps[..., [1, 2, 4, 5]] = gradient.ravel()
-    status = np.full(shape, dic.Status.CONVERGED, np.int8)
+    status = np.full(shape, dic.correlation.Status.CONVERGED, np.int8)
     for place in lost:
         warps[place] = np.nan
-        status[place] = dic.Status.LOW_CORRELATION
+        status[place] = dic.correlation.Status.LOW_CORRELATION
     settings = dic.CorrelationSettings(subset_px=21, step_px=20)
     few, one = np.full((*shape, 6), 1e-4), np.ones(shape)
     active = np.ones(shape, bool)
-    return dic.Field(x, y, warps, few, one, np.full(shape, 3, np.int16), status, active, "search", settings)
+    return dic.correlation.Field(
+        x, y, warps, few, one, np.full(shape, 3, np.int16), status, active, "search", settings
+    )
 
 
-def stretched(exx: float, lost: tuple = ()) -> dic.Field:
+def stretched(exx: float, lost: tuple = ()) -> dic.correlation.Field:
     """Return the field of a specimen that is stretched to the right by `exx`, with u = 0 at x = 0."""
     gradient = np.array([[exx, 0.0], [0.0, 0.0]])
     return field_of(lambda places: places @ gradient.T, gradient, lost)
 
 
-def part_of(field: dic.Field, rows: slice, columns: slice) -> dic.Field:
+def part_of(field: dic.correlation.Field, rows: slice, columns: slice) -> dic.correlation.Field:
     """Return the field of some rows and columns of points."""
     names = "warps", "std", "zncc", "iterations", "status", "active"
     parts = {name: getattr(field, name)[rows, columns] for name in names}

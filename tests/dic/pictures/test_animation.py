@@ -19,8 +19,8 @@ from tests.dic.pipeline.rendered_run import slid, write_rendered_run
 from tests.full_disk import full_disk
 
 GREY = np.full(SHAPE, 128.0, np.float32)
-COLOURS = colours_of(dic.MapSettings())
-PLAIN = dic.MapSettings(quantities=("exx",), axes="off", opacity=1.0, width_mm=40.0, dpi=100)
+COLOURS = colours_of(dic.pictures.MapSettings())
+PLAIN = dic.pictures.MapSettings(quantities=("exx",), axes="off", opacity=1.0, width_mm=40.0, dpi=100)
 
 
 def series_of(*strains):
@@ -96,7 +96,7 @@ def test_an_opencv_that_writes_no_mp4_is_said_in_one_sentence(tmp_path, monkeypa
 
     monkeypatch.setattr(cv2, "VideoWriter", Without)
     with (
-        pytest.raises(dic.OutputError, match=r"an OpenCV that encodes MPEG-4, .*ends with \.gif"),
+        pytest.raises(dic.errors.OutputError, match=r"an OpenCV that encodes MPEG-4, .*ends with \.gif"),
         animation_writer(tmp_path / "a.mp4", 5.0, COLOURS) as add,
     ):
         add(np.zeros((4, 4, 3), np.uint8))
@@ -168,7 +168,7 @@ def test_given_loads_are_in_the_titles_but_not_the_times_of_files(tmp_path, monk
     series = series_of(0.001, 0.002)
     dic.write_animation(series, tmp_path / "a.gif", settings=PLAIN, known=known)
     assert titles == ["image 0.png · 1 of 2 · 20 N", "image 1.png · 2 of 2 · 3.0 s"]
-    with pytest.raises(dic.CorrelationError, match="expected values of 2 images, got 1"):
+    with pytest.raises(dic.errors.CorrelationError, match="expected values of 2 images, got 1"):
         dic.write_animation(series, tmp_path / "b.gif", settings=PLAIN, known=known[:1])
 
 
@@ -184,7 +184,7 @@ def test_the_deformed_images_of_a_run_come_from_its_file(tmp_path):
     rows, columns = (min(film[1].shape[side] for film in films) for side in (0, 1))
     assert (films[0][1][:rows, :columns] != films[1][1][:rows, :columns]).any()
     run.unlink()
-    with pytest.raises(dic.RunFileError, match="no such file"):
+    with pytest.raises(dic.errors.RunFileError, match="no such file"):
         dic.write_animation(results, tmp_path / "c.gif", settings=replace(PLAIN, on="deformed", axes="px"))
 
 
@@ -208,7 +208,7 @@ def test_on_the_deformed_image_the_view_holds_still_and_each_frame_has_its_image
 def test_the_view_in_mm_is_the_same_for_all_frames(tmp_path):
     index = np.stack(np.meshgrid(np.arange(17), np.arange(17)), axis=-1).reshape(-1, 2)
     uv = index * (17.0, -13.0) + (14.0, 224.0)
-    calibration = dic.Calibration.fit(dic.GridPoints.on_lattice(index, uv, (17, 17), 0.75), SHAPE)
+    calibration = dic.Calibration.fit(dic.targets.GridPoints.on_lattice(index, uv, (17, 17), 0.75), SHAPE)
     images = [
         MeasuredImage(f"{k}", dic.measure(stretched(strain), calibration))
         for k, strain in enumerate((0.0, 0.05))
@@ -249,9 +249,13 @@ def test_frames_of_a_gif_are_written_one_by_one(tmp_path):
 @pytest.mark.parametrize(
     ("how", "error", "words"),
     [
-        ({"frames_per_s": 0.0}, dic.OutputError, "expected 0.01 to 50 frames in a second, got 0"),
-        ({"settings": replace(PLAIN, kind="corrected")}, dic.CorrelationError, "corrected values in maps"),
-        ({"camera": "left"}, dic.RunFileError, "leave the camera out"),
+        ({"frames_per_s": 0.0}, dic.errors.OutputError, "expected 0.01 to 50 frames in a second, got 0"),
+        (
+            {"settings": replace(PLAIN, kind="corrected")},
+            dic.errors.CorrelationError,
+            "corrected values in maps",
+        ),
+        ({"camera": "left"}, dic.errors.RunFileError, "leave the camera out"),
     ],
 )
 def test_what_cannot_be_animated_is_refused(tmp_path, how, error, words):
@@ -261,8 +265,8 @@ def test_what_cannot_be_animated_is_refused(tmp_path, how, error, words):
 
 
 def test_a_series_without_values_and_a_wrong_ending_are_refused(tmp_path):
-    with pytest.raises(dic.CorrelationError, match="expected an image with values of exx, got none"):
+    with pytest.raises(dic.errors.CorrelationError, match="expected an image with values of exx, got none"):
         dic.write_animation(series_of(None), tmp_path / "a.gif", settings=PLAIN)
-    with pytest.raises(dic.OutputError, match=r"ends with \.gif, \.mp4, got \.avi"):
+    with pytest.raises(dic.errors.OutputError, match=r"ends with \.gif, \.mp4, got \.avi"):
         dic.write_animation(series_of(0.001), tmp_path / "a.avi", settings=PLAIN)
     assert list(tmp_path.iterdir()) == []

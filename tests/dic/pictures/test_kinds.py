@@ -19,12 +19,12 @@ def measurement():
     """A specimen that is stretched to the right, and a camera that looks straight at it."""
     index = np.stack(np.meshgrid(np.arange(17), np.arange(17)), axis=-1).reshape(-1, 2)
     uv = index * (17.0, -13.0) + (14.0, 224.0)
-    calibration = dic.Calibration.fit(dic.GridPoints.on_lattice(index, uv, (17, 17), 0.75), SHAPE)
+    calibration = dic.Calibration.fit(dic.targets.GridPoints.on_lattice(index, uv, (17, 17), 0.75), SHAPE)
     return dic.measure(stretched(RAW), calibration)
 
 
 def values(measurement, kind, correction=None, quantity="u"):
-    settings = dic.MapSettings(quantities=(quantity,), kind=kind)
+    settings = dic.pictures.MapSettings(quantities=(quantity,), kind=kind)
     (panel,) = maps_of(measurement, settings, correction).panels
     return panel
 
@@ -80,11 +80,11 @@ def test_values_that_need_a_calibration_are_refused_without_one(kind):
 
 def test_an_unknown_kind_is_refused():
     with pytest.raises(dic.MeasurementError, match="kind of values of maps: expected one of best"):
-        dic.MapSettings(kind="true")
+        dic.pictures.MapSettings(kind="true")
 
 
 def test_a_contact_sheet_of_different_kinds_names_the_kind_in_each_map(measurement):
-    settings = dic.MapSettings(quantities=("exx",))
+    settings = dic.pictures.MapSettings(quantities=("exx",))
     declined = Correction.refused("tilt", measurement, "it necks")
     corrected = replace(declined, declined=None)
     for other, title, names in (

@@ -22,7 +22,7 @@ POINTS_PX = (40, 75)
 )
 def settings(request):
     axes, width_mm = request.param
-    return dic.MapSettings(axes=axes, width_mm=width_mm)
+    return dic.pictures.MapSettings(axes=axes, width_mm=width_mm)
 
 
 @pytest.fixture(scope="module", params=[(120, 120), (120, 300), (3000, 1000)], ids=str)

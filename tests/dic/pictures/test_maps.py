@@ -33,15 +33,15 @@ def image_of(points_mm: np.ndarray) -> np.ndarray:
 @pytest.fixture(scope="module")
 def calibration() -> dic.Calibration:
     index = np.stack(np.meshgrid(np.arange(-8, 9), np.arange(-8, 9)), axis=-1).reshape(-1, 2)
-    grid = dic.GridPoints.on_lattice(index + 8, image_of(index * 0.75), (17, 17), 0.75)
+    grid = dic.targets.GridPoints.on_lattice(index + 8, image_of(index * 0.75), (17, 17), 0.75)
     return dic.Calibration.fit(grid, SHAPE)
 
 
 def test_on_the_deformed_image_cells_lie_where_the_motion_takes_them():
     lost = ((0, 0), (4, 5), (4, 6))
     field = field_of(lambda places: places @ SHEAR.T + SHIFT, SHEAR, lost)
-    there = places_of(dic.measure(field), dic.MapSettings(on="deformed"))
-    here = places_of(dic.measure(field), dic.MapSettings())
+    there = places_of(dic.measure(field), dic.pictures.MapSettings(on="deformed"))
+    here = places_of(dic.measure(field), dic.pictures.MapSettings())
     assert here.corners[0, 0] == pytest.approx([30, 20])
     assert here.corners[-1, -1] == pytest.approx([270, 220])
     moved = here.corners @ (np.eye(2) + SHEAR).T + SHIFT
@@ -53,7 +53,7 @@ def test_on_the_deformed_image_cells_lie_where_the_motion_takes_them():
 
 def test_axes_in_mm_show_the_specimen_as_seen_straight_on(calibration):
     field = stretched(0.001)
-    places = places_of(dic.measure(field, calibration), dic.MapSettings())
+    places = places_of(dic.measure(field, calibration), dic.pictures.MapSettings())
     assert places.unit == "mm"
     drawn = places.drawn_corners()
     # a bicubic map is no homography: a tenth of a pixel is left, which nobody sees in a picture
@@ -68,16 +68,16 @@ def test_axes_in_mm_show_the_specimen_as_seen_straight_on(calibration):
 def test_points_that_cannot_be_rectified_are_drawn_in_px_and_refused_in_mm(calibration, rows, columns):
     field = part_of(stretched(0.001), slice(rows), slice(columns))
     measurement = dic.measure(field, calibration)
-    assert places_of(measurement, dic.MapSettings()).unit == "px"
+    assert places_of(measurement, dic.pictures.MapSettings()).unit == "px"
     with pytest.raises(
         dic.MeasurementError, match=rf"expected at least four points.*, got {rows * columns} "
     ):
-        places_of(measurement, dic.MapSettings(axes="mm"))
+        places_of(measurement, dic.pictures.MapSettings(axes="mm"))
 
 
 def test_two_points_in_two_rows_are_enough_to_rectify(calibration):
     field = part_of(stretched(0.001), slice(2), slice(2))
-    places = places_of(dic.measure(field, calibration), dic.MapSettings(axes="mm"))
+    places = places_of(dic.measure(field, calibration), dic.pictures.MapSettings(axes="mm"))
     np.testing.assert_allclose(image_of(places.drawn_corners()), places.corners, atol=0.15)
 
 
@@ -87,13 +87,13 @@ def test_a_point_beside_a_line_of_points_does_not_determine_a_homography(calibra
     position = measurement.calibrated.position.copy()
     position[1, 1:] = np.nan
     known = replace(measurement, calibrated=replace(measurement.calibrated, position=position))
-    assert places_of(known, dic.MapSettings()).unit == "px"
-    assert places_of(measurement, dic.MapSettings()).unit == "mm"
+    assert places_of(known, dic.pictures.MapSettings()).unit == "px"
+    assert places_of(measurement, dic.pictures.MapSettings()).unit == "mm"
 
 
 def test_a_value_has_its_colour_at_its_place():
     measurement = dic.measure(stretched(0.01))
-    settings = dic.MapSettings(quantities=("u",), opacity=1.0, limits={"u": (0.0, 3.0)})
+    settings = dic.pictures.MapSettings(quantities=("u",), opacity=1.0, limits={"u": (0.0, 3.0)})
     maps = maps_of(measurement, settings)
     figure = draw_maps(maps, GREY, "", settings, scale_of([maps], settings))
     canvas = FigureCanvasAgg(figure)
@@ -108,21 +108,21 @@ def test_a_value_has_its_colour_at_its_place():
 
 def test_one_scale_serves_a_series_and_each_image_may_have_its_own():
     small, large = dic.measure(stretched(0.002)), dic.measure(stretched(0.004))
-    settings = dic.MapSettings(quantities=("u", "exx"))
+    settings = dic.pictures.MapSettings(quantities=("u", "exx"))
     # u = exx · x, and x goes from 40 to 260 px; percentiles cut little of it
-    both = dic.map_scale([small, large], settings)
+    both = dic.pictures.map_scale([small, large], settings)
     assert both["u"] == pytest.approx((0.08, 1.04), abs=0.02)
-    own = dic.map_scale([small], settings)
+    own = dic.pictures.map_scale([small], settings)
     assert own["u"] == pytest.approx((0.08, 0.52), abs=0.02)
-    assert both["u"] == (own["u"][0], dic.map_scale([large], settings)["u"][1])
-    given = dic.map_scale([small], replace(settings, limits={"exx": (-5.0, 5.0)}))
+    assert both["u"] == (own["u"][0], dic.pictures.map_scale([large], settings)["u"][1])
+    given = dic.pictures.map_scale([small], replace(settings, limits={"exx": (-5.0, 5.0)}))
     assert given["exx"] == (-5.0, 5.0)
-    low, high = dic.map_scale([small], replace(settings, colours="diverging"))["u"]
+    low, high = dic.pictures.map_scale([small], replace(settings, colours="diverging"))["u"]
     assert low == -high
 
 
 def test_arrows_mark_the_ends_of_the_scale_that_values_exceed():
-    panel = maps_of(dic.measure(stretched(0.01)), dic.MapSettings()).panels[0]
+    panel = maps_of(dic.measure(stretched(0.01)), dic.pictures.MapSettings()).panels[0]
     ends = {(0.0, 3.0): "neither", (0.0, 1.0): "max", (1.0, 3.0): "min", (1.0, 2.0): "both"}
     for scale, cut in ends.items():
         assert cut_ends([panel], {"u": scale}) == cut
@@ -148,7 +148,9 @@ def test_diverging_colours_are_lightest_at_zero():
 
 class TestFiles:
     def write(self, path, **settings):
-        dic.write_maps(dic.measure(stretched(0.01)), GREY, path, settings=dic.MapSettings(**settings))
+        dic.write_maps(
+            dic.measure(stretched(0.01)), GREY, path, settings=dic.pictures.MapSettings(**settings)
+        )
         return path
 
     def test_a_picture_has_the_width_that_was_asked_for(self, tmp_path):
@@ -166,10 +168,10 @@ class TestFiles:
 
     def test_a_contact_sheet_shows_every_image(self, tmp_path):
         measurements = [dic.measure(stretched(0.001 * k), None) for k in range(1, 5)]
-        dic.write_contact_sheet(measurements, GREY, tmp_path / "sheet.png", quantity="exx")
+        dic.pictures.write_contact_sheet(measurements, GREY, tmp_path / "sheet.png", quantity="exx")
         assert cv2.imread(str(tmp_path / "sheet.png")).shape[1] == pytest.approx(250 / 25.4 * 150, abs=1)
         with pytest.raises(dic.MeasurementError, match="at least one measured image"):
-            dic.write_contact_sheet([], GREY, tmp_path / "none.png")
+            dic.pictures.write_contact_sheet([], GREY, tmp_path / "none.png")
         assert not (tmp_path / "none.png").exists()
 
 
@@ -195,17 +197,17 @@ WRONG = [
 @pytest.mark.parametrize(("settings", "sentence"), WRONG, ids=[sentence[:20] for _, sentence in WRONG])
 def test_a_wrong_setting_is_named_with_one_that_works(settings, sentence):
     with pytest.raises(dic.MeasurementError, match=sentence):
-        dic.MapSettings(**settings)
+        dic.pictures.MapSettings(**settings)
 
 
 def test_axes_in_mm_need_a_calibration():
     with pytest.raises(dic.MeasurementError, match="axes of maps: expected a calibration"):
-        maps_of(dic.measure(stretched(0.01)), dic.MapSettings(axes="mm"))
+        maps_of(dic.measure(stretched(0.01)), dic.pictures.MapSettings(axes="mm"))
 
 
 @pytest.mark.parametrize("width_mm", [50.0, 120.0])
 def test_a_title_fits_into_the_width_of_its_picture(width_mm):
-    settings = dic.MapSettings(quantities=("exx",), axes="off", width_mm=width_mm)
+    settings = dic.pictures.MapSettings(quantities=("exx",), axes="off", width_mm=width_mm)
     maps = maps_of(dic.measure(stretched(0.001)), settings)
     figure = draw_maps(
         maps, GREY, "step-13.png · 13 of 16 · 2800 N · 120.0 s", settings, scale_of([maps], settings)

@@ -9,7 +9,7 @@ from dic.derived.series_maps import MapFiles, SeriesMaps
 from tests.dic.pictures.fields import SHAPE, stretched
 
 GREY = np.full(SHAPE, 128.0, np.float32)
-SETTINGS = dic.MapSettings(quantities=("u",), axes="off", opacity=1.0)
+SETTINGS = dic.pictures.MapSettings(quantities=("u",), axes="off", opacity=1.0)
 
 
 @pytest.fixture
@@ -41,5 +41,7 @@ def test_an_image_added_again_replaces_the_first_and_leaves_no_trace_in_the_scal
 def test_equal_images_look_alike_only_on_one_scale(pictures):
     series = pictures((0, 0.001), (1, 0.002))
     assert (series[0] != series[1]).any()
-    own = pictures((0, 0.001), (1, 0.001), settings=dic.MapSettings(quantities=("u",), scale="image"))
+    own = pictures(
+        (0, 0.001), (1, 0.001), settings=dic.pictures.MapSettings(quantities=("u",), scale="image")
+    )
     np.testing.assert_array_equal(own[0], own[1])

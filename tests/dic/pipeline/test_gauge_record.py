@@ -3,23 +3,13 @@
 import numpy as np
 import pytest
 
-from dic import (
-    CurveError,
-    Extensometer,
-    GaugeError,
-    GaugeImage,
-    GaugeSeries,
-    ImageClock,
-    PropertySettings,
-    Reading,
-    TransverseExtensometer,
-    gauge_curve,
-    material_properties,
-    measure_gauges,
-    save_run_result,
-    with_shared_error,
-)
+from dic import material_properties, measure_gauges
+from dic.derived import ImageClock, gauge_curve
+from dic.errors import CurveError, GaugeError
+from dic.gauges import Extensometer, GaugeImage, GaugeSeries, Reading, TransverseExtensometer
 from dic.gauges.reading import SharedPart
+from dic.pipeline import save_run_result
+from dic.properties import PropertySettings, with_shared_error
 from dic.runfile.reader import RunStep
 from simulators.scene.pose import Pose
 from tests.command_line import refusal

@@ -3,17 +3,10 @@
 import numpy as np
 import pytest
 
-from dic import (
-    Extensometer,
-    GaugeImage,
-    GaugeSeries,
-    PropertySettings,
-    Reading,
-    TransverseExtensometer,
-    gauge_curve,
-    material_properties,
-    with_shared_error,
-)
+from dic import material_properties
+from dic.derived import gauge_curve
+from dic.gauges import Extensometer, GaugeImage, GaugeSeries, Reading, TransverseExtensometer
+from dic.properties import PropertySettings, with_shared_error
 
 E_MPA, AREA_MM2 = 70e3, 20.0
 GAUGES = (

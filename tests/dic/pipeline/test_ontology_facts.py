@@ -35,7 +35,7 @@ def name_of(result, *, without=()):
         for k, image in enumerate(result.series.images)
     ]
     changed = replace(result, series=replace(result.series, images=images))
-    gauge = dic.PointGauge(name="axial", at=(80.0, 80.0))
+    gauge = dic.gauges.PointGauge(name="axial", at=(80.0, 80.0))
     return about_series(
         dic.measure_gauges(changed, [gauge]), "axial", "raw", {"specimen": {"name": "Zx7"}}
     ).name

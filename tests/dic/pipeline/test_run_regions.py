@@ -101,7 +101,7 @@ def test_the_uncalibrated_part_of_a_region_is_named(run, place):
     assert said.endswith("% of the region lies outside the calibrated area and is not measured")
     share = float(said.removeprefix(f"warning: {run}: aside: ").split()[0])
     with open_run(run) as file:
-        left_px = dic.run_reference(run).calibration.grid.uv_px[:, 0].min()
+        left_px = dic.pipeline.run_reference(run).calibration.grid.uv_px[:, 0].min()
         assert file.cameras == ["aside"]
     assert share == pytest.approx(100 * left_px / 240, abs=5)
     nothing = "0,0 20,0 20,20 0,20"
@@ -138,7 +138,9 @@ def test_a_wrong_region_is_refused_before_anything_is_measured(run, place, optio
 def test_each_camera_has_its_own_region(tmp_path):
     mask = np.zeros((24, 32), bool)
     mask[5:9, 7:20] = True
-    source = dic.RunSource(write_run(tmp_path / "run.h5"), {"right": mask, "left": lambda shape: ~mask})
+    source = dic.pipeline.RunSource(
+        write_run(tmp_path / "run.h5"), {"right": mask, "left": lambda shape: ~mask}
+    )
     with open_run(source.path) as file:
         masks = source.masks(file)
     assert list(masks) == ["right", "left"]

@@ -22,9 +22,9 @@ def calibration_file(path, pan_deg):
     """Write the calibration of a camera with the pan angle `pan_deg`, from exact grid points."""
     camera = PinholeCamera(SIDE_PX, SIDE_PX, 760.0, pan_deg=pan_deg)
     index = np.array([(i, j) for j in range(21) for i in range(21)])
-    lattice = dic.GridPoints.on_lattice(index, np.empty((len(index), 2)), (21, 21), 0.24)
+    lattice = dic.targets.GridPoints.on_lattice(index, np.empty((len(index), 2)), (21, 21), 0.24)
     seen = camera.project(np.column_stack([lattice.xy_mm, np.zeros(len(index))]))
-    grid = dic.GridPoints.on_lattice(index, seen, (21, 21), 0.24)
+    grid = dic.targets.GridPoints.on_lattice(index, seen, (21, 21), 0.24)
     dic.save_calibration(dic.Calibration.fit(grid, (SIDE_PX, SIDE_PX)), path)
     return path
 

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from dic import Curve, CurveError, PropertySettings, PropertyValue, material_properties, planar_anisotropy
+from dic import material_properties
+from dic.errors import CurveError
+from dic.properties import Curve, PropertySettings, PropertyValue, planar_anisotropy
 from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 
 RATIOS = {0: 1.8, 45: 1.3, 90: 2.2}  # a deep-drawing steel

@@ -131,7 +131,7 @@ def test_strain_may_end_before_the_load(tmp_path):
     ],
 )
 def test_what_is_wrong_with_a_table_is_said_in_one_sentence(tmp_path, text, names, words):
-    with pytest.raises(dic.CurveError) as caught:
+    with pytest.raises(dic.errors.CurveError) as caught:
         read(tmp_path, text, **names)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -139,12 +139,12 @@ def test_what_is_wrong_with_a_table_is_said_in_one_sentence(tmp_path, text, name
 
 def test_two_decimal_marks_in_one_column_are_refused(tmp_path):
     text = table(comma=False, r4c1="2,0")
-    with pytest.raises(dic.CurveError, match="a decimal point or a decimal comma, got both"):
+    with pytest.raises(dic.errors.CurveError, match="a decimal point or a decimal comma, got both"):
         read(tmp_path, text)
 
 
 def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(dic.CurveError, match=r"none\.csv: read the record: expected a text file"):
+    with pytest.raises(dic.errors.CurveError, match=r"none\.csv: read the record: expected a text file"):
         dic.read_curve(tmp_path / "none.csv", **NAMES)
 
 
@@ -162,8 +162,8 @@ def test_a_missing_file_is_named(tmp_path):
     ],
 )
 def test_what_is_no_tensile_test_is_refused(load, strain, words):
-    with pytest.raises(dic.CurveError) as caught:
-        dic.Curve("record", load, strain)
+    with pytest.raises(dic.errors.CurveError) as caught:
+        dic.properties.Curve("record", load, strain)
     assert words in str(caught.value)
 
 
@@ -180,6 +180,6 @@ def test_what_is_no_tensile_test_is_refused(load, strain, words):
     ],
 )
 def test_impossible_settings_are_refused(settings, words):
-    with pytest.raises(dic.CurveError) as caught:
-        dic.PropertySettings(**settings)
+    with pytest.raises(dic.errors.CurveError) as caught:
+        dic.properties.PropertySettings(**settings)
     assert words in str(caught.value)

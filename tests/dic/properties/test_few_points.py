@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from dic import Curve, PropertySettings, material_properties
+from dic import material_properties
+from dic.properties import Curve, PropertySettings
 from tests.dic.properties.synthetic import strain_of_stress
 
 E_MPA, YIELD_MPA, HARDENING_MPA = 73.1e3, 345.0, 1500.0

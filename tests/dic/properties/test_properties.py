@@ -8,13 +8,13 @@ import pytest
 import dic
 from tests.dic.properties.synthetic import PowerLaw, strain_of_stress, with_yield_point
 
-AREA = dic.PropertySettings(area_mm2=20.0)
+AREA = dic.properties.PropertySettings(area_mm2=20.0)
 
 
 def properties(strain, stress, settings=AREA, **others):
     """Evaluate a record of stresses in MPa."""
     return dic.material_properties(
-        dic.Curve("record", settings.area_mm2 * stress, strain, **others), settings
+        dic.properties.Curve("record", settings.area_mm2 * stress, strain, **others), settings
     )
 
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dic import Curve, PropertySettings, material_properties, with_shared_error
+from dic import material_properties
+from dic.properties import Curve, PropertySettings, with_shared_error
 from tests.dic.properties.synthetic import strain_of_stress
 
 E_MPA, AREA_MM2 = 200_000.0, 10.0

@@ -3,23 +3,11 @@
 import numpy as np
 import pytest
 
-from dic import (
-    CurveError,
-    GaugeError,
-    GaugeImage,
-    GaugeSeries,
-    ImageClock,
-    LineCut,
-    MachineRecord,
-    PointGauge,
-    PropertySettings,
-    Reading,
-    TransverseExtensometer,
-    gauge_curve,
-    join_record,
-    read_image_times,
-    read_machine_record,
-)
+from dic.derived import ImageClock, gauge_curve, join_record
+from dic.errors import CurveError, GaugeError
+from dic.gauges import GaugeImage, GaugeSeries, LineCut, PointGauge, Reading, TransverseExtensometer
+from dic.properties import PropertySettings
+from dic.records import MachineRecord, read_image_times, read_machine_record
 from dic.records.joining import times_of
 
 BOTH = {"off/step-1.png": 1.0, "ref/step-1.png": 2.0}

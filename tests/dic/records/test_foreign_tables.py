@@ -26,7 +26,7 @@ def table(path, rows, separator=";", headings=(NAMES, UNITS)):
     return path
 
 
-def slope_gpa(curve: dic.Curve) -> float:
+def slope_gpa(curve: dic.properties.Curve) -> float:
     return float((curve.load_n[-1] - curve.load_n[0]) / 20.0 / (curve.strain[-1] - curve.strain[0]) / 1000.0)
 
 

@@ -3,18 +3,10 @@
 import numpy as np
 import pytest
 
-from dic import (
-    CurveError,
-    GaugeImage,
-    GaugeSeries,
-    ImageClock,
-    MachineRecord,
-    PointGauge,
-    Reading,
-    join_record,
-    read_image_times,
-    read_machine_record,
-)
+from dic.derived import ImageClock, join_record
+from dic.errors import CurveError
+from dic.gauges import GaugeImage, GaugeSeries, PointGauge, Reading
+from dic.records import MachineRecord, read_image_times, read_machine_record
 
 POINT = PointGauge(name="point", at=(1, 1))
 PAUSE_S, RISE_S, STEPS = 3.0, 8.0, 61

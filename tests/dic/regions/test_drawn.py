@@ -6,7 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from dic import CorrelationError, read_region
+from dic import read_region
+from dic.errors import CorrelationError
 from dic.regions.polygons import line_mask
 from dic.regions.read import read_drawn_region
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from roifile import ROI_OPTIONS, ROI_TYPE, ImagejRoi, roiwrite
 
-from dic import CorrelationError, read_region
+from dic import read_region
+from dic.errors import CorrelationError
 from dic.regions.polygons import line_mask
 from dic.regions.read import read_drawn_region
 from tests.dic.regions.imagej_bytes import (

@@ -42,9 +42,9 @@ def run(*declined, info=INFO):
 
 
 def pulled(result, **details):
-    series = dic.measure_gauges(result, dic.whole_field_gauges(result))
-    settings = dic.PropertySettings(area_mm2=20.0)
-    return dic.tensile_test(series, "along", "across", settings, details=dic.ReportDetails(**details))
+    series = dic.measure_gauges(result, dic.derived.whole_field_gauges(result))
+    settings = dic.properties.PropertySettings(area_mm2=20.0)
+    return dic.tensile_test(series, "along", "across", settings, details=dic.report.ReportDetails(**details))
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_predicted_and_measured_noise_are_of_the_kind_that_the_row_names(decline
 
 
 def test_a_strain_at_rest_beyond_four_standard_deviations_is_doubted():
-    still = dic.Reading("mm", 3.9e-5, 1e-5, 1e-5)
+    still = dic.gauges.Reading("mm", 3.9e-5, 1e-5, 1e-5)
     assert doubt_of_rest("img1", {"axial": still}) == ""
     said = doubt_of_rest("img2", {"across": still, "axial": replace(still, strain=-6e-4)})
     assert "img2 may not be at rest: the strain of gauge “axial” is −600.0 µε" in said
@@ -91,14 +91,14 @@ def test_large_lengths_of_the_table_have_neither_a_bare_point_nor_an_exponent():
     index = np.stack(np.meshgrid(np.arange(11), np.arange(11)), axis=-1).reshape(-1, 2)
     # the gauge is 280 mm wide and 1080 mm high
     pitch_px = np.array([gauge_px / 280.0, gauge_px / 1080.0]) * 25.0
-    points = dic.GridPoints.on_lattice(index, index * pitch_px, (11, 11), 25.0)
+    points = dic.targets.GridPoints.on_lattice(index, index * pitch_px, (11, 11), 25.0)
     calibration = dic.Calibration.fit(points, (SIDE_PX, SIDE_PX))
     rows = dict(analysis_table([replace(images, calibration=calibration)], run()).rows)
     assert rows["Virtual strain gauge size"] == [f"{gauge_px} px, 280 mm × 1080 mm"]
 
 
 def test_the_size_of_the_pattern_as_made_and_as_measured_have_their_own_origins():
-    facts = dic.StatedFacts({"pattern": {"feature_size_mm": 0.2}}, source="facts.toml")
+    facts = dic.report.StatedFacts({"pattern": {"feature_size_mm": 0.2}}, source="facts.toml")
     result = replace(run(), file="r.h5")
     table = hardware_table(result, images_of(result), facts)
     entries = {entry["name"]: entry for entry in table.as_list()}
@@ -114,7 +114,9 @@ def test_facts_of_a_moved_run_name_the_file_that_was_opened(tmp_path):
         name, info = opened.cameras[0], opened.info
     result = replace(run(info=info), source="gone/t.h5", file=str(tmp_path / "r.h5"))
     images = [replace(images_of(result)[0], camera=name)]
-    entries = {entry["name"]: entry for entry in hardware_table(result, images, dic.StatedFacts()).as_list()}
+    entries = {
+        entry["name"]: entry for entry in hardware_table(result, images, dic.report.StatedFacts()).as_list()
+    }
     assert {entries[row]["file"] for row in ("Camera", "Bit depth", "Exposure time")} == {str(moved)}
     assert entries["Image resolution"]["text"] == f"{SIDE_PX} px × {SIDE_PX} px"
     assert entries["Image resolution"]["file"] == str(tmp_path / "r.h5")
@@ -123,11 +125,11 @@ def test_facts_of_a_moved_run_name_the_file_that_was_opened(tmp_path):
 def test_lengths_in_mm_use_the_scale_of_their_own_direction():
     index = np.stack(np.meshgrid(np.arange(11), np.arange(11)), axis=-1).reshape(-1, 2)
     uv_px = np.array([10.0, 110.0]) + index * (10.0, -8.0)  # 0.1 and 0.125 mm/px
-    points = dic.GridPoints.on_lattice(index, uv_px, (11, 11), 1.0)
+    points = dic.targets.GridPoints.on_lattice(index, uv_px, (11, 11), 1.0)
     result = run()
     calibration = dic.Calibration.fit(points, (SIDE_PX, SIDE_PX))
     result = replace(result, cameras=[replace(result.cameras[0], calibration=calibration)])
-    facts = dict(hardware_table(result, images_of(result), dic.StatedFacts()).rows)
+    facts = dict(hardware_table(result, images_of(result), dic.report.StatedFacts()).rows)
     assert facts["Field of view"][0].startswith("12.00 mm × 15.00 mm")
     assert facts["Image scale"][0].startswith("10.00 px/mm × 8.00 px/mm, 100.000 µm/px × 125.000 µm/px")
     assert calibration.axes_mm_per_px == pytest.approx((0.1, 0.125), rel=1e-9)
@@ -135,7 +137,7 @@ def test_lengths_in_mm_use_the_scale_of_their_own_direction():
 
 def test_the_page_states_only_what_is_known_and_what_contradicts_it():
     result = run(info=replace(INFO, width_mm=25.0, thickness_mm=0.9, gauge_length_mm=60.0))
-    facts = dic.StatedFacts({"specimen": {"thickness_mm": 1.0}})
+    facts = dic.report.StatedFacts({"specimen": {"thickness_mm": 1.0}})
     test = pulled(result, facts=facts, fields_at=("last",))
     with plot_style():
         found = conditions_of(test, result, images_of(result))
@@ -146,7 +148,7 @@ def test_the_page_states_only_what_is_known_and_what_contradicts_it():
     assert found.doubts == [
         "Width × thickness is 25 mm × 1 mm = 25 mm², but all stresses were computed with S0 = 20 mm²."
     ]
-    facts = dic.StatedFacts({"specimen": {"width_mm": 20.1, "thickness_mm": 1.0}})  # 0.5 % off
+    facts = dic.report.StatedFacts({"specimen": {"width_mm": 20.1, "thickness_mm": 1.0}})  # 0.5 % off
     test = pulled(result, facts=facts, fields_at=("last",))
     with plot_style():
         assert conditions_of(test, result, images_of(result)).doubts == []

@@ -20,7 +20,7 @@ STRAIN = strain_of_stress(np.concatenate([STRESS[:180], np.linspace(361.0, 370.0
 def column(strain=STRAIN, passed_n=None):
     """Return the column of a record, whose points are named by their numbers."""
     record = Curve("drawn", AREA_MM2 * STRESS, strain, passed_n=passed_n)
-    found = dic.material_properties(record, dic.PropertySettings(area_mm2=AREA_MM2))
+    found = dic.material_properties(record, dic.properties.PropertySettings(area_mm2=AREA_MM2))
     labels = tuple(f"image {k}" for k in range(len(STRESS)))
     return tensile_test.TestColumn("", None, labels, ("",) * len(STRESS), found)
 
@@ -53,6 +53,8 @@ def test_without_a_strain_at_rm_no_other_point_is_shown_as_rm_or_half_way(record
     record = record()
     assert [state.words for state in chosen_states(record)] == ["Rp0,2"]
     for wanted in ("Rm", "half"):
-        with pytest.raises(dic.CurveError, match=f"fields at: expected a strain at Rm, got .*{reason}"):
+        with pytest.raises(
+            dic.errors.CurveError, match=f"fields at: expected a strain at Rm, got .*{reason}"
+        ):
             chosen_states(record, [wanted])
     assert chosen_states(record, ["last"])[0].words == "last image"

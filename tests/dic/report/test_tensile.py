@@ -5,7 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from dic import GaugeImage, GaugeSeries, PropertySettings, Reading, StrainGauge, tensile_test
+from dic import tensile_test
+from dic.gauges import GaugeImage, GaugeSeries, Reading, StrainGauge
+from dic.properties import PropertySettings
 from dic.records.joining import JoinedRecord
 from dic.report.style import plot_style
 from dic.report.tensile_figures import curves_figure, gauges_figure

@@ -4,15 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from dic import (
-    CorrelationError,
-    CorrelationSettings,
-    Correlator,
-    Series,
-    assess_quality,
-    find_specimen,
-    read_image,
-)
+from dic import CorrelationSettings, Correlator, assess_quality, find_specimen, read_image
+from dic.correlation import Series
+from dic.errors import CorrelationError
 from dic.regions.polygons import polygon_mask
 from dic.specimen.pooled_texture import pooled_texture_maps
 from tests.dic.specimen.scenes import SCENES, Scene, scene

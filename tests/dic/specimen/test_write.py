@@ -6,7 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from dic import OutputError, find_specimen, read_region, region_files, write_region
+from dic import find_specimen, read_region
+from dic.errors import OutputError
+from dic.specimen import region_files, write_region
 from dic.specimen.write import region_polygons
 from tests.command_line import run_dic
 from tests.dic.specimen.scenes import scene

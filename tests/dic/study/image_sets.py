@@ -10,9 +10,10 @@ import numpy as np
 
 from benchmarks.accuracy import read_star
 from benchmarks.speckle import Speckle, noisy
-from dic import CorrelationSettings, Correlator, StrainSettings, StudiedSettings, Study, Sweep
+from dic import CorrelationSettings, Correlator, StrainSettings
 from dic.strain.displacement import raw_displacement
 from dic.strain.strain import strain_field
+from dic.study import StudiedSettings, Study, Sweep
 from simulators.scene.sensor import Sensor
 from simulators.scene.texture import Speckle as Sprayed
 from tests.conftest import SpecklePattern

@@ -15,7 +15,7 @@ from dic.study.windows import noise_factor_per_px, window_strain
 
 @pytest.mark.parametrize("across_px", [np.inf, 130.0])
 def test_wave_is_inverted_exactly_and_its_gradient_is_its_derivative(across_px):
-    wave, phases, step = dic.Wave(80.0, 0.15, across_px), (1.0, 0.3), 1e-4
+    wave, phases, step = dic.study.Wave(80.0, 0.15, across_px), (1.0, 0.3), 1e-4
     x, y = np.meshgrid(np.linspace(0.0, 300.0, 201), np.linspace(0.0, 200.0, 101))
     from_x, from_y = wave.origin(x, y, phases)
     u, v = wave.displacement_px(from_x, from_y, phases)
@@ -41,8 +41,8 @@ def test_wave_is_inverted_exactly_and_its_gradient_is_its_derivative(across_px):
     ],
 )
 def test_wave_refuses_what_no_study_can_assume(values, words):
-    with pytest.raises(dic.CorrelationError, match=words):
-        dic.Wave(**values)
+    with pytest.raises(dic.errors.CorrelationError, match=words):
+        dic.study.Wave(**values)
 
 
 @pytest.mark.parametrize(
@@ -58,12 +58,12 @@ def test_wave_refuses_what_no_study_can_assume(values, words):
     ],
 )
 def test_sweep_refuses_bad_and_too_many_values(values, words):
-    with pytest.raises(dic.CorrelationError, match=words):
-        dic.Sweep(**values)
+    with pytest.raises(dic.errors.CorrelationError, match=words):
+        dic.study.Sweep(**values)
 
 
 def test_points_of_wider_steps_are_taken_from_those_of_the_step_that_divides_them():
-    sweep = dic.Sweep(steps_px=(4, 6, 8, 12))
+    sweep = dic.study.Sweep(steps_px=(4, 6, 8, 12))
     assert [sweep.measured_with(step) for step in sweep.steps_px] == [4, 6, 4, 4]
     assert sweep.measured_steps_px == (4, 6)
 

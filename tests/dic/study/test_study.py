@@ -17,14 +17,14 @@ PREDICTION, CHOICE = 0.15, 1.05
 DRAWN = ("of_dots", "of_short_waves", "of_coarse_speckles", "of_simulated_camera", "of_measured_field")
 
 
-def studied(images: ImageSet, sweep: dic.Sweep) -> dic.Study:
+def studied(images: ImageSet, sweep: dic.study.Sweep) -> dic.study.Study:
     reference = images.pairs[0][0]
-    wave = dic.Wave(**images.told) if images.told else None
+    wave = dic.study.Wave(**images.told) if images.told else None
     whole = np.ones(reference.shape, bool)
     return dic.study_settings(reference, images.images, region=whole, wave=wave, sweep=sweep)
 
 
-def compare(images: ImageSet, sweep: dic.Sweep) -> tuple[np.ndarray, float, dic.Study]:
+def compare(images: ImageSet, sweep: dic.study.Sweep) -> tuple[np.ndarray, float, dic.study.Study]:
     """Return predicted / true strain error of all settings, and recommended / smallest true error."""
     study, true = studied(images, sweep), images.true_errors(sweep)
     found = predicted(study, images.components)
@@ -35,7 +35,7 @@ def compare(images: ImageSet, sweep: dic.Sweep) -> tuple[np.ndarray, float, dic.
 
 
 def test_predicts_the_errors_of_images_that_it_has_not_seen():
-    sweep = dic.Sweep((21, 31), (10,), (3, 5), ("quadratic",))
+    sweep = dic.study.Sweep((21, 31), (10,), (3, 5), ("quadratic",))
     ratios, choice, study = compare(image_sets.of_dots(2, (240, 250)), sweep)
     assert study.noise == pytest.approx(2.0, rel=0.05)
     assert np.abs(ratios - 1.0).max() < PREDICTION
@@ -44,13 +44,13 @@ def test_predicts_the_errors_of_images_that_it_has_not_seen():
 
 @cache
 def rest_and_load() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    speckle, wave = Speckle(31, (260, 260)), dic.Wave(120.0, 0.006)
+    speckle, wave = Speckle(31, (260, 260)), dic.study.Wave(120.0, 0.006)
     load = speckle.draw(lambda x, y: tuple(np.subtract((x, y), wave.origin(x, y, (0.0, 0.0)))))
     pictures = speckle.draw(), speckle.draw(shift(0.1, -0.05)), load
     return tuple(noisy(each, 3.0, seed) for seed, each in enumerate(pictures))
 
 
-SMALL = dic.Sweep((31,), (10,), (3,), ("affine",))
+SMALL = dic.study.Sweep((31,), (10,), (3,), ("affine",))
 
 
 def test_recognises_images_at_rest_and_takes_the_strain_of_a_deformed_one():
@@ -78,7 +78,9 @@ def test_noise_of_a_pair_at_rest_is_that_of_drawn_noise():
 def test_image_that_is_said_to_be_at_rest_and_is_not_is_refused():
     reference, _, load = rest_and_load()
     whole = np.ones(reference.shape, bool)
-    with pytest.raises(dic.CorrelationError, match="image 1: compare with the reference: expected the spec"):
+    with pytest.raises(
+        dic.errors.CorrelationError, match="image 1: compare with the reference: expected the spec"
+    ):
         dic.study_settings(reference, static=load, region=whole, sweep=SMALL)
 
 
@@ -104,11 +106,13 @@ def test_region_too_small_for_every_window_is_refused():
     reference, *_ = rest_and_load()
     region = np.zeros(reference.shape, bool)
     region[:70, :70] = True
-    with pytest.raises(dic.CorrelationError, match="try the settings: expected a part that holds complete"):
-        dic.study_settings(reference, region=region, sweep=dic.Sweep((31,), (15,), (5,)))
+    with pytest.raises(
+        dic.errors.CorrelationError, match="try the settings: expected a part that holds complete"
+    ):
+        dic.study_settings(reference, region=region, sweep=dic.study.Sweep((31,), (15,), (5,)))
 
 
-def check(images: ImageSet, sweep: dic.Sweep) -> None:
+def check(images: ImageSet, sweep: dic.study.Sweep) -> None:
     ratios, choice, study = compare(images, sweep)
     print(
         f"\n{images.name}: {len(ratios)} settings, {ratios.min():.3f} to {ratios.max():.3f},"
@@ -122,15 +126,15 @@ def check(images: ImageSet, sweep: dic.Sweep) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("name", DRAWN)
 def test_prediction_and_choice_hold_on_drawn_images(name):
-    check(getattr(image_sets, name)(), dic.Sweep())
+    check(getattr(image_sets, name)(), dic.study.Sweep())
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["of_sharp_speckles", "of_much_noise"])
 def test_prediction_and_choice_hold_on_sharp_and_on_noisy_patterns(name):
-    check(getattr(image_sets, name)(), dic.Sweep((15, 21, 41, 61), (5, 10)))
+    check(getattr(image_sets, name)(), dic.study.Sweep((15, 21, 41, 61), (5, 10)))
 
 
 @pytest.mark.long
 def test_prediction_and_choice_hold_on_the_star_images(real_images):
-    check(image_sets.of_star(real_images / "star2"), dic.Sweep())
+    check(image_sets.of_star(real_images / "star2"), dic.study.Sweep())

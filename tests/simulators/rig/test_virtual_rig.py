@@ -12,8 +12,7 @@ from drivers.interfaces import OpenContext, OperatorAction
 from drivers.registry import find_driver
 from rig.rigfile import read_rig
 from simulators.rig.camera import SPEC as CAMERA
-from simulators.rig.operator import SPEC as OPERATOR
-from simulators.rig.operator import OperatorSettings
+from simulators.rig.operator import SPEC as OPERATOR, OperatorSettings
 from simulators.rig.virtual_rig import SPEC, VirtualRigSettings
 from simulators.scene.texture import LineGrid
 from tests.mistakes import mistakes_of

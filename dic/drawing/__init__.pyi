@@ -1,0 +1,1 @@
+from .page import write_drawing_page as write_drawing_page

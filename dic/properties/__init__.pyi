@@ -1,0 +1,13 @@
+from .anisotropy import planar_anisotropy as planar_anisotropy
+from .curve import (
+    Curve as Curve,
+    read_curve as read_curve,
+)
+from .plot import plot_properties as plot_properties
+from .properties import (
+    Properties as Properties,
+    material_properties as material_properties,
+)
+from .settings import PropertySettings as PropertySettings
+from .shared_error import with_shared_error as with_shared_error
+from .value import PropertyValue as PropertyValue

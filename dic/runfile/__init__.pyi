@@ -1,0 +1,4 @@
+from .reader import (
+    RunInfo as RunInfo,
+    RunStep as RunStep,
+)
