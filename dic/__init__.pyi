@@ -72,7 +72,7 @@ from .properties.properties import material_properties as material_properties
 from .quality.quality import assess_quality as assess_quality
 from .report.page import write_report as write_report
 from .report.series_page import write_series_report as write_series_report
-from .report.tensile_test import tensile_test as tensile_test
+from .report.tensile_record import tensile_test as tensile_test
 from .specimen.find import find_specimen as find_specimen
 from .strain.settings import StrainSettings as StrainSettings
 from .study.study import study_settings as study_settings

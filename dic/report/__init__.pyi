@@ -16,7 +16,7 @@ from .stated_facts import (
     read_stated_facts as read_stated_facts,
 )
 from .tensile_page import DECIMALS as DECIMALS, value_cell as value_cell
-from .tensile_test import (
+from .tensile_record import (
     TensileTest as TensileTest,
     tensile_test as tensile_test,
 )

@@ -17,7 +17,7 @@ from dic.report.style import OFF_AXIS_COLOURS, legend_below, new_figure, plot_st
 from dic.report.templating import page_templates
 from dic.report.tensile_figures import beginning_of
 from dic.report.tensile_page import DECIMALS, value_cell
-from dic.report.tensile_test import SYMBOLS
+from dic.report.tensile_record import SYMBOLS
 from dic.typing import PathLike
 
 _COMPARE_FIRST = "compare specimens first: dic.campaigns.compare_specimens(properties)"

@@ -16,7 +16,7 @@ from dic.report.repeat import result_of
 from dic.report.state_fields import StatePicture, quantity_along, state_picture
 from dic.report.stated_facts import StatedFacts
 from dic.report.states import CurvePoint, chosen_states
-from dic.report.tensile_test import TensileTest
+from dic.report.tensile_record import TensileTest
 
 _TITLES = {"laboratory": "Laboratory", "specimen": "Specimen", "machine": "Testing machine"}
 _SIDES = ("width_mm", "thickness_mm")

@@ -13,7 +13,7 @@ from dic.report.analysis import first_measured
 from dic.report.camera_images import ReportedImages
 from dic.report.numbers import fixed
 from dic.report.states import names_of
-from dic.report.tensile_test import TensileTest
+from dic.report.tensile_record import TensileTest
 from dic.strain.measurement import Measurement
 from dic.strain.strain import StrainField
 from dic.typing import Float

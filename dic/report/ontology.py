@@ -2,7 +2,7 @@
 
 from dic.derived.ontology_facts import about_series
 from dic.exports.tensile_ontology import write_tensile_ontology
-from dic.report.tensile_test import TensileTest
+from dic.report.tensile_record import TensileTest
 from dic.typing import PathLike
 
 

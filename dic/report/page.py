@@ -23,7 +23,7 @@ from dic.report.style import Kind, plot_style, watermark_uri
 from dic.report.tables import calibration_rows, problems, recommendations, settings_rows
 from dic.report.templating import page_templates
 from dic.report.tensile_page import tensile_view
-from dic.report.tensile_test import TensileTest
+from dic.report.tensile_record import TensileTest
 from dic.typing import PathLike
 
 _PROCESS_FIRST = (

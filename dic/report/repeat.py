@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from dic.errors import RunFileError
 from dic.pipeline.result import RunResult
 from dic.report.camera_images import Results
-from dic.report.tensile_test import TensileTest
+from dic.report.tensile_record import TensileTest
 from dic.results.provenance import Provenance
 
 _UNKNOWN = "not known: the result file is of an earlier version"

@@ -24,7 +24,7 @@ from dic.report.strains import COMPONENTS
 from dic.report.style import plot_style
 from dic.report.templating import page_templates
 from dic.report.tensile_page import tensile_view
-from dic.report.tensile_test import TensileTest
+from dic.report.tensile_record import TensileTest
 from dic.strain.measurement import Measurement
 from dic.strain.strain import gauge_text
 from dic.typing import PathLike

@@ -9,7 +9,7 @@ import numpy as np
 from dic.errors import CurveError
 from dic.properties.strength import strength_point, why_no_strain
 from dic.report.numbers import fixed
-from dic.report.tensile_test import SYMBOLS, TestColumn
+from dic.report.tensile_record import SYMBOLS, TestColumn
 
 DEFAULT_STATES = ("Rp02", "half", "Rm")
 MOST_STATES = 12

@@ -14,7 +14,7 @@ from dic.report.style import (
     legend_below,
     new_figure,
 )
-from dic.report.tensile_test import TensileTest, TestColumn
+from dic.report.tensile_record import TensileTest, TestColumn
 from dic.typing import Float
 
 _MICRO = 1e6

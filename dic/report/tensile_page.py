@@ -14,7 +14,7 @@ from dic.report.numbers import fixed, with_std
 from dic.report.repeat import Repeat, repeat_of, result_of
 from dic.report.style import PAGE_WIDTH_IN, PICTURE_DPI, png_uri, svg_uri
 from dic.report.tensile_figures import curves_figure, gauges_figure
-from dic.report.tensile_test import TensileTest, TestColumn, symbols_of
+from dic.report.tensile_record import TensileTest, TestColumn, symbols_of
 
 _ALWAYS = ("E_gpa", "nu", "Rp02_mpa")
 _IDENTITY = {
