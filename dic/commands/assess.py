@@ -1,17 +1,17 @@
 """The command `dic assess`, which repeats the paper's numerical assessment of the calibration."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import dic
 from dic.files import write_text
 from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
-
-if TYPE_CHECKING:
-    from dic.assessment import Assessment
 
 _PATH = click.Path(path_type=Path)
 _SHOWN = {
@@ -41,12 +41,10 @@ def assess(output: Path, json_file: Path | None, force: bool) -> None:
     errors below 0.02 px. The command prints the angles and distortions beyond which this claim does not hold.
     The command also compares the errors of the bicubic map with the errors of the pinhole model.
     """
-    from dic.assessment import assess_method, plot_assessment
-
     output.mkdir(parents=True, exist_ok=True)
     require_places([], [output / "assessment.csv", output / "assessment.json", json_file], force=force)
-    assessment = assess_method()
-    plot_assessment(assessment, output)
+    assessment = dic.assessment.assess_method()
+    dic.assessment.plot_assessment(assessment, output)
     table = assessment.table()
     lines = [",".join(table[0])] + [",".join(_text(value) for value in record.values()) for record in table]
     write_text(output / "assessment.csv", "\n".join(lines) + "\n")
@@ -65,7 +63,7 @@ def _text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _print_table(assessment: "Assessment") -> None:
+def _print_table(assessment: dic.assessment.Assessment) -> None:
     say("error on the sensor, px              mean     maximum   standard deviation")
     for row in assessment.rows:
         if any(abs(row.value - value) <= 1e-6 * abs(value) for value in _SHOWN[row.sweep.name]):
@@ -74,7 +72,7 @@ def _print_table(assessment: "Assessment") -> None:
             say(f"{case}  {error.mean_px:>9.2e}   {error.maximum_px:>9.2e}   {error.std_px:>9.2e}")
 
 
-def _print_models(assessment: "Assessment") -> None:
+def _print_models(assessment: dic.assessment.Assessment) -> None:
     exact, noisy = "exact grid points", f"noisy by {assessment.noise_px} px"
     say(f"rms error of both models, px    {exact:<22}{noisy}")
     say(f"{'':<30}" + "  bicubic    pinhole" * 2)

@@ -1,20 +1,20 @@
 """The command `dic calibrate`, which computes a calibration from images of a calibration target."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import click
 
+import dic
+from dic.commands.calibration_text import summarise, text
 from dic.commands.options import all_of, option, options, use
 from dic.commands.target_options import TargetOptions, target_options
 from dic.files import write_text
 from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_hdf5, require_places
-
-if TYPE_CHECKING:
-    from dic import Calibration
-    from dic.calibration import KnownCamera
 
 _FILE = click.Path(path_type=Path)
 
@@ -44,11 +44,9 @@ class CameraOptions:
         help="Standard deviation of the principal point.  [default: 0 if given, else 1 % of the width]",
     )
 
-    def read(self) -> "KnownCamera":
+    def read(self) -> dic.calibration.KnownCamera:
         """Return the options as a `KnownCamera`."""
-        from dic.calibration import KnownCamera
-
-        return KnownCamera(**vars(self))
+        return dic.calibration.KnownCamera(**vars(self))
 
 
 @options
@@ -101,15 +99,11 @@ def calibrate(
     The target's plane in the first image is the plane of the measurement. If the specimen's surface lies
     behind this plane, give the distance with --plate-mm.
     """
-    from dic import calibrate_images, save_calibration
-    from dic.calibration import plot_calibration
-    from dic.commands.calibration_text import summarise, text
-
     shown, known = all_of(target.read, camera.read)
     files = [outputs.output, outputs.points_file, outputs.plot_file, outputs.json_file]
     require_places(images, files, force=force)
     require_hdf5(outputs.output, "give --points for a table of the grid, or --json for the values")
-    calibration = calibrate_images(
+    calibration = dic.calibrate_images(
         images,
         shown,
         x_axis=target.x_axis,
@@ -120,11 +114,11 @@ def calibrate(
         region_px=target.region,
     )
     if outputs.output is not None:
-        save_calibration(calibration, outputs.output)
+        dic.save_calibration(calibration, outputs.output)
     if outputs.points_file is not None:
         write_points(outputs.points_file, calibration)
     if outputs.plot_file is not None:
-        plot_calibration(calibration, images[0], outputs.plot_file)
+        dic.calibration.plot_calibration(calibration, images[0], outputs.plot_file)
     summary = summarise(calibration)
     if outputs.json_file is not None:
         content = json.dumps(summary, indent=1, ensure_ascii=False)
@@ -134,7 +128,7 @@ def calibrate(
         say(f"warning: {images[0]}: {warning}", err=True)
 
 
-def write_points(path: Path, calibration: "Calibration") -> None:
+def write_points(path: Path, calibration: dic.Calibration) -> None:
     """Write the grid points to a CSV file, rounded to 1e-7 mm and 1e-5 px."""
     grid = calibration.grid
     rows = ["X_mm,Y_mm,u_px,v_px"]

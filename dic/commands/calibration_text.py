@@ -1,18 +1,18 @@
 """The summary of a calibration that `dic calibrate` prints, as JSON and as text."""
 
-import math
-from typing import TYPE_CHECKING, Any
+from __future__ import annotations
 
-if TYPE_CHECKING:
-    from dic import Calibration
-    from dic.calibration import Pinhole, Residuals
+import math
+from typing import Any
+
+import dic
 
 _MM_TO_UM = 1000.0
 _OPEN_SHARE = 0.05
 _MOST_DIGITS = 4
 
 
-def summarise(calibration: "Calibration") -> dict[str, Any]:
+def summarise(calibration: dic.Calibration) -> dict[str, Any]:
     """Return a calibration's values as a dictionary; residuals and scale belong to the model in use."""
     grid, pinhole = calibration.grid, calibration.pinhole
     outline = calibration.outline_px
@@ -73,7 +73,7 @@ def text(summary: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _lengths(residuals: "Residuals") -> dict[str, float]:
+def _lengths(residuals: dic.calibration.Residuals) -> dict[str, float]:
     return {
         "rms_px": residuals.rms_px,
         "max_px": residuals.max_px,
@@ -82,7 +82,7 @@ def _lengths(residuals: "Residuals") -> dict[str, float]:
     }
 
 
-def _camera(pinhole: "Pinhole") -> dict[str, Any]:
+def _camera(pinhole: dic.calibration.Pinhole) -> dict[str, Any]:
     return {
         "focal_px": pinhole.focal_px,
         "focal_std_px": pinhole.focal_std_px,

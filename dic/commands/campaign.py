@@ -1,22 +1,23 @@
 """The command `dic campaign`, which compares tensile tests of several specimens."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+import dic
+from dic.commands.campaign_text import campaign_lines
 from dic.commands.column_options import TableColumns
 from dic.commands.options import Chosen, option, options, use
 from dic.commands.shared_options import comma, force
 from dic.commands.tensile_options import tensile_options, tensile_settings
+from dic.errors import CurveError
 from dic.files import write_text
 from dic.properties import PropertySettings
 from dic.shell.console import fail, say
 from dic.shell.output_paths import require_places
-
-if TYPE_CHECKING:
-    from dic.campaigns import Campaign, CampaignSpecimen
 
 _PATH = click.Path(path_type=Path)
 _FILE_NAME = "campaign.toml"
@@ -45,10 +46,8 @@ class CampaignOutputs:
 
     def require_pdf(self) -> None:
         """Raise an error if a PDF file is wanted and cannot be written."""
-        from dic.report import require_pdf
-
         if self.pdf is not None:
-            require_pdf(self.pdf)
+            dic.report.require_pdf(self.pdf)
 
     @property
     def files(self) -> list[Path]:
@@ -74,26 +73,25 @@ def campaign(
 
     Exit status: 0 if E was found for every specimen, 1 if not, 2 if no test could be evaluated.
     """
-    from dic.campaigns import measure_campaign, write_campaign_table
-    from dic.report import plot_campaign, write_campaign_report
-
     specimens = _specimens(folder, tables, test, outputs)
     read = [Path(specimen.file) for specimen in specimens]
     about = folder if folder.suffix.lower() == ".toml" else folder / _FILE_NAME
     require_places([about, *read], outputs.files, force=outputs.force)
     outputs.require_pdf()
-    found = measure_campaign(specimens)
+    found = dic.campaigns.measure_campaign(specimens)
     for line in _lines(found):
         say(line)
     if outputs.csv_file is not None:
-        write_campaign_table(found, outputs.csv_file, decimal_comma=outputs.decimal_comma)
+        dic.campaigns.write_campaign_table(found, outputs.csv_file, decimal_comma=outputs.decimal_comma)
     if outputs.json_file is not None:
         content = {"folder": str(folder)} | found.as_dict()
         write_text(outputs.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
     if outputs.plot_file is not None:
-        plot_campaign(found, outputs.plot_file)
+        dic.report.plot_campaign(found, outputs.plot_file)
     if outputs.report is not None:
-        write_campaign_report(found, outputs.report, title=about.resolve().parent.name, pdf=outputs.pdf)
+        dic.report.write_campaign_report(
+            found, outputs.report, title=about.resolve().parent.name, pdf=outputs.pdf
+        )
         say(f"report: {outputs.report}")
     for failed in found.failures:
         fail(f"specimen {failed.name!r}: {failed.failure}")
@@ -101,19 +99,15 @@ def campaign(
     click.get_current_context().exit(0 if whole else 1)
 
 
-def _lines(found: "Campaign") -> list[str]:
-    from dic.commands.campaign_text import campaign_lines
+def _lines(found: dic.campaigns.Campaign) -> list[str]:
 
     return list(campaign_lines(found))
 
 
 def _specimens(
     folder: Path, tables: EqualTables, test: Chosen[PropertySettings], outputs: CampaignOutputs
-) -> "tuple[CampaignSpecimen, ...]":
+) -> tuple[dic.campaigns.CampaignSpecimen, ...]:
     """Return the specimens that the TOML file or the options describe."""
-    from dic.campaigns import CurveColumns, list_specimens, read_campaign
-    from dic.errors import CurveError
-
     if folder.suffix.lower() == ".toml" or (folder / _FILE_NAME).exists():
         given = {**vars(tables), **test.values}
         usual = {"offsets_percent": (), "hardening_percent": (10.0, 20.0)}
@@ -122,12 +116,16 @@ def _specimens(
             name = f"--{idle[0].replace('_', '-')}"
             expected, remedy = f"{_FILE_NAME} alone", f"leave out {name}, and write it into {_FILE_NAME}"
             raise CurveError(str(folder), name, expected, "both", remedy)
-        return read_campaign(folder)
+        return dic.campaigns.read_campaign(folder)
     if tables.load is None or tables.strain is None:
         missing = "--load" if tables.load is None else "--strain"
         expected = f"{_FILE_NAME} in the folder, or a column and its unit"
         remedy = f"write {_FILE_NAME}, or give {missing} COLUMN:UNIT, such as --load Load:kN --strain 3:%"
         raise CurveError(str(folder), missing, expected, "none", remedy)
-    columns = CurveColumns(tables.load, tables.strain, tables.transverse, tables.time, tables.gauge_length_mm)
+    columns = dic.campaigns.CurveColumns(
+        tables.load, tables.strain, tables.transverse, tables.time, tables.gauge_length_mm
+    )
     pattern = "*.csv" if tables.files is None else tables.files
-    return list_specimens(folder, columns, tensile_settings(test), pattern=pattern, leave_out=outputs.files)
+    return dic.campaigns.list_specimens(
+        folder, columns, tensile_settings(test), pattern=pattern, leave_out=outputs.files
+    )

@@ -1,18 +1,16 @@
 """The tables that `dic campaign` prints, at most 80 columns wide."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
-from dic.report import DECIMALS, outlier_text, statistics_cells, symbol_of, value_cell
-
-if TYPE_CHECKING:
-    from dic.campaigns import Campaign
+import dic
 
 _NAME_WIDTH, _VALUE_WIDTH, _COLUMNS = 15, 20, 3
 _STATISTICS = ("mean", "std between", "standard error", "mean stated std")
 
 
-def campaign_lines(campaign: "Campaign") -> Iterator[str]:
+def campaign_lines(campaign: dic.campaigns.Campaign) -> Iterator[str]:
     """Yield the lines of one or more tables: specimens above mean and scatter, some properties per table."""
     keys = campaign.quantities
     for first in range(0, len(keys), _COLUMNS):
@@ -21,9 +19,9 @@ def campaign_lines(campaign: "Campaign") -> Iterator[str]:
     yield from _strains(campaign)
     for name, value in campaign.anisotropy.items():
         symbol = {"r_mean": "r̄", "delta_r": "Δr"}[name]
-        yield f"{symbol}: {value_cell(value, 3) if value.value is not None else value.flags[0]}"
+        yield f"{symbol}: {dic.report.value_cell(value, 3) if value.value is not None else value.flags[0]}"
     if campaign.lacking:
-        yield f"no specimen has: {', '.join(map(symbol_of, campaign.lacking))}"
+        yield f"no specimen has: {', '.join(map(dic.report.symbol_of, campaign.lacking))}"
     if campaign.not_counted:
         yield f"± is one standard deviation, without that of: {', '.join(campaign.not_counted)}"
     flagged = sum(
@@ -34,7 +32,7 @@ def campaign_lines(campaign: "Campaign") -> Iterator[str]:
         yield f"* marks {flagged} values with flags, which --report and --json list"
 
 
-def _strains(campaign: "Campaign") -> Iterator[str]:
+def _strains(campaign: dic.campaigns.Campaign) -> Iterator[str]:
     """Yield lines with the kind of strain of each result file, and the images without a reading."""
     for kind, names in campaign.kinds.items():
         yield f"strain: {kind}, {', '.join(names)}"
@@ -45,10 +43,11 @@ def _strains(campaign: "Campaign") -> Iterator[str]:
         yield f"warning: {warning}"
 
 
-def _block(campaign: "Campaign", keys: Sequence[str]) -> Iterator[str]:
+def _block(campaign: dic.campaigns.Campaign, keys: Sequence[str]) -> Iterator[str]:
     units = [campaign.example(key).unit for key in keys]
     heads = [
-        symbol_of(key) + ("" if unit == "1" else f", {unit}") for key, unit in zip(keys, units, strict=True)
+        dic.report.symbol_of(key) + ("" if unit == "1" else f", {unit}")
+        for key, unit in zip(keys, units, strict=True)
     ]
     yield _line("specimen", heads)
     for name, found in campaign.found.items():
@@ -57,10 +56,15 @@ def _block(campaign: "Campaign", keys: Sequence[str]) -> Iterator[str]:
             value = found.values.get(key)
             known = value is not None and value.value is not None
             mark = "*" if known and value is not None and value.flags else " "
-            cells.append((value_cell(value, DECIMALS[unit]) if value is not None else "–") + mark)
+            cells.append(
+                (dic.report.value_cell(value, dic.report.DECIMALS[unit]) if value is not None else "–") + mark
+            )
         yield _line(name, cells)
     for group in campaign.groups:
-        rows = [statistics_cells(group.scatter[key]) if key in group.scatter else ["–"] * 4 for key in keys]
+        rows = [
+            dic.report.statistics_cells(group.scatter[key]) if key in group.scatter else ["–"] * 4
+            for key in keys
+        ]
         if len(campaign.groups) > 1:
             yield f"{group.label}:"
         for order, title in enumerate(_STATISTICS):
@@ -73,10 +77,10 @@ def _line(title: str, cells: Sequence[str]) -> str:
     return (f"{short:<{_NAME_WIDTH}}" + "".join(f"{cell:>{_VALUE_WIDTH}}" for cell in cells)).rstrip()
 
 
-def _outliers(campaign: "Campaign") -> Iterator[str]:
+def _outliers(campaign: dic.campaigns.Campaign) -> Iterator[str]:
     """Yield a line for each outlier, or a line that says that there is none or that no test was possible."""
     told = [
-        f"outlier: {symbol_of(key)} of {outlier_text(scatter)}, among {group.label}"
+        f"outlier: {dic.report.symbol_of(key)} of {dic.report.outlier_text(scatter)}, among {group.label}"
         for group in campaign.groups
         for key, scatter in group.scatter.items()
         if scatter.outlying is not None

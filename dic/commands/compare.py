@@ -1,17 +1,16 @@
 """The command `dic compare`, which compares results of offaxis with results of another program."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+import dic
 from dic.files import write_text
 from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
-
-if TYPE_CHECKING:
-    from dic.comparison import Comparison
 
 _PATH = click.Path(path_type=Path)
 _COLUMNS = ("points", "mean", "rms", "quantile_05", "median", "quantile_95", "largest")
@@ -55,12 +54,9 @@ def compare(
 
     Exit status: 0 if there are common points, 2 if not.
     """
-    from dic import compare_results
-    from dic.comparison import read_peer
-
     require_places([results, peer], [picture, json_file], force=force)
-    other = read_peer(peer, number=peer_image, measure=peer_strain)
-    found = compare_results(results, other, image=image, camera=camera, picture=picture)
+    other = dic.comparison.read_peer(peer, number=peer_image, measure=peer_strain)
+    found = dic.compare_results(results, other, image=image, camera=camera, picture=picture)
     for line in _lines(found):
         say(line)
     if picture is not None:
@@ -69,7 +65,7 @@ def compare(
         write_text(json_file, json.dumps(found.as_dict(), indent=1, allow_nan=False))
 
 
-def _lines(found: "Comparison") -> list[str]:
+def _lines(found: dic.comparison.Comparison) -> list[str]:
     """Return the table of the differences, in mpx and µε."""
     share = 100.0 * found.common / len(found.peer)
     head = f"offaxis - {found.peer.program}: {found.common} of {len(found.peer)} points ({share:.1f} %)"

@@ -1,14 +1,20 @@
 """The command `dic correlate`, which measures displacements and strains in image files."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
+from numpy.typing import NDArray
 
+import dic
 from dic import CorrelationSettings, Motion, ReferenceSettings, StrainSettings
 from dic.commands.map_options import MapOutputs, map_options, map_outputs
 from dic.commands.options import Chosen, Grouped, all_of, gather
+from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
 from dic.commands.series_options import (
     AlignmentOptions,
     RegionOptions,
@@ -26,15 +32,8 @@ from dic.commands.shared_options import correlation_options, reference_options, 
 from dic.commands.worker_options import chosen_workers, worker_options
 from dic.errors import each_warning_once
 from dic.pictures import MapSettings
+from dic.shell.console import say
 from dic.shell.output_paths import require_hdf5, require_places
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from dic.pipeline import SeriesCamera, SeriesSources
-    from dic.workers import Workers
 
 _FILE = click.Path(path_type=Path)
 
@@ -98,15 +97,9 @@ def correlate(reference: Path, deformed: tuple[Path, ...], given: Given) -> None
     the series after the current image and keeps its results. Exit status: 0 if all images are measured well,
     1 if an image is measured poorly, 2 if an image cannot be measured.
     """
-    from dic import read_image
-    from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
-    from dic.pipeline import SeriesResult, SeriesSources
-    from dic.shell.console import say
-    from dic.specimen import write_region
-
     settings, how, known, drawn, gauges = given.settings()
     region, outputs, calibration_file = given.region, given.outputs, given.start.calibration_file
-    sources = SeriesSources.of(reference, deformed or None)
+    sources = dic.pipeline.SeriesSources.of(reference, deformed or None)
     files = outputs.files(sources.images, gauges, given.maps)
     known_files = [calibration_file, *region.files(), given.alignment.alignment_file, outputs.gauges_file]
     known_files.append(used_settings_file())
@@ -116,7 +109,7 @@ def correlate(reference: Path, deformed: tuple[Path, ...], given: Given) -> None
     for note in sources.notes:
         say(note)
     with chosen_workers() as workers:
-        image = read_image(sources.reference, stored=True)
+        image = dic.read_image(sources.reference, stored=True)
         of_files = _camera(image, sources, given, settings, workers)
         series = of_files.series
         set_up.require_use(series.shape)
@@ -131,8 +124,8 @@ def correlate(reference: Path, deformed: tuple[Path, ...], given: Given) -> None
                 say(begun.earlier.note)
             files.make_folders()
             if region.write_mask is not None:
-                write_region(series.region, image, region.write_mask)
-            if isinstance(begun.earlier.same, SeriesResult):
+                dic.specimen.write_region(series.region, image, region.write_mask)
+            if isinstance(begun.earlier.same, dic.pipeline.SeriesResult):
                 work.show(begun.earlier.same.series)
             elif begun.measuring is not None:
                 whole = work.measure(begun.measuring)
@@ -147,35 +140,30 @@ def correlate(reference: Path, deformed: tuple[Path, ...], given: Given) -> None
 
 
 def _camera(
-    image: "NDArray[Any]",
-    sources: "SeriesSources",
+    image: NDArray[Any],
+    sources: dic.pipeline.SeriesSources,
     given: Given,
     settings: CorrelationSettings,
-    workers: "Workers | None",
-) -> "SeriesCamera":
+    workers: dic.workers.Workers | None,
+) -> dic.pipeline.SeriesCamera:
     """Return the camera of the series with its reference `image`."""
-    from dic.correlation import Series
-    from dic.pipeline import FileDigests, KnownImage, SeriesCamera, SeriesImage
-
-    digests = FileDigests()
+    digests = dic.pipeline.FileDigests()
     digest = digests.of(sources.reference)
-    source = SeriesImage(sources.reference, str(sources.reference), digest=digest)
-    known_image = KnownImage(source, image)
+    source = dic.pipeline.SeriesImage(sources.reference, str(sources.reference), digest=digest)
+    known_image = dic.pipeline.KnownImage(source, image)
     rule = given.references.settings().incremental
-    series = Series(known_image, given.region.read(image.shape), settings, incremental=rule)
-    return SeriesCamera(series, sources, rule, given.start.hint(image.shape), workers, digests)
+    series = dic.correlation.Series(known_image, given.region.read(image.shape), settings, incremental=rule)
+    return dic.pipeline.SeriesCamera(series, sources, rule, given.start.hint(image.shape), workers, digests)
 
 
 def _require_places(
-    inputs: "Sequence[Path | None]",
-    written: "Sequence[Path | None]",
-    new_folders: "Sequence[Path]",
+    inputs: Sequence[Path | None],
+    written: Sequence[Path | None],
+    new_folders: Sequence[Path],
     outputs: SeriesOutputOptions,
 ) -> None:
     """Raise an error if an output file cannot be written; an unfinished result may be continued."""
-    from dic.results import outputs_of
-
     # Allow an existing result file here: whether it can be used is known only after reading the reference.
-    replaceable = [] if outputs.output is None else [*outputs_of(outputs.output), outputs.output]
+    replaceable = [] if outputs.output is None else [*dic.results.outputs_of(outputs.output), outputs.output]
     require_places(inputs, written, force=outputs.force, replaceable=replaceable, new_folders=new_folders)
     require_hdf5(outputs.output, "give --csv FOLDER for tables, --json for the values, --maps for pictures")

@@ -1,18 +1,16 @@
 """The command `dic draw`, which writes a page on which regions and gauges are drawn over an image."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+import dic
 from dic.errors import CorrelationError
 from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
-
-if TYPE_CHECKING:
-    from dic import Calibration
-    from dic.typing import ImageLike, Mask
 
 _RUN_FILES = (".h5", ".hdf5")
 _FILE = click.Path(path_type=Path)
@@ -54,19 +52,16 @@ def draw(
     `dic process`, `dic quality` and `dic study`, and gauges.toml for --gauges of `dic correlate`,
     `dic process` and `dic gauges`.
     """
-    from dic import load_calibration, read_gauges
-    from dic.drawing import write_drawing_page
-
     if roi is not None and specimen:
         remedy = "leave one of them out"
         raise CorrelationError("settings", "--specimen", "no --roi beside it", str(roi), remedy)
     given = _given(image, camera)
     page = output or Path(f"{given.stem}-drawing.html")
     require_places([image, roi, gauges_file, calibration_file], [page], force=force)
-    gauges = () if gauges_file is None else read_gauges(gauges_file)
-    calibration = given.calibration if calibration_file is None else load_calibration(calibration_file)
+    gauges = () if gauges_file is None else dic.read_gauges(gauges_file)
+    calibration = given.calibration if calibration_file is None else dic.load_calibration(calibration_file)
     region = _specimen(given.image) if specimen else roi
-    write_drawing_page(
+    dic.drawing.write_drawing_page(
         given.image, page, region=region, gauges=gauges, calibration=calibration, name=given.name
     )
     say(f"page: {page}")
@@ -78,27 +73,24 @@ def draw(
 class _Given:
     """The image to draw on, the beginning of the page's name, and the command that reads the drawn files."""
 
-    image: "ImageLike"
+    image: dic.typing.ImageLike
     stem: str
     then: str
     name: str | None = None
-    calibration: "Calibration | None" = None
+    calibration: dic.Calibration | None = None
 
 
 def _given(image: Path, camera: str | None) -> _Given:
     """Return an image file, or the reference image of a camera of a run file, as the image to draw on."""
-    from dic.pipeline import run_reference
-
     if camera is None and image.suffix.lower() not in _RUN_FILES:
         return _Given(image, image.stem, f"dic correlate {image} … --roi region.toml --gauges gauges.toml")
-    of_run = run_reference(image, camera)
+    of_run = dic.pipeline.run_reference(image, camera)
     then = f"dic process {image} --roi {of_run.camera}=region.toml"
     return _Given(of_run.image, f"{image.stem}-{of_run.camera}", then, of_run.name, of_run.calibration)
 
 
-def _specimen(image: "ImageLike") -> "Mask":
-    from dic import find_specimen
+def _specimen(image: dic.typing.ImageLike) -> dic.typing.Mask:
 
-    found = find_specimen(image)
+    found = dic.find_specimen(image)
     say(str(found))
     return found.mask

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import click
 
+import dic
+from dic.errors import OutputError
 from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
 
@@ -25,13 +27,10 @@ def example(folder: Path, force: bool) -> None:
     The images are simulated, so the strain in each of them is known exactly. The command prints further
     commands, which measure these images.
     """
-    from dic.errors import OutputError
-    from dic.example import FILES, example_places, write_example
-
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        require_places([], example_places(folder), force=force)
-        write_example(folder)
+        require_places([], dic.example.example_places(folder), force=force)
+        dic.example.write_example(folder)
     except OSError as error:
         raise OutputError(
             str(folder),
@@ -41,8 +40,8 @@ def example(folder: Path, force: bool) -> None:
             "name another folder",
         ) from error
     say(f"{folder}: a tension test of an aluminium sheet in 16 steps")
-    width = max(map(len, FILES))
-    for name, meaning in FILES.items():
+    width = max(map(len, dic.example.FILES))
+    for name, meaning in dic.example.FILES.items():
         if meaning:
             say(f"  {name:<{width}}  {meaning}")
         elif name == "step-01.png":

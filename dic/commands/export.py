@@ -5,11 +5,13 @@ from pathlib import Path
 
 import click
 
+import dic
 from dic.commands.options import telling
 from dic.exports import EXPORTS
 from dic.files import write_text
 from dic.shell.console import fail, say
 from dic.shell.output_paths import FORCE, require_places
+from dic.shell.progress import progress
 
 _PATH = click.Path(path_type=Path)
 
@@ -49,9 +51,6 @@ def export(
 
     Exit status: 0 if everything that was measured is written, 2 if not.
     """
-    from dic import export_results
-    from dic.shell.progress import progress
-
     require_places([results], [json_file], force=force)
     with progress("exporting") as bar:
 
@@ -59,7 +58,7 @@ def export(
             bar.expect(total)
             bar.advance()
 
-        done = export_results(
+        done = dic.export_results(
             results,
             output,
             formats,

@@ -1,17 +1,15 @@
 """Options that choose gauges in a result file, for `dic properties` and `dic report`."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+import dic
 from dic.commands.options import option, options, use
 from dic.commands.record_options import RecordOptions
-
-if TYPE_CHECKING:
-    from dic.gauges import Gauge, GaugeSeries
-    from dic.records import JoinedRecord
 
 _PATH = click.Path(path_type=Path)
 
@@ -51,8 +49,8 @@ class FieldOptions:
         load: str | None,
         time: str | None,
         camera: str | None = None,
-        gauges: "Sequence[Gauge] | None" = None,
-    ) -> "tuple[GaugeSeries, str, JoinedRecord | None]":
+        gauges: Sequence[dic.gauges.Gauge] | None = None,
+    ) -> tuple[dic.gauges.GaugeSeries, str, dic.records.JoinedRecord | None]:
         """Read the declared gauges, or `gauges` if none are declared, and the load of each image.
 
         Returns
@@ -63,11 +61,9 @@ class FieldOptions:
         JoinedRecord or None
             The machine's record, if one was joined to the images.
         """
-        from dic import measure_gauges, read_gauges
-
-        gauges = gauges or read_gauges(self.gauges_file, self.texts)
+        gauges = gauges or dic.read_gauges(self.gauges_file, self.texts)
         name = self.gauge or gauges[0].name
-        series = measure_gauges(path, gauges, camera=camera)
+        series = dic.measure_gauges(path, gauges, camera=camera)
         series, joined = record.joined(series, load, time, name)
         return series, name, joined
 

@@ -1,17 +1,17 @@
 """The lines that `dic gauges`, `dic correlate` and `dic process` print about gauges."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from dic.gauges import GaugeImage, GaugeSeries
-    from dic.records import JoinedRecord
+import dic
 
 _NAME_WIDTH, _CELL_WIDTH, _MOST_WIDTH = 24, 19, 100
 
 
-def gauge_lines(series: "GaugeSeries") -> Iterator[str]:
+def gauge_lines(series: dic.gauges.GaugeSeries) -> Iterator[str]:
     """Yield a line about each gauge, and a table of all gauges' strains, at most 100 characters wide.
 
     If there are many gauges, the table has several parts.
@@ -32,18 +32,18 @@ def gauge_lines(series: "GaugeSeries") -> Iterator[str]:
                 yield f"{_cut(label, width):<{width}} {cells}"
 
 
-def joined_line(joined: "JoinedRecord") -> str:
+def joined_line(joined: dic.records.JoinedRecord) -> str:
     """Return a line that says how a machine's record was joined to the images."""
     return f"load: {joined.text}"
 
 
-def gauges_dict(series: "GaugeSeries") -> dict[str, Any]:
+def gauges_dict(series: dic.gauges.GaugeSeries) -> dict[str, Any]:
     """Return `gauges` and `gauge_readings` for the JSON file of a command that measures images."""
     content = series.as_dict()
     return {"gauges": content["gauges"], "gauge_readings": content["images"]}
 
 
-def _about(images: "Sequence[GaugeImage]", name: str, kind: str) -> str:
+def _about(images: Sequence[dic.gauges.GaugeImage], name: str, kind: str) -> str:
     """Return a gauge's kind of strain, length and number of points, from the first image with a reading."""
     measured = [image.best(name) for image in images if image.failure is None]
     read = [one for one in measured if not one[1].reason]
@@ -57,7 +57,7 @@ def _about(images: "Sequence[GaugeImage]", name: str, kind: str) -> str:
     return f"{kind}, {best}, gauge length {first.length:.6g} {first.unit}{lines}, {first.points} points"
 
 
-def _label(image: "GaugeImage") -> str:
+def _label(image: dic.gauges.GaugeImage) -> str:
     parts = [str(image.known[key]) for key in ("camera", "step") if key in image.known]
     return " ".join(parts) or Path(image.label).name
 

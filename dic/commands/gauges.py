@@ -1,11 +1,14 @@
 """The command `dic gauges`, which reads gauges in the results of a measurement without correlating again."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+import dic
+from dic.commands.gauge_text import gauge_lines, joined_line
 from dic.commands.options import option, options, telling, use
 from dic.commands.record_options import RecordOptions, record_options
 from dic.commands.shared_options import A_GAUGE, comma, force
@@ -14,9 +17,6 @@ from dic.gauges import GAUGES
 from dic.settings import enumerated
 from dic.shell.console import fail, say
 from dic.shell.output_paths import require_places
-
-if TYPE_CHECKING:
-    from dic.gauges import Gauge
 
 _PATH = click.Path(path_type=Path)
 
@@ -31,11 +31,9 @@ class GaugeOutputs:
     picture: Path | None = option("--picture", help="Picture of the gauges on the reference image.")
     force: bool = force()
 
-    def files(self, gauges: "tuple[Gauge, ...]") -> list[Path | None]:
+    def files(self, gauges: tuple[dic.gauges.Gauge, ...]) -> list[Path | None]:
         """Return the paths of all files to write."""
-        from dic.gauges import gauge_table_files
-
-        tables = [] if self.output is None else gauge_table_files(self.output, gauges)
+        tables = [] if self.output is None else dic.gauges.gauge_table_files(self.output, gauges)
         return [*tables, self.json_file, self.picture]
 
 
@@ -75,25 +73,20 @@ def gauges(
     Exit status: 0 if every gauge has a reading in every image, 1 if a reading is missing, 2 if the gauges or
     the results cannot be used.
     """
-    from dic import measure_gauges, read_gauges
-    from dic.commands.gauge_text import gauge_lines, joined_line
-    from dic.derived import write_gauge_picture
-    from dic.gauges import write_gauge_table
-
-    declared = read_gauges(gauges_file, texts)
+    declared = dic.read_gauges(gauges_file, texts)
     require_places([results, gauges_file, *record.files], outputs.files(declared), force=outputs.force)
-    found, joined = record.joined(measure_gauges(results, declared, camera=camera), load, time)
+    found, joined = record.joined(dic.measure_gauges(results, declared, camera=camera), load, time)
     for line in gauge_lines(found):
         say(line)
     if joined is not None:
         say(joined_line(joined))
     if outputs.output is not None:
-        write_gauge_table(found, outputs.output, decimal_comma=outputs.decimal_comma)
+        dic.gauges.write_gauge_table(found, outputs.output, decimal_comma=outputs.decimal_comma)
     if outputs.json_file is not None:
         content = found.as_dict() | ({} if joined is None else {"record": joined.as_dict()})
         write_text(outputs.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
     if outputs.picture is not None:
-        write_gauge_picture(results, declared, outputs.picture, camera=camera)
+        dic.derived.write_gauge_picture(results, declared, outputs.picture, camera=camera)
         say(f"picture: {outputs.picture}")
     for image in found.images:
         if image.failure is not None:

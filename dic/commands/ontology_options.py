@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import dic
+
 
 def require_iri(iri: str | None) -> None:
     """Raise an error if the beginning of the names is no IRI, before any work is done."""
-    from dic.exports import AboutTest
-
-    AboutTest("", iri=iri or "")
+    dic.exports.AboutTest("", iri=iri or "")
 
 
 def ontology_line(path: Path, left_out: Sequence[str]) -> str:

@@ -1,22 +1,22 @@
 """The command `dic plot`: pictures of gauges, of line cuts, and animations, from a result file."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+import dic
 from dic.commands.options import Chosen, Command, gather, option, options, use
 from dic.commands.plot_animation import animation
 from dic.commands.record_options import RecordOptions, record_options
 from dic.commands.shared_options import A_GAUGE, force
+from dic.errors import GaugeError
 from dic.pictures import PlotSettings, require_format
 from dic.shell.console import say
 from dic.shell.output_paths import require_places
-
-if TYPE_CHECKING:
-    from dic.gauges import GaugeSeries
 
 _PATH = click.Path(path_type=Path)
 
@@ -52,12 +52,10 @@ class SourceOptions:
         help="raw, calibrated or corrected. May be repeated. Default: the best there is.",
     )
 
-    def read(self, results: Path, gauges_file: Path | None) -> "GaugeSeries":
+    def read(self, results: Path, gauges_file: Path | None) -> dic.gauges.GaugeSeries:
         """Read the chosen gauges in all images of the results."""
-        from dic import measure_gauges, read_gauges
-
-        series: GaugeSeries = measure_gauges(
-            results, read_gauges(gauges_file, self.texts), camera=self.camera
+        series: dic.gauges.GaugeSeries = dic.measure_gauges(
+            results, dic.read_gauges(gauges_file, self.texts), camera=self.camera
         )
         return series
 
@@ -125,12 +123,10 @@ def gauges(
 
     Exit status: 0 if every gauge is drawn at every image, 1 if there are gaps, 2 if nothing can be drawn.
     """
-    from dic.gauges import plot_gauges
-
     settings = picture.places.settings(picture.size)
     require_places([results, gauges_file, *record.files], [picture.places.output], force=picture.places.force)
     series, _ = record.joined(source.read(results, gauges_file), load, time)
-    gaps = plot_gauges(
+    gaps = dic.gauges.plot_gauges(
         series,
         picture.places.output,
         against=against,
@@ -168,12 +164,10 @@ def cuts(
 
     Exit status: 0 if every image is drawn, 1 if an image has no values, 2 if nothing can be drawn.
     """
-    from dic.gauges import plot_cuts
-
     settings, numbers = picture.places.settings(picture.size), _numbers(images)
     require_places([results, gauges_file], [picture.places.output], force=picture.places.force)
     series = source.read(results, gauges_file)
-    gaps = plot_cuts(
+    gaps = dic.gauges.plot_cuts(
         series,
         picture.places.output,
         quantity=quantity,
@@ -185,7 +179,6 @@ def cuts(
 
 
 def _numbers(text: str) -> list[int]:
-    from dic.errors import GaugeError
 
     try:
         return [int(part) for part in text.split(",")] if text else []

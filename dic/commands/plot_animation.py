@@ -4,11 +4,13 @@ from pathlib import Path
 
 import click
 
+import dic
 from dic.commands.options import Chosen, use
 from dic.commands.record_options import RecordOptions, record_options
 from dic.pictures import MapSettings
 from dic.shell.console import fail, say
 from dic.shell.output_paths import FORCE, require_places
+from dic.shell.progress import progress
 
 _PATH = click.Path(path_type=Path)
 
@@ -49,16 +51,13 @@ def animation(
     Exit status: 0 if every image is shown with values, 1 if an image could not be measured, 2 if nothing can
     be drawn.
     """
-    from dic import measure_gauges, write_animation
-    from dic.shell.progress import progress
-
     settings = frames.settings()
     require_places([results, *record.files], [output], force=force)
     known = []
     if record.record_file is None:
         record.require_none("--record beside it", load=load, time=time)
     else:
-        series, _ = record.joined(measure_gauges(results, ()), load, time)
+        series, _ = record.joined(dic.measure_gauges(results, ()), load, time)
         known = [image.known for image in series.images]
     with progress("drawing") as bar:
 
@@ -66,7 +65,7 @@ def animation(
             bar.expect(total)
             bar.advance()
 
-        done = write_animation(
+        done = dic.write_animation(
             results,
             output,
             settings=settings,

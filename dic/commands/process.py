@@ -6,10 +6,12 @@ from pathlib import Path
 
 import click
 
+import dic
 from dic import CorrectionSettings, CorrelationSettings, ReferenceSettings, StrainSettings
 from dic.commands.options import Chosen, Grouped, all_of, option, options, use
 from dic.commands.run_output import RunOutputOptions, problems, read_alignment
 from dic.commands.run_regions import RunRegionOptions, region_options
+from dic.commands.run_work import RunWork, process_shelf
 from dic.commands.settings_file import settings_option, used_settings_file
 from dic.commands.shared_options import COMMA_NEEDS, correlation_options, reference_options, strain_options
 from dic.commands.worker_options import chosen_workers, worker_options
@@ -81,10 +83,7 @@ def process(
     Exit status: 0 if all steps are measured well, 1 if a step is measured poorly, 2 if a step or a run cannot
     be measured.
     """
-    from dic.commands.run_work import RunWork, process_shelf
-    from dic.pipeline import list_run_files
-
-    listed = list_run_files(runs)
+    listed = dic.pipeline.list_run_files(runs)
     for earlier, later in listed.continued.items():
         say(f"{earlier} is left out, because {later} continues it and contains its steps")
     paths = listed.paths

@@ -1,27 +1,28 @@
 """The command `dic properties`, which computes material properties from the curve of a tensile test."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Mapping, Set
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import dic
 from dic.commands.column_options import TableColumns
 from dic.commands.field_options import FieldOptions, field_options
+from dic.commands.gauge_text import joined_line
 from dic.commands.ontology_options import ontology_line, require_iri
 from dic.commands.options import Chosen, option, options, use
 from dic.commands.record_options import RecordOptions, record_options
 from dic.commands.shared_options import force, ttl, ttl_iri
 from dic.commands.tensile_options import tensile_options, tensile_settings
+from dic.errors import CurveError
 from dic.files import write_text
 from dic.properties import PropertySettings
 from dic.shell.console import say
 from dic.shell.output_paths import require_places
-
-if TYPE_CHECKING:
-    from dic.exports import AboutTest
-    from dic.properties import Curve, Properties
 
 _PATH = click.Path(path_type=Path)
 _SHOWN = {"GPa": 1, "MPa": 1, "%": 3, "1": 4}
@@ -39,8 +40,6 @@ class ColumnOptions(TableColumns):
 
     def require_results(self, path: Path) -> None:
         """Raise an error if an option is given that has no effect on a result file."""
-        from dic.errors import CurveError
-
         given = {
             "--strain": self.strain,
             "--stress": self.stress,
@@ -52,15 +51,12 @@ class ColumnOptions(TableColumns):
                 remedy = f"leave out {name}, and name a gauge with --gauge"
                 raise CurveError(str(path), name, "the table of a testing machine", "a result file", remedy)
 
-    def read(self, path: Path, area_mm2: float) -> "Curve":
+    def read(self, path: Path, area_mm2: float) -> dic.properties.Curve:
         """Read the curve of a tensile test from the testing machine's table `path`."""
-        from dic import read_curve
-        from dic.errors import CurveError
-
         if self.strain is None:
             remedy = "give --strain COLUMN:UNIT, such as --load Load:kN --strain 3:%"
             raise CurveError(str(path), "--strain", "a column and its unit", "none", remedy)
-        return read_curve(
+        return dic.read_curve(
             path,
             load=self.load,
             strain=self.strain,
@@ -95,24 +91,24 @@ class PropertyOutputs:
 
     def facts(self) -> Mapping[str, Mapping[str, Any]]:
         """Return the facts that the user states for the ontology's file."""
-        from dic.report import read_stated_facts
-
-        return {} if self.facts_file is None else read_stated_facts(self.facts_file).tables
+        return {} if self.facts_file is None else dic.report.read_stated_facts(self.facts_file).tables
 
     def write(
-        self, found: "Properties", content: dict[str, Any], about: "AboutTest", *, unknown: Set[str]
+        self,
+        found: dic.properties.Properties,
+        content: dict[str, Any],
+        about: dic.exports.AboutTest,
+        *,
+        unknown: Set[str],
     ) -> None:
         """Write all files, and print which values the ontology cannot contain; `unknown` keys are null."""
-        from dic.exports import write_tensile_ontology
-        from dic.properties import plot_properties
-
         if self.json_file is not None:
             content = content | found.as_dict() | dict.fromkeys(unknown)
             write_text(self.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
         if self.plot_file is not None:
-            plot_properties(found, self.plot_file)
+            dic.properties.plot_properties(found, self.plot_file)
         if self.ttl_file is not None:
-            say(ontology_line(self.ttl_file, write_tensile_ontology(found, self.ttl_file, about)))
+            say(ontology_line(self.ttl_file, dic.exports.write_tensile_ontology(found, self.ttl_file, about)))
 
 
 @click.command()
@@ -141,12 +137,6 @@ def properties(
 
     Exit status: 0 if E was found, 1 if not, 2 if the record cannot be used.
     """
-    from dic import material_properties
-    from dic.commands.gauge_text import joined_line
-    from dic.derived import about_curve, about_series, gauge_curve, is_results
-    from dic.errors import CurveError
-    from dic.properties import with_shared_error
-
     area_unknown = columns.stress is not None and test.values["area_mm2"] is None
     settings = tensile_settings(test, 1.0 if area_unknown else None)
     inputs = [curve, field.gauges_file, outputs.facts_file, *record.files]
@@ -154,20 +144,22 @@ def properties(
     require_iri(outputs.ttl_iri)
     facts, iri = outputs.facts(), outputs.ttl_iri or ""
     content: dict[str, Any] = {"curve": str(curve)}
-    if is_results(curve):
+    if dic.derived.is_results(curve):
         columns.require_results(curve)
         series, gauge, joined = field.read(curve, record, columns.load, columns.time, choice.camera)
         across = field.transverse_gauge
-        read = gauge_curve(series, gauge, across, kind=choice.strain_kind, camera=choice.camera)
-        found = material_properties(read.curve, settings)
-        found = with_shared_error(found, read.shared_std, read.shared_transverse, read.followed)
+        read = dic.derived.gauge_curve(series, gauge, across, kind=choice.strain_kind, camera=choice.camera)
+        found = dic.material_properties(read.curve, settings)
+        found = dic.properties.with_shared_error(
+            found, read.shared_std, read.shared_transverse, read.followed
+        )
         images = read.curve.measured
         content |= {"strain_kind": read.kind, "images": images, "left_out": read.left_out}
         content |= {} if joined is None else {"record": joined.as_dict()}
         say(f"{read.kind} strain of {images} images, {read.left_out} without a reading")
         if joined is not None:
             say(joined_line(joined))
-        about = about_series(series, gauge, read.kind, facts, iri=iri)
+        about = dic.derived.about_series(series, gauge, read.kind, facts, iri=iri)
     else:
         _require_no_gauges(curve, field.given, choice, record)
         if area_unknown and outputs.ttl_file is not None:
@@ -176,8 +168,8 @@ def properties(
                 "settings", "--area-mm2", "the area of the cross-section for --ttl", "none", remedy
             )
         table = columns.read(curve, settings.area_mm2)
-        found = material_properties(table, settings)
-        about = about_curve(table, facts, gauge_length_mm=columns.gauge_length_mm, iri=iri)
+        found = dic.material_properties(table, settings)
+        about = dic.derived.about_curve(table, facts, gauge_length_mm=columns.gauge_length_mm, iri=iri)
     _say_all(found)
     outputs.write(found, content, about, unknown={"area_mm2"} if area_unknown else set())
     click.get_current_context().exit(0 if found.elastic is not None else 1)
@@ -187,8 +179,6 @@ def _require_no_gauges(
     path: Path, given: Mapping[str, object], choice: StrainChoice, record: RecordOptions
 ) -> None:
     """Raise an error if CURVE is a table and an option is given that has an effect on result files only."""
-    from dic.errors import CurveError
-
     given = {**given, "--kind": choice.strain_kind, "--camera": choice.camera}
     idle = [option for option, value in given.items() if value]
     if idle:
@@ -197,7 +187,7 @@ def _require_no_gauges(
     record.require_none("a result file of `dic correlate` beside it")
 
 
-def _say_all(found: "Properties") -> None:
+def _say_all(found: dic.properties.Properties) -> None:
     """Print a line for each value, and the objections to the value below this line."""
     for name, value in found.values.items():
         symbol = name.partition("_")[0]

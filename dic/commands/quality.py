@@ -1,24 +1,27 @@
 """The command `dic quality`, which checks whether an image is suitable for measurement."""
 
+from __future__ import annotations
+
 import json
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import dic
 from dic import CorrelationSettings
 from dic.commands.options import Chosen, all_of, option, options, use
 from dic.commands.settings_file import settings_option
 from dic.commands.shared_options import write_mask
-from dic.errors import each_warning_once
+from dic.errors import CorrelationError, each_warning_once
 from dic.files import write_text
+from dic.shell.console import fail, say, stopped_early, stopping_between
 from dic.shell.output_paths import FORCE, require_places
+from dic.shell.progress import progress
 
 UNSURE = 1.5
 """The bias without aliasing is also printed if it is larger than this multiple of the predicted bias."""
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
 
 
 _FILE = click.Path(path_type=Path)
@@ -38,11 +41,9 @@ class PlannedOptions:
 
     def require(self) -> None:
         """Raise an error that names all wrong options together."""
-        from dic.quality import Quality
-
         all_of(
-            lambda: Quality.require_wanted(self.wanted_px),
-            lambda: Quality.require_strain_range(self.strain_range),
+            lambda: dic.quality.Quality.require_wanted(self.wanted_px),
+            lambda: dic.quality.Quality.require_strain_range(self.strain_range),
         )
 
 
@@ -80,17 +81,13 @@ def quality(
 
     Exit status: 0 for good images, 1 if an image has a fault, 2 if an image cannot be checked.
     """
-    from dic import list_images
-    from dic.pipeline import files_of
-    from dic.specimen import region_files
-
     settings: CorrelationSettings
     settings, _ = all_of(correlation.settings, planned.require)
     write_mask = planned.write_mask
-    listed = list_images(*images)
+    listed = dic.list_images(*images)
     _require_one(listed, {"--second": second, "--plot": plot_file, "--write-mask": write_mask})
-    masks = () if write_mask is None else region_files(write_mask)
-    require_places([*files_of(listed), roi, second], [plot_file, json_file, *masks], force=force)
+    masks = () if write_mask is None else dic.specimen.region_files(write_mask)
+    require_places([*dic.pipeline.files_of(listed), roi, second], [plot_file, json_file, *masks], force=force)
     contents, failures = _check_all(
         listed, lambda image: _check(image, roi, second, planned, settings, plot_file, write_mask)
     )
@@ -102,20 +99,16 @@ def quality(
 
 
 def _check_all(
-    images: "Sequence[Path]", check: "Callable[[Path], dict[str, Any]]"
+    images: Sequence[Path], check: Callable[[Path], dict[str, Any]]
 ) -> tuple[list[dict[str, Any]], list[dict[str, str]]]:
     """Check images until the last or a signal; return the results and the failures for JSON."""
-    from dic import MeasurementError
-    from dic.shell.console import fail, stopped_early, stopping_between
-    from dic.shell.progress import progress
-
     contents: list[dict[str, Any]] = []
     failures: list[dict[str, str]] = []
     with progress("checking", len(images)) as bar, stopping_between() as stopped:
         for number, image in enumerate(images, 1):
             try:
                 contents.append(check(image))
-            except MeasurementError as error:
+            except dic.MeasurementError as error:
                 if len(images) == 1:
                     raise
                 failures.append({"file": str(image), "error": str(error)})
@@ -134,17 +127,12 @@ def _check(
     roi: Path | None,
     second: Path | None,
     planned: PlannedOptions,
-    settings: "CorrelationSettings",
+    settings: CorrelationSettings,
     plot_file: Path | None,
     write_mask: Path | None,
 ) -> dict[str, Any]:
     """Check an image, print the results, and return them for JSON."""
-    from dic import assess_quality
-    from dic.quality import plot_quality, quality_findings
-    from dic.shell.console import fail, say
-    from dic.specimen import write_region
-
-    judged = assess_quality(
+    judged = dic.assess_quality(
         image,
         roi,
         settings,
@@ -152,11 +140,11 @@ def _check(
         wanted_px=planned.wanted_px,
         strain_range=planned.strain_range,
     )
-    sentences, figures = quality_findings(judged), judged.as_dict()
+    sentences, figures = dic.quality.quality_findings(judged), judged.as_dict()
     if write_mask is not None:
-        write_region(judged.region, image, write_mask)
+        dic.specimen.write_region(judged.region, image, write_mask)
     if plot_file is not None:
-        plot_quality(judged, image, plot_file)
+        dic.quality.plot_quality(judged, image, plot_file)
     say(f"{image}: {'not good' if sentences else 'good'}\n{text(figures)}")
     if judged.specimen is not None and not judged.specimen.is_whole:
         say(f"  {judged.specimen}")
@@ -169,8 +157,6 @@ def _check(
 
 def _require_one(images: list[Path], given: dict[str, Path | None]) -> None:
     """Raise an error if there are several images, but an option applies to a single image."""
-    from dic.errors import CorrelationError
-
     for name, value in given.items():
         if value is not None and len(images) > 1:
             raise CorrelationError(

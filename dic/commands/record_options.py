@@ -1,16 +1,14 @@
 """Options for the record of a testing machine, for `dic gauges` and `dic properties`."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+import dic
 from dic.commands.options import option, options, use
-
-if TYPE_CHECKING:
-    from dic.derived import ImageClock
-    from dic.gauges import GaugeSeries
-    from dic.records import JoinedRecord, MachineRecord
+from dic.errors import CurveError
 
 _PATH = click.Path(path_type=Path)
 _FOUND = "auto"
@@ -58,8 +56,8 @@ class RecordOptions:
         return [self.record_file, self.image_times]
 
     def joined(
-        self, series: "GaugeSeries", load: str | None, time: str | None, gauge: str | None = None
-    ) -> "tuple[GaugeSeries, JoinedRecord | None]":
+        self, series: dic.gauges.GaugeSeries, load: str | None, time: str | None, gauge: str | None = None
+    ) -> tuple[dic.gauges.GaugeSeries, dic.records.JoinedRecord | None]:
         """Return the series with the machine's load; without a record, return the series unchanged.
 
         Raises
@@ -67,8 +65,6 @@ class RecordOptions:
         CurveError
             If the record cannot be read or does not fit the images, or an option has no effect.
         """
-        from dic.derived import join_record
-
         if self.record_file is None:
             self._require_record(load, time)
             return series, None
@@ -76,12 +72,12 @@ class RecordOptions:
         by_time = self.image_interval_s is not None or self.image_times is not None
         join = self.join or ("time" if by_time else "name" if self.image_column else "row")
         self._require_effect(join)
-        return join_record(series, record, join, clock=self._clock(), gauge=self.offset_gauge or gauge)
+        return dic.derived.join_record(
+            series, record, join, clock=self._clock(), gauge=self.offset_gauge or gauge
+        )
 
     def _require_effect(self, join: str) -> None:
         """Raise an error for an option that this way of joining does not use."""
-        from dic.errors import CurveError
-
         idle: dict[str, bool] = {}
         if join in ("name", "row"):
             times = {"--image-interval-s": self.image_interval_s, "--image-times": self.image_times}
@@ -104,8 +100,6 @@ class RecordOptions:
 
     def require_none(self, expected: str, **others: object) -> None:
         """Raise an error if one of these options or of `others` is given; an offset "0" is allowed."""
-        from dic.errors import CurveError
-
         usual = {"offset_s": "0", "record_file": None}
         given = others | {name: value for name, value in vars(self).items() if value != usual.get(name)}
         for name, value in given.items():
@@ -114,9 +108,7 @@ class RecordOptions:
                 remedy = f"name the machine's record with --record, or leave out {option}"
                 raise CurveError("settings", option, expected, "none", remedy)
 
-    def _read(self, load: str | None, time: str | None) -> "MachineRecord":
-        from dic.errors import CurveError
-        from dic.records import read_machine_record
+    def _read(self, load: str | None, time: str | None) -> dic.records.MachineRecord:
 
         if self.record_file is None or load is None:
             remedy = "give --load COLUMN:UNIT, such as --load Load:kN"
@@ -125,25 +117,23 @@ class RecordOptions:
             )
         # If there is a table of image times, the column of names is a column of that table.
         image = None if self.image_times is not None else self.image_column
-        return read_machine_record(
+        return dic.records.read_machine_record(
             self.record_file, load=load, displacement=self.displacement, time=time, image=image
         )
 
-    def _clock(self) -> "ImageClock":
-        from dic.derived import ImageClock
-        from dic.errors import CurveError
-        from dic.records import read_image_times
+    def _clock(self) -> dic.derived.ImageClock:
 
         times_s = None
         if self.image_times is not None:
             if self.image_column is None or self.image_time is None:
                 expected, remedy = "--image-column and --image-time", "name the columns of names and of times"
                 raise CurveError(str(self.image_times), "--image-times", expected, "not both", remedy)
-            times_s = read_image_times(self.image_times, image=self.image_column, time=self.image_time)
-        return ImageClock(self.image_interval_s, times_s, self._offset_s())
+            times_s = dic.records.read_image_times(
+                self.image_times, image=self.image_column, time=self.image_time
+            )
+        return dic.derived.ImageClock(self.image_interval_s, times_s, self._offset_s())
 
     def _offset_s(self) -> float | None:
-        from dic.errors import CurveError
 
         if self.offset_s == _FOUND:
             return None

@@ -1,27 +1,26 @@
 """The command `dic report`, which writes one HTML page from result files."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+import dic
 from dic.commands.field_options import FieldOptions, field_options
 from dic.commands.ontology_options import ontology_line, require_iri
 from dic.commands.options import Chosen, option, options, use
 from dic.commands.record_options import RecordOptions, record_options
+from dic.commands.run_table import as_dict
 from dic.commands.shared_options import force, ttl, ttl_iri
 from dic.commands.tensile_options import tensile_options, tensile_settings
+from dic.errors import CurveError, RunFileError
 from dic.files import read_text, write_text
 from dic.properties import PropertySettings
 from dic.shell.console import say
 from dic.shell.output_paths import require_places
-
-if TYPE_CHECKING:
-    from dic.gauges import GaugeSeries
-    from dic.pipeline import RunResult, SeriesResult
-    from dic.report import ReportDetails, TensileTest
 
 _FILE = click.Path(path_type=Path)
 
@@ -59,19 +58,19 @@ class PropertyOptions:
         """True if at least one option is given."""
         return any(each not in (None, ()) for each in vars(self).values())
 
-    def details(self, inputs: Sequence[Path | None]) -> "ReportDetails":
+    def details(self, inputs: Sequence[Path | None]) -> dic.report.ReportDetails:
         """Return the options as `ReportDetails`; `inputs` are further input files of the test."""
-        from dic.report import ReportDetails, StatedFacts, read_stated_facts
-
-        facts = StatedFacts() if self.facts_file is None else read_stated_facts(self.facts_file)
+        facts = (
+            dic.report.StatedFacts()
+            if self.facts_file is None
+            else dic.report.read_stated_facts(self.facts_file)
+        )
         files = (*inputs, self.known_file, self.facts_file)
         given = tuple(path for path in files if path is not None)
-        return ReportDetails(facts, self.fields_at, self.static, given)
+        return dic.report.ReportDetails(facts, self.fields_at, self.static, given)
 
     def known(self) -> dict[str, float]:
         """Return the known values of `--known`, keyed by property."""
-        from dic.errors import CurveError
-
         if self.known_file is None:
             return {}
         try:
@@ -111,45 +110,46 @@ class ReportOutputs:
 
     def require_pdf(self) -> None:
         """Raise an error if a PDF file is wanted and cannot be written."""
-        from dic.report import require_pdf
-
         if self.pdf is not None:
-            require_pdf(self.pdf)
+            dic.report.require_pdf(self.pdf)
 
-    def require_test(self, tests: "Sequence[TensileTest]") -> None:
+    def require_test(self, tests: Sequence[dic.report.TensileTest]) -> None:
         """Raise an error if there is no tensile test for a file of its values."""
-        from dic.errors import RunFileError
-
         if self.ttl_file is not None and not tests:
             expected, remedy = "a tensile test", "declare a gauge with --declare, or leave out --ttl"
             raise RunFileError(str(self.ttl_file), "--ttl", expected, "none", remedy)
 
     def write_values(
-        self, tests: "Sequence[TensileTest]", results: "Sequence[RunResult] | Sequence[SeriesResult]"
+        self,
+        tests: Sequence[dic.report.TensileTest],
+        results: Sequence[dic.pipeline.RunResult] | Sequence[dic.pipeline.SeriesResult],
     ) -> None:
         """Write all values of the report as JSON, and the values of a test after the ontology."""
-        from dic.report import tables_of_test, write_test_ontology
-
         if self.json_file is not None:
             content = _values_of(results) | {
-                "tests": [each.as_dict() | {"tables": tables_of_test(each, results)} for each in tests]
+                "tests": [
+                    each.as_dict() | {"tables": dic.report.tables_of_test(each, results)} for each in tests
+                ]
             }
             write_text(self.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
             say(f"values: {self.json_file}")
         if self.ttl_file is not None:
-            left_out = write_test_ontology(tests[0], self.ttl_file, iri=self.ttl_iri or "")
+            left_out = dic.report.write_test_ontology(tests[0], self.ttl_file, iri=self.ttl_iri or "")
             say(ontology_line(self.ttl_file, left_out))
 
 
-def _values_of(results: "Sequence[RunResult] | Sequence[SeriesResult]") -> dict[str, object]:
-    from dic.commands.run_table import as_dict
-    from dic.pipeline import RunResult
-    from dic.report import series_dict
+def _values_of(
+    results: Sequence[dic.pipeline.RunResult] | Sequence[dic.pipeline.SeriesResult],
+) -> dict[str, object]:
 
-    runs = [as_dict(each) for each in results if isinstance(each, RunResult)]
+    runs = [as_dict(each) for each in results if isinstance(each, dic.pipeline.RunResult)]
     if runs:
         return {"runs": runs}
-    return {"series": [series_dict(each) for each in results if not isinstance(each, RunResult)]}
+    return {
+        "series": [
+            dic.report.series_dict(each) for each in results if not isinstance(each, dic.pipeline.RunResult)
+        ]
+    }
 
 
 @click.command()
@@ -196,17 +196,13 @@ def report(
 
 def _write(
     results: Sequence[Path],
-    tests: "Sequence[TensileTest]",
-    gauges: "GaugeSeries | None",
+    tests: Sequence[dic.report.TensileTest],
+    gauges: dic.gauges.GaugeSeries | None,
     page: PageOptions,
     outputs: ReportOutputs,
-) -> "Sequence[RunResult] | Sequence[SeriesResult]":
+) -> Sequence[dic.pipeline.RunResult] | Sequence[dic.pipeline.SeriesResult]:
     """Write the page on the result files of runs, or of series, as HTML and PDF, and return the results."""
-    from dic import load_run_result, load_series_result, write_report, write_series_report
-    from dic.errors import RunFileError
-    from dic.pipeline import is_series_result
-
-    series = [path for path in results if is_series_result(path)]
+    series = [path for path in results if dic.pipeline.is_series_result(path)]
     if series and len(series) < len(results):
         raise RunFileError(
             str(series[0]),
@@ -217,16 +213,16 @@ def _write(
         )
     output, pdf = outputs.output, outputs.pdf
     if series:
-        measured = [load_series_result(path) for path in series]
-        write_series_report(
+        measured = [dic.load_series_result(path) for path in series]
+        dic.write_series_report(
             measured, output, tests=tests, gauges=gauges, image=page.image, title=page.title, pdf=pdf
         )
         return measured
     if page.image:
         expected, remedy = "the result file of a series", "leave out --image, or give --fields-at image=STEP"
         raise RunFileError(str(results[0]), "choose an image", expected, "that of a run", remedy)
-    runs = [load_run_result(path) for path in results]
-    write_report(runs, output, tests=tests, title=page.title, pdf=pdf)
+    runs = [dic.load_run_result(path) for path in results]
+    dic.write_report(runs, output, tests=tests, title=page.title, pdf=pdf)
     return runs
 
 
@@ -236,13 +232,11 @@ def _gauges_alone(
     about: PropertyOptions,
     record: RecordOptions,
     test: Chosen[PropertySettings],
-) -> "GaugeSeries | None":
+) -> dic.gauges.GaugeSeries | None:
     """Return the declared gauges of a series of images if no option asks for a test with a load."""
-    from dic.pipeline import is_series_result
-
     if not field.declares or about.is_given or record.record_file or test.values["area_mm2"] is not None:
         return None
-    if len(results) > 1 or not is_series_result(results[0]):
+    if len(results) > 1 or not dic.pipeline.is_series_result(results[0]):
         return None
     record.require_none("a test with a machine's record")
     return field.read(results[0], record, None, None)[0]
@@ -254,12 +248,8 @@ def _tests(
     about: PropertyOptions,
     record: RecordOptions,
     test: Chosen[PropertySettings],
-) -> "list[TensileTest]":
+) -> list[dic.report.TensileTest]:
     """Return a list with the tensile test that the options describe; empty if no option asks for a test."""
-    from dic import tensile_test
-    from dic.derived import whole_field_gauges
-    from dic.errors import RunFileError
-
     if not (
         any(field.given.values())
         or record.record_file
@@ -276,20 +266,17 @@ def _tests(
     if field.declares:
         series, gauge, joined = field.read(results[0], record, about.load, about.time)
     else:
-        gauges = whole_field_gauges(results[0])
+        gauges = dic.derived.whole_field_gauges(results[0])
         series, gauge, joined = field.read(results[0], record, about.load, about.time, gauges=gauges)
         across = across or gauges[1].name
     details = about.details([field.gauges_file, *record.files])
     known = about.known()
-    return [tensile_test(series, gauge, across, settings, known=known, details=details, joined=joined)]
+    return [dic.tensile_test(series, gauge, across, settings, known=known, details=details, joined=joined)]
 
 
 def _area_mm2(results: Path) -> float | None:
     """Return the area of a run's specimen; None for a series of images."""
-    from dic import load_run_result
-    from dic.pipeline import is_series_result
-
-    if is_series_result(results):
+    if dic.pipeline.is_series_result(results):
         return None
-    info = load_run_result(results).info
+    info = dic.load_run_result(results).info
     return info.width_mm * info.thickness_mm

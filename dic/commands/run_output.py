@@ -1,23 +1,24 @@
 """Writes the output files of a run in addition to the result file, and ends the command with its status."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Iterable, Sequence
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import dic
+from dic.commands.gauge_text import gauge_lines, gauges_dict
 from dic.commands.options import option, options
+from dic.commands.run_table import as_dict
 from dic.commands.shared_options import comma, csv, fields_from, force, gauges, json_file
+from dic.errors import CorrelationError, OutputError
 from dic.files import write_text
+from dic.shell.console import fail, say
 from dic.shell.output_paths import require_places, same_or_new
-
-if TYPE_CHECKING:
-    from dic.gauges import Gauge
-    from dic.out_of_plane import Alignment
-    from dic.pipeline import RunResult
-    from dic.results import ResultPlace
 
 
 @options
@@ -38,15 +39,13 @@ class RunOutputOptions:
     force: bool = force()
     fields_from: Path | None = fields_from()
 
-    def place(self, output: Path, inputs: Iterable[Path | None] = ()) -> "ResultPlace":
+    def place(self, output: Path, inputs: Iterable[Path | None] = ()) -> dic.results.ResultPlace:
         """Return the place of the result file, and whether existing results may be replaced or used.
 
         The `inputs` are the files with settings; None means "no file".
         """
-        from dic.results import ResultPlace
-
         known = tuple(path for path in inputs if path is not None)
-        return ResultPlace(output, self.force, fields_from=self.fields_from, inputs=known)
+        return dic.results.ResultPlace(output, self.force, fields_from=self.fields_from, inputs=known)
 
     def require_several(self, count: int) -> None:
         """Raise an error if an option names a file of one run, because there are several runs.
@@ -55,8 +54,6 @@ class RunOutputOptions:
         ------
         OutputError
         """
-        from dic.errors import OutputError
-
         for name, path in (
             ("--report", self.report_file),
             ("--json", self.json_file),
@@ -71,26 +68,22 @@ class RunOutputOptions:
         if self.output is not None:
             _make_folder(self.output)
 
-    def gauges(self) -> "tuple[Gauge, ...]":
+    def gauges(self) -> tuple[dic.gauges.Gauge, ...]:
         """Return the gauges of `--gauges`; none without this option."""
-        from dic import read_gauges
+        return () if self.gauges_file is None else dic.read_gauges(self.gauges_file)
 
-        return () if self.gauges_file is None else read_gauges(self.gauges_file)
-
-    def read_gauges(self, result: "RunResult", gauges: "tuple[Gauge, ...]") -> dict[str, Any]:
+    def read_gauges(
+        self, result: dic.pipeline.RunResult, gauges: tuple[dic.gauges.Gauge, ...]
+    ) -> dict[str, Any]:
         """Read gauges in all steps, print and write the readings, and return them for JSON."""
-        from dic import measure_gauges
-        from dic.commands.gauge_text import gauge_lines, gauges_dict
-        from dic.derived import GAUGE_FILE
-        from dic.gauges import write_gauge_table
-        from dic.shell.console import say
-
-        found = measure_gauges(result, gauges)
+        found = dic.measure_gauges(result, gauges)
         for line in gauge_lines(found):
             say(line)
         if self.csv_folder is not None:
             with same_or_new(self.csv_folder, replace=self.force or not result.known) as folder:
-                write_gauge_table(found, folder / GAUGE_FILE, decimal_comma=self.decimal_comma)
+                dic.gauges.write_gauge_table(
+                    found, folder / dic.derived.GAUGE_FILE, decimal_comma=self.decimal_comma
+                )
         return gauges_dict(found)
 
     def require_places(
@@ -106,12 +99,11 @@ class RunOutputOptions:
         `result_may_stand` is True if `process_run` decides whether an existing result file can be used.
         """
         written = [] if alignments is None else [*alignments.glob("*.alignment.json")]
-        from dic.results import outputs_of
 
         # The names of the tables of points follow from the steps of the run.
         tables = [] if self.csv_folder is None else [*self.csv_folder.glob("*.csv")]
         places = [output, self.report_file, self.json_file, *written, *tables]
-        earlier = [] if output is None else outputs_of(output)
+        earlier = [] if output is None else dic.results.outputs_of(output)
         if output is not None and result_may_stand:
             if output.exists() and output.resolve() not in earlier:
                 # Either the run is known before, and `same_or_new` compares its files with those that are
@@ -123,22 +115,14 @@ class RunOutputOptions:
             if folder is not None:
                 _make_folder(folder)
 
-    def write(self, result: "RunResult", gauges: "tuple[Gauge, ...]" = ()) -> None:
+    def write(self, result: dic.pipeline.RunResult, gauges: tuple[dic.gauges.Gauge, ...] = ()) -> None:
         """Write the output files other than the result file."""
-        from dic.commands.run_table import as_dict
-        from dic.shell.console import say
-
         if self.csv_folder is not None:
-            from dic.derived import write_run_tables
-            from dic.results import STRAIN_FILE
-
             with same_or_new(self.csv_folder, replace=self.force or not result.known) as folder:
-                write_run_tables(result, folder, decimal_comma=self.decimal_comma)
-            say(f"tables: {self.csv_folder / STRAIN_FILE} and one of points for each image")
+                dic.derived.write_run_tables(result, folder, decimal_comma=self.decimal_comma)
+            say(f"tables: {self.csv_folder / dic.results.STRAIN_FILE} and one of points for each image")
         if self.report_file is not None:
-            from dic import write_report
-
-            write_report([result], self.report_file)
+            dic.write_report([result], self.report_file)
             say(f"report: {self.report_file}")
         content = {} if self.json_file is None else as_dict(result)
         try:
@@ -149,15 +133,13 @@ class RunOutputOptions:
                 write_text(self.json_file, json.dumps(content, indent=1))
 
 
-def end_run(run: str, result: "RunResult") -> None:
+def end_run(run: str, result: dic.pipeline.RunResult) -> None:
     """Print the problems of a run's steps, and end the command with its exit status."""
     click.get_current_context().exit(problems(run, result))
 
 
-def problems(run: str, result: "RunResult") -> int:
+def problems(run: str, result: dic.pipeline.RunResult) -> int:
     """Print the problems of a run's steps, and return the exit status: 0, 1 if poor, 2 if steps failed."""
-    from dic.shell.console import fail
-
     failures = [failure for camera in result.cameras for failure in camera.failures]
     bad = [
         f"{run}: {camera.camera}, {label}: measured, but {objection}"
@@ -170,14 +152,11 @@ def problems(run: str, result: "RunResult") -> int:
     return 2 if failures else 1 if bad else 0
 
 
-def read_alignment(text: str) -> "tuple[str, Alignment]":
+def read_alignment(text: str) -> tuple[str, dic.out_of_plane.Alignment]:
     """Return camera and alignment from the value of `--alignment`."""
-    from dic.errors import CorrelationError
-    from dic.out_of_plane import load_alignment
-
     camera, equals, file = text.partition("=")
     if camera and equals and file:
-        return camera, load_alignment(Path(file))
+        return camera, dic.out_of_plane.load_alignment(Path(file))
     raise CorrelationError(
         "settings",
         "alignment",
@@ -188,7 +167,6 @@ def read_alignment(text: str) -> "tuple[str, Alignment]":
 
 
 def _make_folder(folder: Path) -> None:
-    from dic.errors import OutputError
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -202,16 +180,13 @@ def _make_folder(folder: Path) -> None:
         ) from error
 
 
-def save_alignments(folder: Path, result: "RunResult", *, replace: bool) -> None:
+def save_alignments(folder: Path, result: dic.pipeline.RunResult, *, replace: bool) -> None:
     """Write the alignment of each camera, if it was solved from the images of a rotation."""
-    from dic.out_of_plane import save_alignment
-    from dic.shell.console import say
-
     solved = {f"{name}.alignment.json": own.alignment for name, own in result.corrections.cameras.items()}
     with same_or_new(folder, replace=replace) as place:
         for name, alignment in solved.items():
             if alignment is not None:
-                save_alignment(alignment, place / name)
+                dic.out_of_plane.save_alignment(alignment, place / name)
     for name, alignment in solved.items():
         if alignment is not None:
             say(f"alignment: {folder / name}")

@@ -1,14 +1,14 @@
 """The options of `dic process` that name the regions to measure in the images of a run's cameras."""
 
+from __future__ import annotations
+
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import dic
 from dic.commands.options import all_of, option, options, use
 from dic.commands.series_options import is_file
-
-if TYPE_CHECKING:
-    from dic.pipeline import RunSource
+from dic.errors import CorrelationError
 
 
 @options
@@ -39,7 +39,7 @@ class RunRegionOptions:
         places = [text.partition("=")[2] for text in self.polygons]
         return rois + [Path(place) for place in places if is_file(place)]
 
-    def source(self, run: Path) -> "RunSource":
+    def source(self, run: Path) -> dic.pipeline.RunSource:
         """Return a run file with the regions of the options.
 
         Raises
@@ -48,17 +48,16 @@ class RunRegionOptions:
             If an option lacks the camera or the region, or if a camera has two files. All such mistakes are
             named together.
         """
-        from dic import read_region
-        from dic.pipeline import RunSource
-
         rois, polygons = all_of(
             partial(self._by_camera, "--roi", self.rois, most=1),
             partial(self._by_camera, "--polygon", self.polygons),
         )
-        return RunSource(
+        return dic.pipeline.RunSource(
             run,
             {
-                camera: partial(read_region, next(iter(rois.get(camera, [])), None), polygons.get(camera, []))
+                camera: partial(
+                    dic.read_region, next(iter(rois.get(camera, [])), None), polygons.get(camera, [])
+                )
                 for camera in {**rois, **polygons}
             },
         )
@@ -66,8 +65,6 @@ class RunRegionOptions:
     @staticmethod
     def _by_camera(option: str, texts: tuple[str, ...], most: int | None = None) -> dict[str, list[str]]:
         """Return the values of an option by camera; raise an error if a camera has more than `most`."""
-        from dic.errors import CorrelationError
-
         found: dict[str, list[str]] = {}
         value = "FILE" if most else "REGION"
         for text in texts:

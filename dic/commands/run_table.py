@@ -1,26 +1,23 @@
 """The table that `dic process` prints: raw, calibrated and corrected strains of each step."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from itertools import starmap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+import dic
 from dic.commands.series_text import strains_of
 from dic.commands.strain_table import Column, StrainTable, share_text
 from dic.files import by_index
-
-if TYPE_CHECKING:
-    from dic.out_of_plane import Correction
-    from dic.pipeline import CameraResult, JointCorrections, RunResult
-    from dic.runfile import RunStep
-    from dic.strain import Measurement
 
 _READINGS = (("load_n", "load N", 0), ("displacement_mm", "displ. mm", 3), ("angle_deg", "angle °", 1))
 """The device readings in the table: attribute of a step, heading, and number of decimals."""
 
 
-def table(result: "RunResult") -> str:
+def table(result: dic.pipeline.RunResult) -> str:
     """Return the strains of every step and camera as the text of a table, in microstrain (µε)."""
     lines = [f"{result.info.title} ({result.info.status})"]
     if result.info.simulated:
@@ -35,15 +32,17 @@ def table(result: "RunResult") -> str:
     return "\n".join(lines)
 
 
-def _camera_lines(result: "RunResult", camera: "CameraResult") -> list[str]:
-    from dic.strain import gauge_text
+def _camera_lines(result: dic.pipeline.RunResult, camera: dic.pipeline.CameraResult) -> list[str]:
 
     calibration = camera.require_calibration()
     lines = [
         f"{camera.camera}: {calibration.grid.found} of {calibration.grid.expected} grid points,"
         f" residual {calibration.rms_px:.4f} px rms ({calibration.rms_mm * 1e3:.2f} µm)"
         + (f", surface {calibration.plate_mm:g} mm behind the lines" if calibration.plate_mm else "")
-        + "".join(f", {gauge_text(m.gauge_px, calibration.axes_mm_per_px)}" for m in camera.measurements[:1])
+        + "".join(
+            f", {dic.strain.gauge_text(m.gauge_px, calibration.axes_mm_per_px)}"
+            for m in camera.measurements[:1]
+        )
     ]
     if not camera.measurements:
         return lines
@@ -70,7 +69,7 @@ def _camera_lines(result: "RunResult", camera: "CameraResult") -> list[str]:
     ]
 
 
-def _joint_lines(result: "RunResult", joint: "JointCorrections") -> list[str]:
+def _joint_lines(result: dic.pipeline.RunResult, joint: dic.pipeline.JointCorrections) -> list[str]:
     first, second = joint.cameras
     lines = [f"{first} and {second} together: motion of the specimen's plane by parallax"]
     every = {step.index: step for camera in result.cameras for step in camera.steps}
@@ -93,7 +92,7 @@ def _joint_lines(result: "RunResult", joint: "JointCorrections") -> list[str]:
     return lines
 
 
-def _notes(measurement: "Measurement", remarks: list[str]) -> list[str]:
+def _notes(measurement: dic.strain.Measurement, remarks: list[str]) -> list[str]:
     """Return notes about the picture, its smoothing, and new reference images taken up to a step.
 
     Each new reference increases the standard deviations of the displacements u and v. The text gives these
@@ -115,13 +114,15 @@ def _declined_text(steps: Sequence[str], reason: str) -> str:
     return f"  not corrected, {which}: {reason}"
 
 
-def _readings(steps: Iterable["RunStep"]) -> list[tuple[str, str, int]]:
+def _readings(steps: Iterable[dic.runfile.RunStep]) -> list[tuple[str, str, int]]:
     """Return the entries of `_READINGS` for which at least one step has a reading."""
     kept = list(steps)
     return [reading for reading in _READINGS if any(_known(getattr(step, reading[0])) for step in kept)]
 
 
-def _step_columns(steps: Sequence["RunStep"], readings: Sequence[tuple[str, str, int]]) -> list[Column]:
+def _step_columns(
+    steps: Sequence[dic.runfile.RunStep], readings: Sequence[tuple[str, str, int]]
+) -> list[Column]:
     cells = [_step_cells(step, readings) for step in steps]
     headings = ["step", *(heading for _, heading, _ in readings)]
     widths = [max(map(len, column)) for column in zip(headings, *cells, strict=True)]
@@ -131,12 +132,12 @@ def _step_columns(steps: Sequence["RunStep"], readings: Sequence[tuple[str, str,
     ]
 
 
-def _step_cells(step: "RunStep", readings: Sequence[tuple[str, str, int]]) -> list[str]:
+def _step_cells(step: dic.runfile.RunStep, readings: Sequence[tuple[str, str, int]]) -> list[str]:
     values = [(getattr(step, name), digits) for name, _, digits in readings]
     return [_name(step), *(f"{value:.{digits}f}" if _known(value) else "" for value, digits in values)]
 
 
-def _name(step: "RunStep") -> str:
+def _name(step: dic.runfile.RunStep) -> str:
     return f"{step.kind} {step.index}"
 
 
@@ -144,7 +145,7 @@ def _known(value: float) -> bool:
     return value == value
 
 
-def as_dict(result: "RunResult") -> dict[str, Any]:
+def as_dict(result: dic.pipeline.RunResult) -> dict[str, Any]:
     """Return a run's strains as a dictionary for JSON; `docs/results.md` describes the keys."""
     cameras = {}
     for camera in result.cameras:
@@ -179,13 +180,17 @@ def as_dict(result: "RunResult") -> dict[str, Any]:
     }
 
 
-def _step_as_dict(step: "RunStep", measurement: "Measurement", correction: "Correction") -> dict[str, Any]:
+def _step_as_dict(
+    step: dic.runfile.RunStep,
+    measurement: dic.strain.Measurement,
+    correction: dic.out_of_plane.Correction,
+) -> dict[str, Any]:
     readings = {k: None if v != v else v for k, v in vars(step).items()}
     summary = measurement.summary() | {"corrected": correction.as_dict()}
     return readings | summary | {"good": measurement.good}
 
 
-def _joint_as_dict(joint: "JointCorrections") -> dict[str, Any]:
+def _joint_as_dict(joint: dic.pipeline.JointCorrections) -> dict[str, Any]:
     steps = []
     for index, found in sorted(joint.steps.items()):
         plane = found.corrections[0].as_dict()

@@ -1,20 +1,18 @@
 """The processing of one run file, or of a shelf of run files, with the options of `dic process`."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import dic
 from dic.commands.run_output import RunOutputOptions, problems, save_alignments
+from dic.commands.run_table import table
 from dic.errors import MeasurementError, OutputError, WorkerError
 from dic.shell.console import COULD_NOT, fail, say, sentence_of
-
-if TYPE_CHECKING:
-    from dic import CorrectionSettings, CorrelationSettings, StrainSettings
-    from dic.gauges import Gauge
-    from dic.pipeline import RunResult, RunSource
-    from dic.workers import Workers
+from dic.shell.progress import progress
 
 MEASURED, STRAIN_ANEW, KNOWN = "measured", "strain anew", "known before"
 NOT_PROCESSED, NOT_BEGUN = "not processed", "not begun"
@@ -42,18 +40,18 @@ class RunWork:
         True for one run of several. Of such a run, known results are not printed again.
     """
 
-    settings: "CorrelationSettings"
-    strain: "StrainSettings"
-    correcting: "CorrectionSettings"
+    settings: dic.CorrelationSettings
+    strain: dic.StrainSettings
+    correcting: dic.CorrectionSettings
     incremental: str
     plate_mm: float | None
-    gauges: "tuple[Gauge, ...]"
+    gauges: tuple[dic.gauges.Gauge, ...]
     inputs: Sequence[Path | None]
     alignments: Path | None
     outputs: RunOutputOptions
     of_several: bool = False
 
-    def of_run(self, run: Path) -> "RunWork":
+    def of_run(self, run: Path) -> RunWork:
         """Return the work for one run of several: its outputs are in folders of their own."""
         outputs = self.outputs
         own = replace(
@@ -86,8 +84,11 @@ class RunWork:
         return self.outputs.output or run.with_suffix(_ENDING)
 
     def process(
-        self, source: "RunSource", workers: "Workers | None", what: str = "correlating"
-    ) -> "RunResult":
+        self,
+        source: dic.pipeline.RunSource,
+        workers: dic.workers.Workers | None,
+        what: str = "correlating",
+    ) -> dic.pipeline.RunResult:
         """Process a run, print its table, and write its files.
 
         Raises
@@ -95,10 +96,6 @@ class RunWork:
         MeasurementError
             If the run cannot be processed.
         """
-        from dic import process_run
-        from dic.commands.run_table import table
-        from dic.shell.progress import progress
-
         run, outputs = Path(source.path), self.outputs
         output = self.output(run)
         read = [run, *self.inputs, outputs.fields_from if outputs.fields_from != output else None]
@@ -110,7 +107,7 @@ class RunWork:
                 bar.advance()
 
             try:
-                result = process_run(
+                result = dic.process_run(
                     source,
                     self.settings,
                     self.strain,
@@ -144,7 +141,9 @@ def _place(path: Path) -> str:
     return os.path.normcase(os.path.realpath(path))
 
 
-def process_shelf(work: RunWork, sources: "Sequence[RunSource]", workers: "Workers | None") -> int:
+def process_shelf(
+    work: RunWork, sources: Sequence[dic.pipeline.RunSource], workers: dic.workers.Workers | None
+) -> int:
     """Process several runs one after the other, print a closing table, and return the exit status.
 
     A run that cannot be processed does not end the others. The status is the highest status of all runs.
@@ -179,7 +178,7 @@ def process_shelf(work: RunWork, sources: "Sequence[RunSource]", workers: "Worke
     return status
 
 
-def _specimens(result: "RunResult", source: "RunSource") -> list[str]:
+def _specimens(result: dic.pipeline.RunResult, source: dic.pipeline.RunSource) -> list[str]:
     """Return lines about where the points of the cameras lie that measure the specimen."""
     lines = []
     for camera in result.cameras:
@@ -194,7 +193,7 @@ def _specimens(result: "RunResult", source: "RunSource") -> list[str]:
     return lines
 
 
-def _counts(result: "RunResult") -> str:
+def _counts(result: dic.pipeline.RunResult) -> str:
     images = sum(len(camera.measurements) for camera in result.cameras)
     failed = sum(len(camera.failures) for camera in result.cameras)
     poor = sum(not measurement.good for camera in result.cameras for measurement in camera.measurements)

@@ -1,24 +1,23 @@
 """Compute, print and write the strains of a series whose images are correlated one by one."""
 
+from __future__ import annotations
+
 import json
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import click
+
+import dic
+from dic.commands.gauge_text import gauge_lines, gauges_dict
 from dic.commands.series_record import SeriesRecord
 from dic.files import write_text
-
-if TYPE_CHECKING:
-    from dic import CorrelationSettings
-    from dic.derived import SeriesFiles, SeriesMaps, SeriesOutputs
-    from dic.out_of_plane import Alignment
-    from dic.pictures import MapSettings
-    from dic.pipeline import MeasuredSeries, MeasuredStep, Measuring, SeriesSetUp
-    from dic.specimen import Specimen
-    from dic.typing import Grey
+from dic.shell.console import fail, say, stopped_early, stopping_between
+from dic.shell.progress import progress
 
 _UNCORRECTED = (
     "the ± of calibrated strain contains a possible motion out of the grid's plane; --motion corrects for it"
@@ -37,8 +36,8 @@ class SeriesPlaces:
     decimal_comma : bool
     """
 
-    files: "SeriesFiles"
-    drawn: "MapSettings"
+    files: dic.derived.SeriesFiles
+    drawn: dic.pictures.MapSettings
     decimal_comma: bool
 
 
@@ -64,20 +63,20 @@ class SeriesEvaluation:
 
     def __init__(
         self,
-        reference: "Grey",
+        reference: dic.typing.Grey,
         labels: Sequence[str],
-        settings: "CorrelationSettings",
-        set_up: "SeriesSetUp",
+        settings: dic.CorrelationSettings,
+        set_up: dic.pipeline.SeriesSetUp,
         places: SeriesPlaces,
     ) -> None:
         self._reference, self._labels = reference, labels
         self._settings, self._set_up, self._places = settings, set_up, places
         self.record = SeriesRecord(labels, calibrated=set_up.calibration is not None)
-        self.alignment: Alignment | None = None
-        self._maps: SeriesMaps | None = None
+        self.alignment: dic.out_of_plane.Alignment | None = None
+        self._maps: dic.derived.SeriesMaps | None = None
         self._gauges: dict[str, Any] = {}
 
-    def measure(self, measuring: "Measuring", doing: str = "correlating") -> bool:
+    def measure(self, measuring: dic.pipeline.Measuring, doing: str = "correlating") -> bool:
         """Measure the images; return True after the last one, and False if a signal stopped the series.
 
         Parameters
@@ -86,14 +85,11 @@ class SeriesEvaluation:
         doing : str
             Text of the progress bar.
         """
-        from dic.shell.console import stopped_early, stopping_between
-        from dic.shell.progress import progress
-
         count = len(self._labels)
         with self._outputs() as results, progress(doing, count) as bar, stopping_between() as stopped:
             shown = 0
 
-            def show(step: "MeasuredStep") -> None:
+            def show(step: dic.pipeline.MeasuredStep) -> None:
                 nonlocal shown
                 number, image = step.number, step.image
                 if not step.provisional:
@@ -114,7 +110,7 @@ class SeriesEvaluation:
         self.alignment = measuring.alignment("")
         return not measuring.stopped
 
-    def show(self, series: "MeasuredSeries") -> bool:
+    def show(self, series: dic.pipeline.MeasuredSeries) -> bool:
         """Print the results of images that are measured, and write all files except the result file."""
         with self._outputs() as results:
             for number, image in enumerate(series.images):
@@ -124,20 +120,20 @@ class SeriesEvaluation:
         return True
 
     @contextmanager
-    def _outputs(self) -> "Iterator[SeriesOutputs]":
+    def _outputs(self) -> Iterator[dic.derived.SeriesOutputs]:
         """Print what all images share, and provide the output files; write the table of strains last."""
-        from dic.commands.gauge_text import gauge_lines, gauges_dict
-        from dic.derived import GaugeReader, SeriesMaps, SeriesOutputs
-        from dic.shell.console import say
-
         files, calibration, motion = self._places.files, self._set_up.calibration, self._set_up.motion
         say(self._gauge())
         if calibration is not None and motion is not None and motion.kind == "free":
             say(_UNCORRECTED)
-        self._maps = maps = SeriesMaps(self._reference, files.pictures, self._places.drawn)
-        gauges = GaugeReader(files.gauges, calibration, self._reference.shape) if files.gauges else None
+        self._maps = maps = dic.derived.SeriesMaps(self._reference, files.pictures, self._places.drawn)
+        gauges = (
+            dic.derived.GaugeReader(files.gauges, calibration, self._reference.shape)
+            if files.gauges
+            else None
+        )
         comma = self._places.decimal_comma
-        results = SeriesOutputs(self._settings, files, maps, gauges, decimal_comma=comma)
+        results = dic.derived.SeriesOutputs(self._settings, files, maps, gauges, decimal_comma=comma)
         try:
             yield results
         finally:
@@ -147,7 +143,7 @@ class SeriesEvaluation:
                 say(line)
             self._gauges = gauges_dict(results.gauge_series)
 
-    def write_json(self, path: Path, reference: str, specimen: "Specimen | None") -> None:
+    def write_json(self, path: Path, reference: str, specimen: dic.specimen.Specimen | None) -> None:
         """Write the results of all images as JSON, for other programs."""
         content: dict[str, Any] = {
             "reference": reference,
@@ -161,30 +157,24 @@ class SeriesEvaluation:
 
     def draw(self) -> None:
         """Draw the pictures that need the scale of the whole series, which is known after `run`."""
-        from dic.shell.progress import progress
-
         if self._maps is not None and self._maps.pictures_left:
             with progress("drawing", self._maps.pictures_left) as bar:
                 self._maps.draw(bar.advance)
 
     def _gauge(self) -> str:
         """Return lines about the virtual strain gauge: its width, and the strain wave that it resolves."""
-        from dic.strain import gauge_text, strain_resolution_px
-
         settings, strain, calibration = self._settings, self._set_up.strain, self._set_up.calibration
-        gauge_px, resolved_px = strain.gauge_px(settings), strain_resolution_px(settings, strain)
-        gauge = gauge_text(gauge_px, None if calibration is None else calibration.axes_mm_per_px)
+        gauge_px, resolved_px = strain.gauge_px(settings), dic.strain.strain_resolution_px(settings, strain)
+        gauge = dic.strain.gauge_text(gauge_px, None if calibration is None else calibration.axes_mm_per_px)
         wave = f"a strain wave with a period of {resolved_px:.0f} px"
         return f"{gauge}\n  keeps 90 % of the amplitude of {wave}"
 
     def _calibrated(self) -> dict[str, Any]:
         """Return assumed motion, the stage's alignment and the camera's sensitivity, for JSON."""
-        from dic.out_of_plane import Sensitivity
-
         calibration, motion = self._set_up.calibration, self._set_up.motion
         if calibration is None or motion is None:
             return {}
-        sensitivity = Sensitivity.of(calibration)
+        sensitivity = dic.out_of_plane.Sensitivity.of(calibration)
         return {
             "motion": motion.kind,
             "shift": motion.shift.as_dict(),
@@ -195,10 +185,6 @@ class SeriesEvaluation:
 
 def end(record: SeriesRecord) -> None:
     """Print the problems of the images, and end the command with its exit status."""
-    import click
-
-    from dic.shell.console import fail
-
     for sentence in record.bad:
         fail(sentence)
     click.get_current_context().exit(2 if record.failures else 1 if record.bad else 0)

@@ -1,9 +1,12 @@
 """The command-line options of `dic correlate`, in groups."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import dic
 from dic import Motion
 from dic.commands.map_options import MapOutputs
 from dic.commands.options import Chosen, option, options, use
@@ -17,17 +20,8 @@ from dic.commands.shared_options import (
     json_file,
     write_mask,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from dic import StrainSettings
-    from dic.derived import SeriesFiles
-    from dic.gauges import Gauge
-    from dic.out_of_plane import Alignment
-    from dic.pipeline import SeriesSetUp
-    from dic.results import ResultPlace
-    from dic.typing import Float, Mask
+from dic.errors import CorrelationError
+from dic.files import file_sha256
 
 
 @options
@@ -52,17 +46,13 @@ class RegionOptions:
         """Return the paths of the file of `--roi` (or None) and of the region files that `read` reads."""
         return [self.roi, *(Path(text) for text in self.polygons if is_file(text))]
 
-    def outputs(self) -> "tuple[Path, ...]":
+    def outputs(self) -> tuple[Path, ...]:
         """Return the paths of the files that `--write-mask` asks for."""
-        from dic.specimen import region_files
+        return () if self.write_mask is None else dic.specimen.region_files(self.write_mask)
 
-        return () if self.write_mask is None else region_files(self.write_mask)
-
-    def read(self, shape: tuple[int, int]) -> "Mask | None":
+    def read(self, shape: tuple[int, int]) -> dic.typing.Mask | None:
         """Return the region to measure for images of `shape` (height, width); None without these options."""
-        from dic import read_region
-
-        region = read_region(self.roi, self.polygons, shape)
+        region = dic.read_region(self.roi, self.polygons, shape)
         if region is not None:
             # Nobody changes this mask, so the correlation needs no copy of it.
             region.setflags(write=False)
@@ -93,20 +83,18 @@ class StartOptions:
         ' or "degrees,right,down" with a shift in px.',
     )
 
-    def hint(self, shape: tuple[int, int]) -> "Float | None":
+    def hint(self, shape: tuple[int, int]) -> dic.typing.Float | None:
         """Return the expected motion from `--hint` as a homography, or None if the option was not given."""
-        from dic.correlation import rigid_motion
-
         motion = self.motion()
         if motion is None:
             return None
         angle_deg, right_px, down_px = motion
-        return rigid_motion(angle_deg, (right_px, down_px), ((shape[1] - 1) / 2, (shape[0] - 1) / 2))
+        return dic.correlation.rigid_motion(
+            angle_deg, (right_px, down_px), ((shape[1] - 1) / 2, (shape[0] - 1) / 2)
+        )
 
     def motion(self) -> tuple[float, float, float] | None:
         """Return angle and shift of `--hint`; raise an error for another text, before any image is read."""
-        from dic.errors import CorrelationError
-
         if self.hint_text is None:
             return None
         try:
@@ -136,9 +124,7 @@ class AlignmentOptions:
 
     def read(self, assumed: Chosen[Motion]) -> Motion:
         """Return the assumed motion with the alignment of the options."""
-        from dic.out_of_plane import load_alignment
-
-        known = None if self.alignment_file is None else load_alignment(self.alignment_file)
+        known = None if self.alignment_file is None else dic.out_of_plane.load_alignment(self.alignment_file)
         return assumed.settings(alignment=known)
 
     def require_rotation(self, motion: str) -> None:
@@ -147,8 +133,6 @@ class AlignmentOptions:
         The alignment (tilt of specimen and stage axis relative to the grid) can only be determined from a
         rotation of the specimen.
         """
-        from dic.errors import CorrelationError
-
         if self.save_alignment is not None and motion != "rigid":
             raise CorrelationError(
                 str(self.save_alignment),
@@ -158,11 +142,8 @@ class AlignmentOptions:
                 "leave --save-alignment out, because only a rotation determines an alignment",
             )
 
-    def save(self, alignment: "Alignment | None") -> None:
+    def save(self, alignment: dic.out_of_plane.Alignment | None) -> None:
         """Write the rotation stage's alignment to the file of `--save-alignment`, if this option is given."""
-        from dic.errors import CorrelationError
-        from dic.out_of_plane import save_alignment
-
         if self.save_alignment is None:
             return
         if alignment is None:
@@ -173,18 +154,18 @@ class AlignmentOptions:
                 "none: see why the images were not corrected",
                 "correlate a rotation of at least 5° with a calibration",
             )
-        save_alignment(alignment, self.save_alignment)
+        dic.out_of_plane.save_alignment(alignment, self.save_alignment)
 
 
-def read_set_up(calibration_file: Path | None, strain: "StrainSettings", motion: Motion) -> "SeriesSetUp":
+def read_set_up(
+    calibration_file: Path | None, strain: dic.StrainSettings, motion: Motion
+) -> dic.pipeline.SeriesSetUp:
     """Read the calibration file, and return the inputs from which a series' strains are computed."""
-    from dic import load_calibration
-    from dic.files import file_sha256
-    from dic.pipeline import SeriesSetUp
-
     if calibration_file is None:
-        return SeriesSetUp(strain, motion)
-    return SeriesSetUp(strain, motion, load_calibration(calibration_file), file_sha256(calibration_file))
+        return dic.pipeline.SeriesSetUp(strain, motion)
+    return dic.pipeline.SeriesSetUp(
+        strain, motion, dic.load_calibration(calibration_file), file_sha256(calibration_file)
+    )
 
 
 alignment_options = use("alignment", AlignmentOptions, title="Motion")
@@ -209,30 +190,26 @@ class SeriesOutputOptions:
     force: bool = force()
     fields_from: Path | None = fields_from()
 
-    def place(self, written: "Sequence[Path | None]") -> "ResultPlace | None":
+    def place(self, written: Sequence[Path | None]) -> dic.results.ResultPlace | None:
         """Return the place of the result file, and whether existing results may be replaced or used.
 
         The other files that the command writes are `written`.
         """
-        from dic.results import ResultPlace
-
         if self.output is None:
             return None
         others = tuple(path for path in written if path is not None)
-        return ResultPlace(self.output, self.force, self.fields_from, outputs=others)
+        return dic.results.ResultPlace(self.output, self.force, self.fields_from, outputs=others)
 
-    def gauges(self) -> "tuple[Gauge, ...]":
+    def gauges(self) -> tuple[dic.gauges.Gauge, ...]:
         """Return the gauges of `--gauges`; none without this option."""
-        from dic import read_gauges
+        return () if self.gauges_file is None else dic.read_gauges(self.gauges_file)
 
-        return () if self.gauges_file is None else read_gauges(self.gauges_file)
-
-    def files(self, deformed: list[Path], gauges: "tuple[Gauge, ...]", maps: MapOutputs) -> "SeriesFiles":
+    def files(
+        self, deformed: list[Path], gauges: tuple[dic.gauges.Gauge, ...], maps: MapOutputs
+    ) -> dic.derived.SeriesFiles:
         """Return the paths of the output files for the deformed images, except the file of `--json`."""
-        from dic.derived import SeriesFiles
-
         folders, sheets = (self.csv_folder, maps.folder), maps.contact_sheets()
-        return SeriesFiles(self.output, *folders, deformed, maps.file_format, sheets, gauges)
+        return dic.derived.SeriesFiles(self.output, *folders, deformed, maps.file_format, sheets, gauges)
 
 
 output_options = use("outputs", SeriesOutputOptions, needs=COMMA_NEEDS | {"--fields-from": ["-o"]})

@@ -1,14 +1,14 @@
 """The record of a series of images: `dic correlate` prints each result and keeps it for the output files."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
+import dic
 from dic.commands.series_text import corrected_lines, image_lines, name_of, series_table
 from dic.files import Spool
 from dic.shell.console import fail, say
-
-if TYPE_CHECKING:
-    from dic.pipeline import MeasuredImage
 
 
 class SeriesRecord:
@@ -43,7 +43,7 @@ class SeriesRecord:
         self.failures: list[dict[str, str]] = []
         self.bad: list[str] = []
 
-    def add(self, number: int, image: "MeasuredImage") -> None:
+    def add(self, number: int, image: dic.pipeline.MeasuredImage) -> None:
         """Print the result of the image with the index `number`, and add it to the record."""
         measurement = image.measurement
         if measurement is None:
@@ -57,7 +57,7 @@ class SeriesRecord:
         if measurement.objection is not None:
             self.bad.append(f"{image.label}: measured, but {measurement.objection}")
 
-    def correct(self, number: int, image: "MeasuredImage") -> None:
+    def correct(self, number: int, image: dic.pipeline.MeasuredImage) -> None:
         """Print and record the correction of an image of a rotation, known only after the last image."""
         if image.measurement is None or image.correction is None:
             return

@@ -1,20 +1,22 @@
 """The command `dic settings`, which writes a settings file with every default explained."""
 
+from __future__ import annotations
+
 import json
 import textwrap
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import dic
 from dic.commands.options import is_option_of
 from dic.commands.settings_file import SETTINGS, Setting, toml_text
+from dic.errors import RunFileError
 from dic.settings import default_of
-
-if TYPE_CHECKING:
-    from dic.results import Job
+from dic.shell.console import say
 
 _WIDTH = 98
 _USERS = ("correlate", "process", "strain")
@@ -32,8 +34,6 @@ def settings(results: Path | None) -> None:
     RESULTS is a result file of `dic correlate`, `dic process` or `dic strain`. With RESULTS, the settings
     file has the settings with which RESULTS was made. Use it as: dic settings > settings.toml
     """
-    from dic.shell.console import say
-
     say(settings_text({} if results is None else settings_of(_job_of(results))))
 
 
@@ -60,7 +60,7 @@ def settings_text(values: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def settings_of(job: "Job") -> dict[str, Any]:
+def settings_of(job: dic.results.Job) -> dict[str, Any]:
     """Return the settings with which a result was computed, keyed by "table.key" of a settings file."""
     fields, strains = json.loads(job.fields), json.loads(job.strains)
     tables = {"correlation": fields, "strain": strains["strain"]}
@@ -82,12 +82,9 @@ def _users(setting: Setting) -> list[str]:
     ]
 
 
-def _job_of(results: Path) -> "Job":
-    from dic import load_run_result, load_series_result
-    from dic.errors import RunFileError
-    from dic.pipeline import is_series_result
+def _job_of(results: Path) -> dic.results.Job:
 
-    load = load_series_result if is_series_result(results) else load_run_result
+    load = dic.load_series_result if dic.pipeline.is_series_result(results) else dic.load_run_result
     origin = load(results).provenance
     if origin is None or origin.job is None:
         expected, got = "a result file with its settings", "one of an earlier version"

@@ -7,13 +7,20 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
+import dic
 from dic import CorrectionSettings, Motion, StrainSettings
 from dic.commands.options import Chosen, Grouped, all_of, as_in_results, option, options, use
 from dic.commands.run_output import RunOutputOptions, end_run, read_alignment
+from dic.commands.run_table import table
+from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
+from dic.commands.series_options import read_set_up
 from dic.commands.settings_file import settings_option, used_settings_file
 from dic.commands.shared_options import COMMA_NEEDS, comma, csv, force, json_file, strain_options
+from dic.errors import CorrelationError
 from dic.pipeline import SurfaceSettings
+from dic.shell.console import say
 from dic.shell.output_paths import require_places
+from dic.shell.progress import progress
 
 _FILE = click.Path(path_type=Path)
 
@@ -35,15 +42,17 @@ class AnewOptions:
 
     def of_series(self, assumed: Chosen[Motion], known: Motion) -> Motion:
         """Return the motion of a series; a value without an option comes from `known`."""
-        from dic.out_of_plane import load_alignment
-
         kind = assumed.values["kind"]
         if kind is not None and kind != known.kind:
             # Only rigid motion has an alignment, and only rigid motion has no hinge.
             alignment = known.alignment if kind == "rigid" else None
             hinge = known.tilt_axis_mm if kind != "rigid" else None
             known = replace(known, kind=kind, alignment=alignment, tilt_axis_mm=hinge)
-        given = {"alignment": load_alignment(Path(self.alignments[-1]))} if self.alignments else {}
+        given = (
+            {"alignment": dic.out_of_plane.load_alignment(Path(self.alignments[-1]))}
+            if self.alignments
+            else {}
+        )
         return assumed.settings(known, **given)
 
     def of_run(self, assumed: Chosen[Motion], known: CorrectionSettings) -> CorrectionSettings | None:
@@ -57,8 +66,6 @@ class AnewOptions:
 
     def require(self, source: str, *, series: bool) -> None:
         """Raise an error if an option of a run is given for a series, or an option of a series for a run."""
-        from dic.errors import CorrelationError
-
         idle = {"--plate-mm": "surface_plate_mm"}
         if not series:
             idle = {"--calibration": "anew_calibration_file", "--motion": "assumed_kind"}
@@ -113,9 +120,7 @@ def strain(
     Exit status: 0 if all images are measured well, 1 if an image is measured poorly, 2 if an image could not
     be measured.
     """
-    from dic.pipeline import is_series_result
-
-    series = is_series_result(results)
+    series = dic.pipeline.is_series_result(results)
     anew.require(str(results), series=series)
     alignments = [Path(text.rpartition("=")[2]) for text in anew.alignments]
     read = [results, anew.calibration_file, *alignments, used_settings_file()]
@@ -136,15 +141,9 @@ def _of_series(
     outputs: StrainOutputOptions,
     read: list[Path | None],
 ) -> None:
-    from dic import load_series_result
-    from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
-    from dic.commands.series_options import read_set_up
-    from dic.derived import SeriesFiles
-    from dic.pictures import MapSettings
-    from dic.pipeline import SeriesSetUp, job_of_fields, series_anew
 
-    result = load_series_result(results)
-    known = SeriesSetUp.of_job(job_of_fields(result), result.calibration)
+    result = dic.load_series_result(results)
+    known = dic.pipeline.SeriesSetUp.of_job(dic.pipeline.job_of_fields(result), result.calibration)
     motion_before = known.motion or Motion()
     how, motion = all_of(
         partial(strain.settings, known.strain), partial(anew.of_series, assumed, motion_before)
@@ -154,13 +153,15 @@ def _of_series(
         set_up = read_set_up(anew.calibration_file, how, motion)
     set_up.require_use(result.series.reference.shape)
     labels = [each.label for each in result.outcomes]
-    files = SeriesFiles(outputs.output, outputs.csv_folder, None, [Path(label) for label in labels])
+    files = dic.derived.SeriesFiles(
+        outputs.output, outputs.csv_folder, None, [Path(label) for label in labels]
+    )
     written = [outputs.json_file, *files.all()]
     require_places(read, written, force=outputs.force, new_folders=files.folders)
     files.make_folders()
-    places = SeriesPlaces(files, MapSettings(), outputs.decimal_comma)
+    places = SeriesPlaces(files, dic.pictures.MapSettings(), outputs.decimal_comma)
     work = SeriesEvaluation(result.series.reference, labels, result.settings, set_up, places)
-    with series_anew(result, set_up, outputs.output, read) as measuring:
+    with dic.pipeline.series_anew(result, set_up, outputs.output, read) as measuring:
         work.measure(measuring, "computing strain")
     if outputs.json_file is not None:
         work.write_json(outputs.json_file, result.reference_name, None)
@@ -176,14 +177,9 @@ def _of_run(
     outputs: StrainOutputOptions,
     read: list[Path | None],
 ) -> None:
-    from dic import load_run_result, strain_of_run
-    from dic.commands.run_table import table
-    from dic.pipeline import job_of_fields, strain_of_job
-    from dic.shell.console import say
-    from dic.shell.progress import progress
 
-    result = load_run_result(results)
-    known = strain_of_job(job_of_fields(result))
+    result = dic.load_run_result(results)
+    known = dic.pipeline.strain_of_job(dic.pipeline.job_of_fields(result))
     how, correcting = all_of(
         partial(strain.settings, known), partial(anew.of_run, assumed, result.correcting)
     )
@@ -200,7 +196,7 @@ def _of_run(
     places.require_places(read, outputs.output)
     with progress("computing strain") as bar:
         bar.expect(sum(len(camera.measurements) for camera in result.cameras))
-        found = strain_of_run(
+        found = dic.strain_of_run(
             result,
             outputs.output,
             strain=how,

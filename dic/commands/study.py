@@ -1,11 +1,13 @@
 """The command `dic study`, which compares settings on the user's own images and recommends some."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+import dic
 from dic import CorrelationSettings, StrainSettings
 from dic.commands.options import Chosen, all_of, option, options, use
 from dic.commands.series_options import RegionOptions, region_options
@@ -13,12 +15,11 @@ from dic.commands.settings import settings_text
 from dic.commands.settings_file import settings_option, used_settings_file
 from dic.commands.shared_options import force
 from dic.commands.study_text import table
-from dic.errors import each_warning_once
+from dic.errors import CorrelationError, each_warning_once
 from dic.files import write_text
+from dic.shell.console import say
 from dic.shell.output_paths import require_places
-
-if TYPE_CHECKING:
-    from dic.study import StudiedSettings, Study, Sweep, Wave
+from dic.shell.progress import progress
 
 _FILE = click.Path(path_type=Path)
 
@@ -42,17 +43,15 @@ class AssumedOptions:
         help="Amplitude of the assumed strain. Default: from a deformed IMAGE, otherwise 0.005.",
     )
 
-    def wave(self) -> "Wave | None":
+    def wave(self) -> dic.study.Wave | None:
         """Return the assumed strain; None without these options."""
-        from dic.study import Wave
-
         values = {
             "period_px": self.period_px,
             "strain_amplitude": self.strain_amplitude,
             "across_px": self.across_period_px,
         }
         given = {name: value for name, value in values.items() if value is not None}
-        return Wave(**given) if given else None
+        return dic.study.Wave(**given) if given else None
 
 
 @options
@@ -65,17 +64,15 @@ class SweepOptions:
     shapes: str = option("--shapes", default="affine,quadratic", help="Shape functions to try.")
     parts: int = option("--parts", default=4, help="Parts of a large region to try the settings on.")
 
-    def sweep(self) -> "Sweep":
+    def sweep(self) -> dic.study.Sweep:
         """Return the combinations to try; raise an error that names all wrong lists together."""
-        from dic.study import Sweep
-
         subsets, steps, windows = all_of(
             lambda: _numbers("--subsets", self.subsets),
             lambda: _numbers("--steps", self.steps),
             lambda: _numbers("--windows", self.windows),
         )
         shapes = tuple(name.strip() for name in self.shapes.split(","))
-        return Sweep(subsets, steps, windows, shapes, self.parts)
+        return dic.study.Sweep(subsets, steps, windows, shapes, self.parts)
 
 
 _SHARED = ("order", "min_zncc", "smoothing_px")
@@ -93,7 +90,6 @@ class StudyOutputOptions:
 
 
 def _numbers(option: str, text: str) -> tuple[int, ...]:
-    from dic.errors import CorrelationError
 
     try:
         return tuple(int(part) for part in text.split(","))
@@ -135,19 +131,13 @@ def study(
 
     Exit status: 0 for a recommendation, 2 if the images or settings cannot be used.
     """
-    from dic import read_image, study_settings
-    from dic.shell.console import say
-    from dic.shell.progress import progress
-    from dic.specimen import write_region
-    from dic.study import plot_study
-
     wave, sweep, settings, how = all_of(assumed.wave, lists.sweep, shared.settings, strain.settings)
     files = [reference, *images, static, *region.files(), used_settings_file()]
     written = [outputs.json_file, outputs.picture, outputs.write, *region.outputs()]
     require_places(files, written, force=outputs.force)
-    grey = read_image(reference)
+    grey = dic.read_image(reference)
     with progress("trying", sweep.trials) as bar:
-        found = study_settings(
+        found = dic.study_settings(
             reference,
             images,
             static=static,
@@ -159,15 +149,14 @@ def study(
             advance=bar.advance,
         )
     if region.write_mask is not None:
-        write_region(found.region, reference, region.write_mask)
+        dic.specimen.write_region(found.region, reference, region.write_mask)
     say(table(found, str(reference)))
     _write(found, reference, outputs)
     if outputs.picture is not None:
-        plot_study(found, outputs.picture)
+        dic.study.plot_study(found, outputs.picture)
 
 
-def _write(found: "Study", reference: Path, outputs: StudyOutputOptions) -> None:
-    from dic.shell.console import say
+def _write(found: dic.study.Study, reference: Path, outputs: StudyOutputOptions) -> None:
 
     if outputs.json_file is not None:
         content = {"reference": str(reference), **found.as_dict()}
@@ -177,7 +166,7 @@ def _write(found: "Study", reference: Path, outputs: StudyOutputOptions) -> None
         say(f"settings written to {outputs.write}")
 
 
-def _values(best: "StudiedSettings") -> dict[str, object]:
+def _values(best: dic.study.StudiedSettings) -> dict[str, object]:
     """Return the recommended settings, keyed by "table.key" of a settings file."""
     tables = {"correlation": best.correlation, "strain": best.strain}
     return {f"{table}.{name}": value for table, own in tables.items() for name, value in vars(own).items()}

@@ -1,11 +1,10 @@
 """The output of `dic study`: the assumptions, a table of the best settings, and the recommendation."""
 
-import textwrap
-from typing import TYPE_CHECKING
+from __future__ import annotations
 
-if TYPE_CHECKING:
-    from dic import CorrelationSettings, StrainSettings
-    from dic.study import StudiedSettings, Study
+import textwrap
+
+import dic
 
 _BEST = 8
 """Number of settings in the table of the smallest errors."""
@@ -19,10 +18,8 @@ _HEAD = (
 )
 
 
-def table(study: "Study", name: str) -> str:
+def table(study: dic.study.Study, name: str) -> str:
     """Return the result of a study as text, with lines of at most 100 columns."""
-    from dic import CorrelationSettings, StrainSettings
-
     best, wave = study.recommended, study.wave
     source = {"given": "given", "default": "by default"}.get(study.wave_from, f"from {study.wave_from}")
     across = "" if wave.is_plane else f" along and {wave.across_px:.0f} px across"
@@ -39,7 +36,7 @@ def table(study: "Study", name: str) -> str:
     lines += [_row(each, "*" if each is best else " ") for each in study.best[:_BEST]]
     lines += ["", "least noise for a resolution (Pareto front, some of it):", _HEAD]
     lines += [_row(each, "*" if each is best else " ") for each in _spread(study.front)]
-    default = _choice(CorrelationSettings(), StrainSettings())
+    default = _choice(dic.CorrelationSettings(), dic.StrainSettings())
     usual = [each for each in study.settings if _choice(each.correlation, each.strain) == default]
     lines += ["", *(["the default settings:", _row(usual[0], " "), ""] if usual else [])]
     chosen = best.correlation
@@ -57,12 +54,12 @@ def table(study: "Study", name: str) -> str:
     return "\n".join(lines)
 
 
-def _parts(study: "Study") -> str:
+def _parts(study: dic.study.Study) -> str:
     sizes = [f"{part.width} × {part.height} px" for part in study.parts]
     return f"a region of {sizes[0]}" if len(sizes) == 1 else f"{len(sizes)} parts of {sizes[0]}"
 
 
-def _row(each: "StudiedSettings", mark: str) -> str:
+def _row(each: dic.study.StudiedSettings, mark: str) -> str:
     settings = each.correlation
     noise, bias = (
         1e6 * ((pair[0] ** 2 + pair[1] ** 2) / 2.0) ** 0.5 for pair in (each.strain_noise, each.strain_bias)
@@ -75,7 +72,7 @@ def _row(each: "StudiedSettings", mark: str) -> str:
     )
 
 
-def _spread(front: "tuple[StudiedSettings, ...]") -> "list[StudiedSettings]":
+def _spread(front: tuple[dic.study.StudiedSettings, ...]) -> list[dic.study.StudiedSettings]:
     """Return some settings of the Pareto front, from the finest to the coarsest spatial resolution."""
     if len(front) <= _FRONT:
         return list(front)
@@ -83,5 +80,5 @@ def _spread(front: "tuple[StudiedSettings, ...]") -> "list[StudiedSettings]":
     return [front[round(number * last / (_FRONT - 1))] for number in range(_FRONT)]
 
 
-def _choice(correlation: "CorrelationSettings", strain: "StrainSettings") -> tuple[object, ...]:
+def _choice(correlation: dic.CorrelationSettings, strain: dic.StrainSettings) -> tuple[object, ...]:
     return correlation.shape, correlation.subset_px, correlation.step_px, strain.window_points

@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+import dic
 from dic.commands.options import telling, use
 from dic.commands.target_options import COUNT, PITCH, further_fields
 from dic.errors import CalibrationError
@@ -51,8 +52,6 @@ def target(
     The sheet has two rulers, by which you check that the printer did not change the size. The command prints
     the options with which `dic calibrate` finds the target.
     """
-    from dic.targets import draw_target
-
     chosen, values = TARGETS[kind], {"pitch_mm": pitch_mm, **vars(further)}
     for name, value in vars(further).items():
         able = [each.name for each in TARGETS.values() if name in each.needed()]
@@ -61,7 +60,7 @@ def target(
             raise CalibrationError("settings", option, expected, kind, f"leave out {option}")
     drawn = chosen.of(count, values)
     require_places([], [output], force=force)
-    width_mm, height_mm = draw_target(drawn, output, dpi)
+    width_mm, height_mm = dic.targets.draw_target(drawn, output, dpi)
     say(f"target: {output}, {width_mm:g} × {height_mm:g} mm")
     say("print it without scaling, and measure both rulers")
     say(f"to find it: dic calibrate IMAGE {drawn.options}")

@@ -1,16 +1,16 @@
 """Command-line options that describe a calibration target, derived from the kinds of targets."""
 
+from __future__ import annotations
+
 from dataclasses import MISSING, make_dataclass
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import Any, get_type_hints
 
 import click
 
+import dic
 from dic.commands.options import option, options, use
 from dic.errors import CalibrationError
 from dic.targets import TARGETS
-
-if TYPE_CHECKING:
-    from dic.targets import Target
 
 
 class _Count(click.ParamType[tuple[int, int]]):
@@ -105,7 +105,7 @@ class TargetOptions(_Described):  # type: ignore[misc]  # its fields are those o
         help="Left, top, width and height in px of the part of every image that shows the target.",
     )
 
-    def read(self) -> "Target":
+    def read(self) -> dic.targets.Target:
         """Return the target that the options describe.
 
         Raises
@@ -114,8 +114,6 @@ class TargetOptions(_Described):  # type: ignore[misc]  # its fields are those o
             If the options name several kinds of target, or if an option such as `--marker-mm` is given
             without the numbers of its kind.
         """
-        from dic.targets import LineGridTarget
-
         given: dict[str, Any] = {name: value for name, value in vars(self).items() if value is not None}
         numbers = {kind.option: given.get(kind.option.replace("-", "_")) for kind in TARGETS.values()}
         named = [option for option, counts in numbers.items() if counts]
@@ -129,7 +127,7 @@ class TargetOptions(_Described):  # type: ignore[misc]  # its fields are those o
                     remedy = f"name the {noun}'s {kind.counted}: --{kind.option} 10x9"
                     raise CalibrationError("settings", "target", expected, f"no {kind.counted}", remedy)
         if not named:
-            return LineGridTarget(pitch_mm=self.pitch_mm)
+            return dic.targets.LineGridTarget(pitch_mm=self.pitch_mm)
         # Kinds with the same option for their numbers differ in the further options that they need.
         kinds = [
             each

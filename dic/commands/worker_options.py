@@ -1,13 +1,16 @@
 """The options that choose who correlates the images: threads, processes, or other computers."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import click
 
-if TYPE_CHECKING:
-    from dic.workers import Workers
+import dic
+from dic.errors import WorkerError
+from dic.shell.console import say
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -45,7 +48,7 @@ def worker_options(command: Command) -> Command:
 
 
 @contextmanager
-def chosen_workers() -> "Iterator[Workers | None]":
+def chosen_workers() -> Iterator[dic.workers.Workers | None]:
     """Provide the workers that the options of the running command choose; None for `--workers 1`.
 
     Raises
@@ -53,25 +56,20 @@ def chosen_workers() -> "Iterator[Workers | None]":
     WorkerError
         If the options contradict each other, or the scheduler cannot be used.
     """
-    from dic import LocalWorkers
-    from dic.errors import WorkerError
-    from dic.shell.console import say
-    from dic.workers import ClusterWorkers, ThreadWorker, one_processor
-
     chosen = click.get_current_context().meta.get(_CHOSEN, {})
     count, address = chosen.get("workers"), chosen.get("scheduler")
     if count is not None and address is not None:
         remedy = "leave --workers out, because the cluster has its own workers"
         raise WorkerError("settings", "workers", "--workers or --scheduler", "both", remedy)
     if address is not None:
-        with ClusterWorkers(address) as cluster:
+        with dic.workers.ClusterWorkers(address) as cluster:
             yield cluster
     elif count is None:
-        with ThreadWorker() as thread:
+        with dic.workers.ThreadWorker() as thread:
             yield thread
     elif count == 1:
-        with one_processor():
+        with dic.workers.one_processor():
             yield None
     else:
-        with LocalWorkers(count, lambda lost: say(f"warning: {lost}", err=True)) as processes:
+        with dic.LocalWorkers(count, lambda lost: say(f"warning: {lost}", err=True)) as processes:
             yield processes
