@@ -10,6 +10,7 @@ import click
 import dic
 from dic.commands.options import option, options, use
 from dic.commands.record_options import RecordOptions
+from dic.commands.shared_options import declare
 
 _PATH = click.Path(path_type=Path)
 
@@ -19,9 +20,7 @@ class FieldOptions:
     """Options that choose gauges in a result file."""
 
     gauges_file: Path | None = option("--gauges", help="TOML file of gauges, for a result file.")
-    texts: tuple[str, ...] = option(
-        "--declare", multiple=True, metavar="TEXT", help="A gauge as text, as in `dic gauges --gauge`."
-    )
+    texts: tuple[str, ...] = declare()
     gauge: str | None = option(
         "--gauge", help="Name of the gauge along the specimen. Default: the first gauge."
     )

@@ -40,13 +40,7 @@ class GaugeOutputs:
 @click.command()
 @click.argument("results", type=_PATH)
 @click.argument("gauges_file", type=_PATH, metavar="[GAUGES]", required=False)
-@click.option(
-    "--gauge",
-    "texts",
-    multiple=True,
-    metavar="TEXT",
-    help=A_GAUGE,
-)
+@click.option("--declare", "--gauge", "texts", multiple=True, metavar="TEXT", help=A_GAUGE)
 @click.option("--camera", help="Camera of a run. Default: all, if all gauges are in millimetres.")
 @click.option("--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record.")
 @click.option("--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record.")

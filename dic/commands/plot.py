@@ -12,7 +12,7 @@ import dic
 from dic.commands.options import Chosen, Command, gather, option, options, use
 from dic.commands.plot_animation import animation
 from dic.commands.record_options import RecordOptions, record_options
-from dic.commands.shared_options import A_GAUGE, force
+from dic.commands.shared_options import declare_or_gauge, force
 from dic.errors import GaugeError
 from dic.pictures import PlotSettings, require_format
 from dic.shell.console import say
@@ -37,12 +37,7 @@ plot.add_command(animation)
 class SourceOptions:
     """Options of `dic plot` that choose gauges and the kinds of their values."""
 
-    texts: tuple[str, ...] = option(
-        "--gauge",
-        multiple=True,
-        metavar="TEXT",
-        help=A_GAUGE,
-    )
+    texts: tuple[str, ...] = declare_or_gauge()
     camera: str | None = option(
         "--camera", help="Camera of a run. Default: all, if all gauges are in millimetres."
     )
@@ -159,7 +154,7 @@ def cuts(
 ) -> None:
     """Draw displacement or strain along line cuts, in one or several images.
 
-    RESULTS is a result file of `dic correlate` or `dic process`. The TOML file GAUGES, or --gauge, declares
+    RESULTS is a result file of `dic correlate` or `dic process`. The TOML file GAUGES, or --declare, declares
     at least one gauge of the kind cut. The bands are 95 % intervals. A place without a value leaves a gap.
 
     Exit status: 0 if every image is drawn, 1 if an image has no values, 2 if nothing can be drawn.

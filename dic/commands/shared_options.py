@@ -1,5 +1,6 @@
 """Options that several commands share: settings of correlation and strain, and output files."""
 
+from functools import partial
 from typing import Any
 
 from dic import CorrelationSettings, ReferenceSettings, StrainSettings
@@ -17,7 +18,9 @@ A_GAUGE = (
     f"A gauge of the kind {either(GAUGES)},"
     ' such as "axial=extensometer start=400,200 end=400,800 patch=40". May be repeated.'
 )
-"""Help text of the options that declare a gauge."""
+declare = partial(option, "--declare", multiple=True, metavar="TEXT", help=A_GAUGE)
+declare_or_gauge = partial(option, "--declare", "--gauge", multiple=True, metavar="TEXT", help=A_GAUGE)
+"""For commands in which `--gauge` declared a gauge, too; elsewhere it names one."""
 COMMA_NEEDS = {"--decimal-comma": ["--csv"]}
 """Argument `needs` of `use`: `comma` has an effect only with one of these options."""
 

@@ -126,7 +126,7 @@ def _panels(
     cuts = [gauge for gauge in series.gauges if gauge.is_profile]
     if not cuts:
         kinds_given = ", ".join(sorted({gauge.kind for gauge in series.gauges}))
-        remedy = 'declare a cut, such as --gauge "middle=cut start=100,200 end=300,200"'
+        remedy = 'declare a cut, such as --declare "middle=cut start=100,200 end=300,200"'
         raise refused(series, "draw cuts", "a line cut", f"gauges: {kinds_given}", remedy)
     for gauge in cuts:
         for camera, own in cameras_of(series).items():

@@ -12,7 +12,6 @@ from dic.gauges.kinds import GAUGES
 from dic.typing import PathLike
 
 _EXAMPLE = 'write [[gauge]], name = "axial", kind = "extensometer", start, end and patch'
-_OPTIONS = "--declare (in dic gauges and dic plot: --gauge)"
 _TYPED = "axial=extensometer start=400,200 end=400,800 patch=40"
 
 
@@ -37,7 +36,7 @@ def read_gauges(path: PathLike | None = None, texts: Sequence[str] = ()) -> tupl
     """
     gauges = (*(() if path is None else _gauges_in(path)), *_gauges_of(texts))
     if not gauges:
-        remedy = f"name a TOML file, or declare one: {_OPTIONS} '{_TYPED}'"
+        remedy = f"name a TOML file, or declare one: --declare '{_TYPED}'"
         raise GaugeError("settings", "gauges", "at least one gauge", "none", remedy)
     require_names(gauges)
     return gauges
@@ -75,9 +74,7 @@ def _gauges_of(texts: Sequence[str]) -> tuple[Gauge, ...]:
         pairs = [word.partition("=") for word in words]
         if not words or not all(name and equals and value for name, equals, value in pairs):
             expected = "NAME=KIND KEY=VALUE …"
-            errors.append(
-                GaugeError("settings", "gauge", expected, repr(text), f"give {_OPTIONS} '{_TYPED}'")
-            )
+            errors.append(GaugeError("settings", "gauge", expected, repr(text), f"give --declare '{_TYPED}'"))
             continue
         (name, _, kind), *others = pairs
         values = {"name": name, "kind": kind} | {key: _typed_value(value) for key, _, value in others}

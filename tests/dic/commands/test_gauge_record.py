@@ -33,7 +33,7 @@ def test_load_stands_beside_the_strain_of_each_image(folder, tmp_path, join):
     table = tmp_path / "g.csv"
     record = ["--record", folder / "machine.csv", "--load", "Force:kN", "--displacement", "Way:mm"]
     written = ["-o", table, "--json", tmp_path / "g.json"]
-    done = run_dic("gauges", folder / "r.h5", "--gauge", AXIAL, *record, *JOINS[join], *written)
+    done = run_dic("gauges", folder / "r.h5", "--declare", AXIAL, *record, *JOINS[join], *written)
     assert done.status == 0, done
     assert done.report["record"]["join"] == join
     rows = list(csv.DictReader(table.read_text().splitlines()))
