@@ -9,7 +9,7 @@ import numpy as np
 from dic.errors import CurveError
 from dic.properties.strength import strength_point, why_no_strain
 from dic.report.numbers import fixed
-from dic.report.tensile_record import SYMBOLS, TestColumn
+from dic.report.tensile_record import SYMBOLS, TensileColumn
 
 DEFAULT_STATES = ("Rp02", "half", "Rm")
 MOST_STATES = 12
@@ -44,12 +44,12 @@ class CurvePoint:
         return f"{fixed(self.stress_mpa, 1)} MPa, {fixed(100.0 * self.strain, 3)} %"
 
 
-def chosen_states(column: TestColumn, wanted: Sequence[str] = ()) -> list[CurvePoint]:
+def chosen_states(column: TensileColumn, wanted: Sequence[str] = ()) -> list[CurvePoint]:
     """Return the points of a curve that a user wants to see, in the order of the test.
 
     Parameters
     ----------
-    column : TestColumn
+    column : TensileColumn
     wanted : sequence of str
         Each is one of "half" (half of the strain at the largest stress), "Rp02", "ReH", "Rm", "last",
         "strain=PERCENT", "stress=MPA" or "image=NAME". Default: the points Rp02, half and Rm, if the curve
@@ -92,7 +92,7 @@ def _words(text: str) -> str:
     return {"strain": f"strain {value} %", "stress": f"stress {value} MPa"}.get(kind, "chosen image")
 
 
-def _point(column: TestColumn, text: str, *, required: bool) -> int | None:
+def _point(column: TensileColumn, text: str, *, required: bool) -> int | None:
     """Return the point of the curve that a text names; None if it does not exist and is not required."""
     kind, equals, value = text.partition("=")
     if equals:
@@ -124,7 +124,7 @@ def _point(column: TestColumn, text: str, *, required: bool) -> int | None:
     return _nearest(strain[: top + 1], float(mpa.window["strain_percent"]) / 100.0 + foot)
 
 
-def _given_point(column: TestColumn, kind: str, value: str) -> int:
+def _given_point(column: TensileColumn, kind: str, value: str) -> int:
     """Return the point with a strain in %, a stress in MPa, or the name of an image or step."""
     record = column.properties.record
     if kind == "image":

@@ -14,7 +14,7 @@ from dic.report.style import (
     legend_below,
     new_figure,
 )
-from dic.report.tensile_record import TensileTest, TestColumn
+from dic.report.tensile_record import TensileColumn, TensileTest
 from dic.typing import Float
 
 _MICRO = 1e6
@@ -79,7 +79,7 @@ def _gauge_label(test: TensileTest, gauge: Any) -> str:
     return f"{named})" if use in (None, gauge.name) else f"{named}, {use} the specimen)"
 
 
-def _style(columns: Sequence[TestColumn], order: int) -> dict[str, Any]:
+def _style(columns: Sequence[TensileColumn], order: int) -> dict[str, Any]:
     """Return how the curve of a column is drawn: colour by camera, dashes by kind of strain."""
     column, many = columns[order], len(columns)
     cameras = list(dict.fromkeys(one.camera for one in columns if one.camera != "on_axis"))

@@ -14,7 +14,7 @@ from dic.report.numbers import fixed, with_std
 from dic.report.repeat import Repeat, repeat_of, result_of
 from dic.report.style import PAGE_WIDTH_IN, PICTURE_DPI, png_uri, svg_uri
 from dic.report.tensile_figures import curves_figure, gauges_figure
-from dic.report.tensile_record import TensileTest, TestColumn, symbols_of
+from dic.report.tensile_record import TensileColumn, TensileTest, symbols_of
 
 _ALWAYS = ("E_gpa", "nu", "Rp02_mpa")
 _IDENTITY = {
@@ -158,7 +158,7 @@ def remarks_of(test: TensileTest) -> list[Remarks]:
     return [Remarks("All columns", shared), *apart]
 
 
-def _remarks(test: TensileTest, column: TestColumn) -> list[str]:
+def _remarks(test: TensileTest, column: TensileColumn) -> list[str]:
     """Return the objections to the values of a column, and the reason for each value that is missing."""
     found, sentences = column.properties, []
     for name, (symbol, _) in symbols_of(found.settings).items():

@@ -45,7 +45,7 @@ def symbols_of(settings: PropertySettings) -> dict[str, tuple[str, str]]:
 
 
 @dataclass(frozen=True)
-class TestColumn:
+class TensileColumn:
     """The properties from one camera and one kind of strain.
 
     Attributes
@@ -111,7 +111,7 @@ class TensileTest:
     gauge, transverse : str, str or None
         Names of the gauges along and across the specimen.
     settings : PropertySettings
-    columns : tuple of TestColumn
+    columns : tuple of TensileColumn
         The columns of each camera, from the least accurate kind of strain to the best.
     known : mapping of str to float
         True or certified values, keyed by the properties' keys; empty if no values are known.
@@ -127,14 +127,14 @@ class TensileTest:
     gauge: str
     transverse: str | None
     settings: PropertySettings
-    columns: tuple[TestColumn, ...]
+    columns: tuple[TensileColumn, ...]
     known: Mapping[str, float]
     details: ReportDetails
     provenance: Provenance
     joined: JoinedRecord | None = None
 
     @property
-    def main(self) -> TestColumn:
+    def main(self) -> TensileColumn:
         """The column that the figure of the elastic line shows: the best strain of the last camera."""
         return self.columns[-1]
 
@@ -243,10 +243,10 @@ def _column(
     transverse: str | None,
     settings: PropertySettings,
     kind: str,
-) -> TestColumn:
+) -> TensileColumn:
     read = gauge_curve(series, gauge, transverse, kind=kind)
     plain = material_properties(read.curve, settings)
     found = with_shared_error(plain, read.shared_std, read.shared_transverse, read.followed)
     known = {str(image.known.get("step", image.label)): image.digest for image in series.images}
     digests = tuple(known[label] for label in read.labels)
-    return TestColumn(camera, read, read.labels, digests, found)
+    return TensileColumn(camera, read, read.labels, digests, found)

@@ -5,8 +5,8 @@ import pytest
 
 import dic
 from dic.properties.curve import Curve
-from dic.report import tensile_test
 from dic.report.states import HALF, chosen_states
+from dic.report.tensile_record import TensileColumn
 from tests.dic.properties.synthetic import strain_of_stress
 
 AREA_MM2 = 10.0
@@ -22,7 +22,7 @@ def column(strain=STRAIN, passed_n=None):
     record = Curve("drawn", AREA_MM2 * STRESS, strain, passed_n=passed_n)
     found = dic.material_properties(record, dic.properties.PropertySettings(area_mm2=AREA_MM2))
     labels = tuple(f"image {k}" for k in range(len(STRESS)))
-    return tensile_test.TestColumn("", None, labels, ("",) * len(STRESS), found)
+    return TensileColumn("", None, labels, ("",) * len(STRESS), found)
 
 
 def lost():
