@@ -100,7 +100,6 @@ def campaign(
 
 
 def _lines(found: dic.campaigns.Campaign) -> list[str]:
-
     return list(campaign_lines(found))
 
 

@@ -90,7 +90,6 @@ def _given(image: Path, camera: str | None) -> _Given:
 
 
 def _specimen(image: dic.typing.ImageLike) -> dic.typing.Mask:
-
     found = dic.find_specimen(image)
     say(str(found))
     return found.mask

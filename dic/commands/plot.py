@@ -174,7 +174,6 @@ def cuts(
 
 
 def _numbers(text: str) -> list[int]:
-
     try:
         return [int(part) for part in text.split(",")] if text else []
     except ValueError as error:

@@ -109,7 +109,6 @@ class RecordOptions:
                 raise CurveError("settings", option, expected, "none", remedy)
 
     def _read(self, load: str | None, time: str | None) -> dic.records.MachineRecord:
-
         if self.record_file is None or load is None:
             remedy = "give --load COLUMN:UNIT, such as --load Load:kN"
             raise CurveError(
@@ -122,7 +121,6 @@ class RecordOptions:
         )
 
     def _clock(self) -> dic.derived.ImageClock:
-
         times_s = None
         if self.image_times is not None:
             if self.image_column is None or self.image_time is None:
@@ -134,7 +132,6 @@ class RecordOptions:
         return dic.derived.ImageClock(self.image_interval_s, times_s, self._offset_s())
 
     def _offset_s(self) -> float | None:
-
         if self.offset_s == _FOUND:
             return None
         try:

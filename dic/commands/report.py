@@ -141,7 +141,6 @@ class ReportOutputs:
 def _values_of(
     results: Sequence[dic.pipeline.RunResult] | Sequence[dic.pipeline.SeriesResult],
 ) -> dict[str, object]:
-
     runs = [as_dict(each) for each in results if isinstance(each, dic.pipeline.RunResult)]
     if runs:
         return {"runs": runs}

@@ -167,7 +167,6 @@ def read_alignment(text: str) -> tuple[str, dic.out_of_plane.Alignment]:
 
 
 def _make_folder(folder: Path) -> None:
-
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -33,7 +33,6 @@ def table(result: dic.pipeline.RunResult) -> str:
 
 
 def _camera_lines(result: dic.pipeline.RunResult, camera: dic.pipeline.CameraResult) -> list[str]:
-
     calibration = camera.require_calibration()
     lines = [
         f"{camera.camera}: {calibration.grid.found} of {calibration.grid.expected} grid points,"

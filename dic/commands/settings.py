@@ -83,7 +83,6 @@ def _users(setting: Setting) -> list[str]:
 
 
 def _job_of(results: Path) -> dic.results.Job:
-
     load = dic.load_series_result if dic.pipeline.is_series_result(results) else dic.load_run_result
     origin = load(results).provenance
     if origin is None or origin.job is None:

@@ -141,7 +141,6 @@ def _of_series(
     outputs: StrainOutputOptions,
     read: list[Path | None],
 ) -> None:
-
     result = dic.load_series_result(results)
     known = dic.pipeline.SeriesSetUp.of_job(dic.pipeline.job_of_fields(result), result.calibration)
     motion_before = known.motion or Motion()
@@ -177,7 +176,6 @@ def _of_run(
     outputs: StrainOutputOptions,
     read: list[Path | None],
 ) -> None:
-
     result = dic.load_run_result(results)
     known = dic.pipeline.strain_of_job(dic.pipeline.job_of_fields(result))
     how, correcting = all_of(

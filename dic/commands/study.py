@@ -90,7 +90,6 @@ class StudyOutputOptions:
 
 
 def _numbers(option: str, text: str) -> tuple[int, ...]:
-
     try:
         return tuple(int(part) for part in text.split(","))
     except ValueError as error:
@@ -157,7 +156,6 @@ def study(
 
 
 def _write(found: dic.study.Study, reference: Path, outputs: StudyOutputOptions) -> None:
-
     if outputs.json_file is not None:
         content = {"reference": str(reference), **found.as_dict()}
         write_text(outputs.json_file, json.dumps(content, indent=1, ensure_ascii=False))
