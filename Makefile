@@ -19,7 +19,7 @@ COMPILED := $(BIN)/uv pip compile --quiet pyproject.toml --no-header --no-annota
 LOWEST := .venv-lowest
 EXTRAS := http tables pdf cluster
 
-.PHONY: help install demo test test-extended test-kernel test-long test-lowest test-cost lock bench docs gallery \
+.PHONY: help install demo test test-extended test-kernel test-long test-lowest test-cost lock bench docs dist gallery \
   lint types laws compiled first clean
 
 help:
@@ -34,6 +34,7 @@ help:
 	@echo "make lock       the locked versions in constraints/, from what is newest"
 	@echo "make bench      speed of correlation beside other engines, accuracy against theory, speed of the recorder"
 	@echo "make docs       the documentation site in docs/_build/html; a warning is an error"
+	@echo "make dist       the source distribution in dist/, from which packaging/conda/recipe.yaml builds"
 	@echo "make gallery    every picture of the documentation, drawn anew"
 
 install: $(STAMP)
@@ -123,8 +124,11 @@ bench: $(STAMP)
 docs: $(STAMP)
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
 
+dist: $(STAMP)
+	$(BIN)/python -c 'from setuptools import build_meta; print(build_meta.build_sdist("dist"))' | tail -n 1
+
 gallery: $(STAMP)
 	$(BIN)/python docs/pictures.py
 
 clean:
-	rm -rf $(VENV) $(LOWEST) $(DEMO) build docs/_build *.egg-info test-cost.csv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf $(VENV) $(LOWEST) $(DEMO) build dist docs/_build *.egg-info test-cost.csv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -36,3 +36,8 @@ def test_citation_says_it():
 def test_newest_entry_of_the_changelog_is_about_it():
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert re.findall(r"^## \[(.*?)\]", changelog, re.MULTILINE)[0] == VERSION
+
+
+def test_conda_recipe_says_it():
+    recipe = (ROOT / "packaging" / "conda" / "recipe.yaml").read_text(encoding="utf-8")
+    assert re.findall(r"^context:\n  version: (.*)$", recipe, re.MULTILINE) == [VERSION]
