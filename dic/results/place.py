@@ -3,8 +3,9 @@
 import json
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from glob import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -58,7 +59,8 @@ def result_place(output: PathLike | None) -> Iterator[Path]:
 def alone(result: Path | None) -> Iterator[None]:
     """Lock the place of a result file against other programs that write it; without one, do nothing.
 
-    The lock is a hidden file beside the result file, which is removed at the end.
+    The lock is a hidden file beside the result file, which is removed at the end. Files that killed programs
+    have left unpublished are removed.
 
     Raises
     ------
@@ -80,10 +82,20 @@ def alone(result: Path | None) -> Iterator[None]:
         expected, remedy = "a folder that can be written to", "name another file"
         raise OutputError(str(result), "lock results", expected, reason(error), remedy) from error
     try:
+        _remove_abandoned(place)
         yield
     finally:
         beside.unlink(missing_ok=True)
         os.close(lock)
+
+
+def _remove_abandoned(result: Path) -> None:
+    """Remove the unpublished files of programs that were killed before the first results were in the file."""
+    for partial in result.parent.glob(f".{escape(result.name)}.*.partial"):
+        # A program that still writes its file holds a lock on it.
+        with suppress(OSError):
+            os.close(lock_file(partial))
+            partial.unlink()
 
 
 def outputs_of(result: Path) -> list[Path]:

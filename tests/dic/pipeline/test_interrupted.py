@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import dic
+from dic.files.lock import lock_file
 from dic.pipeline.result_writer import MeasurementWriter
 from dic.results.place import alone
 from dic.results.writer import ResultWriter
@@ -147,6 +148,17 @@ def test_two_programs_on_one_result_are_refused_in_one_sentence(images, tmp_path
         said = refusal("correlate", images, "--subset", 21, "-o", result)
     assert "got one that another program is measuring into; wait" in said
     assert left_beside(result) == []
+
+
+def test_what_killed_programs_left_unpublished_is_removed(tmp_path):
+    result = tmp_path / "r[1].h5"
+    killed, writing = (tmp_path / f".r[1].h5.{number}.partial" for number in (11, 12))
+    killed.write_bytes(b"no results yet")
+    lock = lock_file(writing)
+    with alone(result):
+        assert not killed.exists()
+        assert writing.exists()
+    os.close(lock)
 
 
 @pytest.fixture(scope="module")
