@@ -7,7 +7,7 @@ import struct
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 
-from simulators.wire.ports import Server
+from simulators.wire.ports import LOCALHOST, Server
 
 WRITE_MANY = 16
 """Modbus function code of a request that writes several registers."""
@@ -22,6 +22,8 @@ SHORT_REQUESTS = {1, 2, 3, 4, 5, 6}
 
 class ModbusTcpServer(Server, ABC):
     """Modbus TCP for a device whose `answer` executes a protocol data unit (function code and data)."""
+
+    default_host = LOCALHOST
 
     @abstractmethod
     def answer(self, unit: int, request: bytes) -> bytes | None:
