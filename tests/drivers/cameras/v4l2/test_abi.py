@@ -40,7 +40,7 @@ MEMBERS = {
     ("v4l2_queryctrl", "flags"): abi.ControlQuery.flags,
 }
 CONSTANTS = {
-    **{f"VIDIOC_{request.name}": request.value for request in abi.Request},
+    **{f"VIDIOC_{request.name}": request.value for request in abi.RequestCode},
     **{f"V4L2_CID_{id.name}": id.value for id in abi.ControlId},
     **{f"V4L2_CTRL_FLAG_{flag.name}": flag.value for flag in abi.ControlFlag},
     **{f"V4L2_CTRL_TYPE_{kind.name}": kind.value for kind in abi.ControlType},
