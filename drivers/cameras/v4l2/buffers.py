@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers.cameras.v4l2.abi import CAPTURE, MMAP, Buffer, BufferRequest, RequestCode
-from drivers.cameras.v4l2.node import Node, translate
-from drivers.errors import DeviceFault
+from drivers.cameras.v4l2.node import Node, translating
+from drivers.errors import DeviceError, DeviceFault
 
 FEWEST = 2
 
@@ -59,23 +59,16 @@ class Buffers:
         self._owed: set[int] = set()
         request = BufferRequest(count=count, type=CAPTURE, memory=MMAP)
         try:
-            node.ioctl(RequestCode.REQBUFS, request)
-            if request.count < FEWEST:
-                raise DeviceFault(
-                    device,
-                    "get buffers",
-                    f"at least {FEWEST}",
-                    str(request.count),
-                    "free memory, or choose a smaller picture",
-                )
-            for index in range(request.count):
-                buffer = self._buffer(index)
-                node.ioctl(RequestCode.QUERYBUF, buffer)
-                self._maps.append(node.map(buffer.length, buffer.offset))
-        except OSError as error:
-            self.close()
-            raise translate(error, device, "get buffers", f"{count} buffers") from error
-        except DeviceFault:
+            with translating(device, "get buffers", f"{count} buffers"):
+                node.ioctl(RequestCode.REQBUFS, request)
+                if request.count < FEWEST:
+                    remedy = "free memory, or choose a smaller picture"
+                    raise DeviceFault(device, "get buffers", f"at least {FEWEST}", str(request.count), remedy)
+                for index in range(request.count):
+                    buffer = self._buffer(index)
+                    node.ioctl(RequestCode.QUERYBUF, buffer)
+                    self._maps.append(node.map(buffer.length, buffer.offset))
+        except DeviceError:
             self.close()
             raise
 

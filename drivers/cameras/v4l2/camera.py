@@ -6,7 +6,7 @@ as silently changed settings, and the driver's checks against them.
 
 from drivers.cameras.filming import FilmingCamera, refuse_simulated_time
 from drivers.cameras.v4l2.find import FINDER, Identity, open_node
-from drivers.cameras.v4l2.node import KernelSystem, System
+from drivers.cameras.v4l2.node import System
 from drivers.cameras.v4l2.session import V4l2Session
 from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.errors import LinkLost
@@ -77,7 +77,7 @@ def open_camera(settings: V4l2Settings, context: OpenContext, system: System | N
     """
     if system is None:
         refuse_simulated_time(f"{context.name} ({settings.device})", context)
-        system = KernelSystem()
+        system = System()
     return V4l2Camera(settings, context, system)
 
 

@@ -15,7 +15,7 @@ from drivers.cameras.v4l2.abi import (
     ControlValue,
     RequestCode,
 )
-from drivers.cameras.v4l2.node import Node, translate
+from drivers.cameras.v4l2.node import Node, translate, translating
 from drivers.errors import DeviceFault
 
 MANUAL_EXPOSURE = 1
@@ -139,10 +139,8 @@ class Controls:
     def get(self, control: CameraControl) -> int:
         """Return the present value of a control, as read from the camera."""
         request = ControlValue(id=control.id)
-        try:
+        with translating(self._device, f"read {control.name}", "a value"):
             self._node.ioctl(RequestCode.G_CTRL, request)
-        except OSError as error:
-            raise translate(error, self._device, f"read {control.name}", "a value") from error
         return int(request.value)
 
     def hold(self, control: CameraControl) -> int:
@@ -153,10 +151,8 @@ class Controls:
     def is_held(self, control: CameraControl) -> bool:
         """Return whether an automatic control overrides `control`, so that writing a value has no effect."""
         query = ControlQuery(id=control.id)
-        try:
+        with translating(self._device, f"query {control.name}", "its state"):
             self._node.ioctl(RequestCode.QUERYCTRL, query)
-        except OSError as error:
-            raise translate(error, self._device, f"query {control.name}", "its state") from error
         return bool(query.flags & ControlFlag.INACTIVE)
 
     def set_active(self, control: CameraControl, value: int) -> None:

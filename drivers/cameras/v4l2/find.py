@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.cameras.v4l2.abi import Capability, CapabilityInfo, RequestCode
-from drivers.cameras.v4l2.node import Node, System, translate
+from drivers.cameras.v4l2.node import Node, System, translating
 from drivers.errors import DeviceError, DeviceFault, LinkLost
 from drivers.lines.addresses import lasting_names
 from drivers.registry import Finder, Found
@@ -103,10 +103,8 @@ def open_node(wanted: str, system: System, device: str) -> tuple[Node, Identity]
 
 
 def _open_path(path: str, system: System, device: str) -> tuple[Node, Identity]:
-    try:
+    with translating(device, "open camera", f"a camera at {path}"):
         node = system.open(path)
-    except OSError as error:
-        raise translate(error, device, "open camera", f"a camera at {path}") from error
     try:
         return node, _identify(node, path, system, device)
     except BaseException:
@@ -116,10 +114,8 @@ def _open_path(path: str, system: System, device: str) -> tuple[Node, Identity]:
 
 def _identify(node: Node, path: str, system: System, device: str) -> Identity:
     info = CapabilityInfo()
-    try:
+    with translating(device, "identify camera", "a camera"):
         node.ioctl(RequestCode.QUERYCAP, info)
-    except OSError as error:
-        raise translate(error, device, "identify camera", "a camera") from error
     # use `device_caps`, because `capabilities` lists the functions of all nodes of the camera together
     own = info.device_caps if info.capabilities & Capability.DEVICE_CAPS else info.capabilities
     needed = Capability.VIDEO_CAPTURE | Capability.STREAMING
