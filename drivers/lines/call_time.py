@@ -114,11 +114,6 @@ class CallTime:
         return max(0.0, self._end_s - self._clock.now_s())
 
     @property
-    def half_s(self) -> float:
-        """Half of the time until the end of the call, which is infinite outside a call."""
-        return self.left_s / 2
-
-    @property
     def _end_s(self) -> float:
         return getattr(self._of_thread, "end_s", math.inf)
 

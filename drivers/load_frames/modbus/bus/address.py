@@ -1,10 +1,14 @@
 """Address of a Modbus device: ``host:port``, ``rtu://host:port``, or the path of a serial port."""
 
 from dataclasses import dataclass
+from typing import Literal, Self
+
+from pydantic import Field, field_validator, model_validator
 
 from drivers.lines.channel import Channel, SerialChannel, TcpChannel, open_relay
 from drivers.lines.echo import EchoedChannel
 from drivers.load_frames.modbus.bus.wire import RtuWire, TcpWire, Wire
+from drivers.settings import LONGEST_PATH, Settings
 
 RTU_PREFIX = "rtu://"
 # Unit 0 is excluded, because it is the broadcast address of a serial line, which no device answers.
@@ -65,6 +69,40 @@ class ModbusAddress:
     def wire(self, channel: Channel) -> Wire:
         """Return the connection that sends requests on `channel`, as Modbus RTU or Modbus TCP."""
         return RtuWire(channel, self.baud if self.serial else None) if self.rtu else TcpWire(channel)
+
+
+class ModbusPlaceSettings(Settings):
+    """Where a Modbus device is: its address, its unit, and the settings of a serial port.
+
+    Attributes
+    ----------
+    address : str
+        ``host:port`` for Modbus TCP, ``rtu://host:port`` for a gateway that passes RTU frames over TCP, the
+        path of a serial port for Modbus RTU, or ``@name`` for a server of the simulated rig.
+    unit : int
+        Modbus unit identifier of the device.
+    baud, parity, stop_bits
+        Settings of a serial port. The defaults are the defaults of the Modbus specification.
+    """
+
+    address: str = Field(max_length=LONGEST_PATH)
+    unit: int = Field(default=1, ge=0, le=255)
+    baud: int = Field(default=19_200, ge=300, le=4_000_000)
+    parity: Literal["N", "E", "O"] = "E"
+    stop_bits: Literal[1, 2] = 1
+
+    @field_validator("address")
+    @classmethod
+    def _reachable(cls, address: str) -> str:
+        if not address.startswith("@") and (mistake := address_mistake(address)):
+            raise ValueError(mistake)
+        return address
+
+    @model_validator(mode="after")
+    def _answered(self) -> Self:
+        if ModbusAddress(self.address).rtu and self.unit not in SERIAL_UNITS:
+            raise ValueError("a unit from 1 to 247 is expected on a serial line: broadcasts have no answer")
+        return self
 
 
 def address_mistake(text: str) -> str | None:

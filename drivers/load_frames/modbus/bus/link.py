@@ -225,7 +225,7 @@ class ModbusLink:
 
     def _resynchronise(self) -> None:
         """Wait until no late answer can come any more, then check the registers that identify the machine."""
-        quiet_s = min(self._reply_timeout_s, self._call_time.half_s)
+        quiet_s = min(self._reply_timeout_s, self._call_time.left_s / 2)
         self._connected().quieten(quiet_s, self._turn.wake)
         if self._proof is not None:
             request, known = self._proof
