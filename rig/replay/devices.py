@@ -78,21 +78,16 @@ class _Replayed(Generic[S]):
         """Return the next reading."""
         return self.readings.next()
 
-    def close(self) -> None:
-        """Do nothing."""
+    def _ignore(self, *_: object, **__: object) -> None:
+        """Do nothing, because the run is over."""
+
+    close = _ignore
 
 
 class ReplayedStage(_Replayed[StageState]):
     """The stage of an archived run."""
 
-    def home(self) -> None:
-        """Do nothing."""
-
-    def move_to(self, angle_deg: float) -> None:
-        """Do nothing."""
-
-    def stop(self) -> None:
-        """Do nothing."""
+    home = move_to = stop = _Replayed._ignore
 
 
 class ReplayedLoadFrame(_Replayed[LoadFrameState]):
@@ -104,17 +99,7 @@ class ReplayedLoadFrame(_Replayed[LoadFrameState]):
         super().__init__(info, readings)
         self.limits = limits
 
-    def go_to_load(self, load_n: float, rate_n_s: float) -> None:
-        """Do nothing."""
-
-    def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
-        """Do nothing."""
-
-    def hold(self) -> None:
-        """Do nothing."""
-
-    def tare(self) -> None:
-        """Do nothing."""
+    go_to_load = go_to_displacement = hold = tare = _Replayed._ignore
 
 
 class ReplayedInterlock(_Replayed[InterlockState]):
