@@ -79,10 +79,8 @@ class ModbusInput:
     def read(self) -> InterlockState:
         """Read the input. A failed reading is repeated once.
 
-        Raises
-        ------
-        DeviceError
-            If the module does not answer in time, refuses the request, or reports that it has no value.
+        Raise `DeviceError` if the module does not answer in time, refuses the request, or reports that it has
+        no value.
         """
         settings = self._settings
         (number,) = self._link.read(settings.table, settings.number, 1)

@@ -19,43 +19,23 @@ P = TypeVar("P", bound=StagePort)
 
 @dataclass(frozen=True)
 class StageTalk(Generic[P]):
-    """Functions and settings with which a guard sends messages to a stage.
-
-    Attributes
-    ----------
-    baud : int
-    ends : bytes
-        The bytes that can end a message to the stage. Each byte alone ends a message.
-    open_port : callable
-        ``open_port(name, channel, reply_timeout_s)`` returns a port on an open channel.
-    stop : callable
-        ``stop(port, answer_s)`` commands a stop once. The function returns an empty text if the stage stands
-        still, otherwise the reason why this is not certain.
-    identity : callable
-        ``identity(port, answer_s)`` returns a text that identifies the stage, such as its serial number.
-    """
+    """Functions and settings with which a guard sends messages to a stage."""
 
     baud: int
-    ends: bytes
+    ends: bytes  # the bytes that can end a message to the stage. Each byte alone ends a message.
+    # ``open_port(name, channel, reply_timeout_s)`` returns a port on an open channel
     open_port: Callable[[str, Channel, float], P]
+    # ``stop(port, answer_s)`` commands a stop once. The function returns an empty text if the stage stands
+    # still, otherwise the reason why this is not certain.
     stop: Callable[[P, float], str]
+    # ``identity(port, answer_s)`` returns a text that identifies the stage, such as its serial number
     identity: Callable[[P, float], str]
 
 
 class StageGuard(Generic[P]):
     """A `Guard` that owns the line to a stage. The constructor connects to the stage.
 
-    Parameters
-    ----------
-    settings : StageSettings
-    context : OpenContext
-    talk : StageTalk
-    times : StopTimes
-
-    Raises
-    ------
-    DeviceError
-        If the line cannot be opened, or the stage does not answer.
+    Raise `DeviceError` if the line cannot be opened, or the stage does not answer.
     """
 
     def __init__(
@@ -135,10 +115,7 @@ class StageGuard(Generic[P]):
 def guard_spec(talk: Callable[[StageSettings], StageTalk[P]]) -> GuardSpec:
     """Return the `GuardSpec` with which a guardian process guards the stages of a driver.
 
-    Parameters
-    ----------
-    talk : callable
-        ``talk(settings)`` returns the `StageTalk` for a stage with these settings.
+    ``talk(settings)`` returns the `StageTalk` for a stage with these settings.
     """
     return GuardSpec(
         line=lambda settings: shared_line(settings.port),

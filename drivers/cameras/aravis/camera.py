@@ -127,10 +127,8 @@ def _is_done(aside: "Future[Any]", timeout_s: float) -> bool:
 def open_camera(settings: AravisSettings, context: OpenContext) -> AravisCamera:
     """Open a camera, write its settings, read the settings back and start filming.
 
-    Raises
-    ------
-    DeviceError
-        If the library is missing, the camera cannot be opened, or a setting reads back differently.
+    Raise `DeviceError` if the library is missing, the camera cannot be opened, or a setting reads back
+    differently.
     """
     name = f"{context.name} ({settings.camera})"
     refuse_simulated_time(name, context)

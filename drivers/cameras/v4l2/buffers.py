@@ -15,42 +15,20 @@ FEWEST = 2
 
 @dataclass(frozen=True)
 class Filled:
-    """A buffer that the camera has filled.
-
-    Attributes
-    ----------
-    index : int
-    bytes_used : int
-    flags : int
-        Flags from the kernel, which include the clock type and the source of the timestamp.
-    stamp_s : float
-        Timestamp from the kernel in seconds, normally on the kernel's monotonic clock.
-    sequence : int
-        Frame number from the kernel's 32-bit counter.
-    """
+    """A buffer that the camera has filled."""
 
     index: int
     bytes_used: int
-    flags: int
-    stamp_s: float
-    sequence: int
+    flags: int  # flags from the kernel, which include the clock type and the source of the timestamp
+    stamp_s: float  # timestamp from the kernel in seconds, normally on the kernel's monotonic clock
+    sequence: int  # frame number from the kernel's 32-bit counter
 
 
 class Buffers:
     """The image buffers of an opened camera, mapped into the memory of the program.
 
-    Parameters
-    ----------
-    node : Node
-    device : str
-        Name of the camera, used in error messages.
-    count : int
-        Requested number of buffers. The kernel may allocate more or fewer.
-
-    Raises
-    ------
-    DeviceFault
-        If another program films with the camera, or the kernel allocates fewer than two buffers.
+    `count` is the requested number of buffers. The kernel may allocate more or fewer. Raise `DeviceFault` if
+    another program films with the camera, or the kernel allocates fewer than two buffers.
     """
 
     def __init__(self, node: Node, device: str, count: int) -> None:

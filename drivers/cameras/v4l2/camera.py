@@ -63,17 +63,8 @@ class V4l2Camera(FilmingCamera[V4l2Session]):
 def open_camera(settings: V4l2Settings, context: OpenContext, system: System | None = None) -> V4l2Camera:
     """Open a camera, write its settings, read the settings back and start filming.
 
-    Parameters
-    ----------
-    settings : V4l2Settings
-    context : OpenContext
-    system : System, optional
-        The system that provides the device nodes. The default is the kernel of this computer.
-
-    Raises
-    ------
-    DeviceError
-        If the camera cannot be opened, or a setting reads back differently.
+    `system` is the system that provides the device nodes. The default is the kernel of this computer. Raise
+    `DeviceError` if the camera cannot be opened, or a setting reads back differently.
     """
     if system is None:
         refuse_simulated_time(f"{context.name} ({settings.device})", context)

@@ -39,12 +39,8 @@ def video_nodes(root: Path = Path("/")) -> list[Found]:
 
     The path of a node names the socket (``/dev/v4l/by-path``) if the system has such a link, otherwise the
     camera (``/dev/v4l/by-id``). Two cameras of the same model can have the same name in ``by-id``, but they
-    are never at the same socket.
-
-    Parameters
-    ----------
-    root : Path
-        Folder that contains the system's folders ``sys`` and ``dev``. Tests give another folder.
+    are never at the same socket. `root` is the folder that contains the system's folders ``sys`` and ``dev``.
+    Tests give another folder.
     """
     lasting = lasting_names(root / "dev/v4l/by-id") | lasting_names(root / "dev/v4l/by-path")
     nodes = []
@@ -59,20 +55,9 @@ def video_nodes(root: Path = Path("/")) -> list[Found]:
 def open_node(wanted: str, system: System, device: str) -> tuple[Node, Identity]:
     """Open the picture node of the camera `wanted`.
 
-    Parameters
-    ----------
-    wanted : str
-        Path of the device node; or ``bus:`` and the camera's bus name; or ``serial:`` and its serial number.
-    system : System
-    device : str
-        Name of the camera, used in error messages.
-
-    Raises
-    ------
-    LinkLost
-        If no camera matches `wanted`.
-    DeviceFault
-        If the device cannot be opened or is not a camera, or if several cameras match `wanted`.
+    `wanted` is the path of the device node; or ``bus:`` and the camera's bus name; or ``serial:`` and its
+    serial number. Raise `LinkLost` if no camera matches `wanted`, and `DeviceFault` if the device cannot be
+    opened or is not a camera, or if several cameras match `wanted`.
     """
     if not wanted.startswith((BUS, SERIAL)):
         return _open_path(wanted, system, device)

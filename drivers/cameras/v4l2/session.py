@@ -28,20 +28,8 @@ SHORT = 1 << 32
 class V4l2Session:
     """An opened camera that films; its settings were written and read back.
 
-    Parameters
-    ----------
-    node : Node
-        Node of the opened camera. `close` closes the node, and so does a failed configuration.
-    identity : Identity
-    settings : V4l2Settings
-    device : str
-        Name of the camera, used in error messages.
-    clock : Clock
-
-    Raises
-    ------
-    DeviceError
-        If the camera does not accept a setting.
+    `node` is the node of the opened camera. `close` closes the node, and so does a failed configuration.
+    Raise `DeviceError` if the camera does not accept a setting.
     """
 
     def __init__(
@@ -95,12 +83,8 @@ class V4l2Session:
 
         Incomplete frames, and frames that the kernel flags as damaged, are also returned, with `flags` set.
 
-        Raises
-        ------
-        LinkLost
-            If the camera was unplugged.
-        DeviceFault
-            If the camera reports errors repeatedly, or delivers impossible timestamps or grey levels.
+        Raise `LinkLost` if the camera was unplugged, and `DeviceFault` if the camera reports errors
+        repeatedly, or delivers impossible timestamps or grey levels.
         """
         deadline_s = self._clock.now_s() + timeout_s
         while True:

@@ -54,10 +54,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
     def read(self) -> StageState:
         """Return position and status of the stage.
 
-        Raises
-        ------
-        DeviceFault
-            If a flag reports that a motion failed. The flag remains until `home` is called.
+        Raise `DeviceFault` if a flag reports that a motion failed. The flag remains until `home` is called.
         """
         seeking = self._seeking
         reply = self._query("get pos", "read position")
@@ -252,10 +249,8 @@ def open_stage(
 ) -> ZaberStage:
     """Open the port, identify the stage and write its limits. No motion is started.
 
-    Raises
-    ------
-    DeviceError
-        If the port cannot be opened, no device answers, or the stage does not accept a setting.
+    Raise `DeviceError` if the port cannot be opened, no device answers, or the stage does not accept a
+    setting.
     """
     return set_up(ZaberStage(settings, context, stop_times))
 

@@ -17,29 +17,15 @@ SERIAL_UNITS = range(1, 248)
 
 @dataclass(frozen=True)
 class ModbusAddress:
-    """Address of a Modbus device, and the settings of its serial line.
+    """Address of a Modbus device, and the settings of its serial line."""
 
-    Attributes
-    ----------
-    text : str
-        The address as written in the rig file.
-    baud : int
-    parity : str
-        Parity of a serial port: ``N`` (none), ``E`` (even) or ``O`` (odd).
-    stop_bits : int
-        Number of stop bits of a serial port.
-    relay : str
-        Address ``host:port`` of a guardian's relay to the device, or an empty text without a relay.
-    echo : bool
-        True if the adapter of an RTU line also receives what it sends.
-    """
-
-    text: str
+    text: str  # the address as written in the rig file
     baud: int = 19_200
-    parity: str = "E"
-    stop_bits: int = 1
+    parity: str = "E"  # parity of a serial port: ``N`` (none), ``E`` (even) or ``O`` (odd)
+    stop_bits: int = 1  # number of stop bits of a serial port
+    # address ``host:port`` of a guardian's relay to the device, or an empty text without a relay
     relay: str = ""
-    echo: bool = False
+    echo: bool = False  # True if the adapter of an RTU line also receives what it sends
 
     @property
     def rtu(self) -> bool:

@@ -121,10 +121,8 @@ def shipped_maps() -> list[str]:
 def load_map(name: str) -> RegisterMap:
     """Read a register map, given by the name of a shipped map or by a path.
 
-    Raises
-    ------
-    ConfigurationError
-        If the register map cannot be read or has mistakes. All mistakes are reported together.
+    Raise `ConfigurationError` if the register map cannot be read or has mistakes. All mistakes are reported
+    together.
     """
     path = Path(__file__).parents[1] / "maps" / f"{name}.toml" if name in shipped_maps() else Path(name)
     if not path.is_file():

@@ -89,10 +89,7 @@ class Register(Settings):
     def decode(self, words: Sequence[int], order: WordOrder) -> Number:
         """Return the value in its unit.
 
-        Raises
-        ------
-        ValueError
-            If the raw value is NaN, infinite or out of range, or means "no value".
+        Raise `ValueError` if the raw value is NaN, infinite or out of range, or means "no value".
         """
         raw: Number
         (raw,) = _VALUES[self.type].unpack(_ordered(_WORDS[self.size].pack(*words), order))
@@ -103,11 +100,8 @@ class Register(Settings):
     def encode(self, value: Number, order: WordOrder) -> list[int]:
         """Return the register words that represent a value.
 
-        Raises
-        ------
-        ValueError
-            If the register type cannot hold the value, if `decode` would refuse the value, or if a rate or
-            time would be rounded to 0.
+        Raise `ValueError` if the register type cannot hold the value, if `decode` would refuse the value, or
+        if a rate or time would be rounded to 0.
         """
         encoding = _VALUES[self.type]
         raw = value if self.scale == 1.0 else value / self.scale
