@@ -57,16 +57,8 @@ def hold(rig_path: Path, say: Callable[[str], None] = lambda _: None) -> Moved:
     A run or a motion by hand that has the machine is asked to end, which stops the machine at once. When it
     has released the machine, the hold is commanded and confirmed once more.
 
-    Parameters
-    ----------
-    rig_path : Path
-    say : callable
-        Gets the sentence that another program was asked to end.
-
-    Raises
-    ------
-    MachineInUse
-        If the other program cannot be asked, or does not release the machine in time.
+    `say` gets the sentence that another program was asked to end. Raise `MachineInUse` if the other program
+    cannot be asked, or does not release the machine in time.
     """
     rig_file = read_rig(rig_path)
     clock = SystemClock()
@@ -125,10 +117,8 @@ def move(
 ) -> Moved:
     """Execute one motion by hand. A signal, for example by Ctrl-C, stops the motion at once.
 
-    Raises
-    ------
-    RigError, DeviceError, ConfigurationError
-        If the rig cannot be opened, or lacks the device. Nothing has moved before such an error.
+    Raise `RigError`, `DeviceError` or `ConfigurationError` if the rig cannot be opened, or lacks the device.
+    Nothing has moved before such an error.
     """
     rig_file = slowed(_without_cameras(read_rig(rig_path)), wish)
     facts = facts_of_file(rig_file)

@@ -24,11 +24,7 @@ class _Machine:
 class Stop:
     """A stop of several machines. The constructor begins it, on a thread for each machine.
 
-    Parameters
-    ----------
-    guards : mapping of str to Guard
-    tries_s : float
-        Time in s for which an unconfirmed stop is repeated.
+    `tries_s` is the time in s for which an unconfirmed stop is repeated.
     """
 
     def __init__(

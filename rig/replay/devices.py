@@ -27,15 +27,8 @@ S = TypeVar("S", bound=StageState | LoadFrameState | InterlockState)
 class RecordedReadings(Generic[S]):
     """Returns the recorded readings of one device, one after the other.
 
-    Parameters
-    ----------
-    device : str
-    state : callable
-        Function that returns the reading in a row. The function raises IndexError after the last row.
-    clock : Clock
-    ended : callable
-        Function that returns the error which ends the replay after the last reading, or None if the run was
-        completed.
+    `state` returns the reading in a row, and raises IndexError after the last row. `ended` returns the error
+    which ends the replay after the last reading, or None if the run was completed.
     """
 
     def __init__(
@@ -113,12 +106,6 @@ class ReplayedInterlock(_Replayed[InterlockState]):
 class ReplayedCamera:
     """A camera of an archived run. If the engine refuses an image and requests another, the same image is
     returned again.
-
-    Parameters
-    ----------
-    name : str
-    info : CameraInfo
-    script : Script
     """
 
     def __init__(self, name: str, info: CameraInfo, script: Script) -> None:

@@ -35,34 +35,24 @@ def of_another_version(run: RunFile, what: str, error: Exception) -> ReplayError
 
 @dataclass(frozen=True)
 class Script:
-    """The recorded data of a run that a replay needs.
-
-    Attributes
-    ----------
-    run : RunFile
-    stage, load_frame : mapping of str to ndarray
-        The columns of the readings. A missing device has none.
-    interlocks : dict of str to mapping
-        The columns of the readings of each interlock.
-    readings_before : dict of str to list of int
-        The list under a camera's name has the number of readings before each of its images. The list under
-        the message of an event that ends a wait has the number of readings before each such event.
-    """
+    """The recorded data of a run that a replay needs."""
 
     run: RunFile
+    # the columns of the readings. A missing device has none.
     stage: Columns
     load_frame: Columns
+    # the columns of the readings of each interlock
     interlocks: dict[str, Columns] = field(default_factory=dict)
+    # the list under a camera's name has the number of readings before each of its images. The list under the
+    # message of an event that ends a wait has the number of readings before each such event.
     readings_before: dict[str, list[int]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, run: RunFile) -> "Script":
         """Read the data of a run that a replay needs.
 
-        Raises
-        ------
-        ReplayError
-            If the run was recorded by an earlier program, which did not record the order of the rows.
+        Raise `ReplayError` if the run was recorded by an earlier program, which did not record the order of
+        the rows.
         """
         tables = {name: run.columns(f"instrument/{name}") for name in ("stage", "load_frame")}
         cameras = {name: run.columns(f"instrument/{name}") for name in run.cameras}
