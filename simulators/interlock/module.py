@@ -17,10 +17,7 @@ _ILLEGAL_FUNCTION, _ILLEGAL_ADDRESS, _ILLEGAL_VALUE = 1, 2, 3
 class InputModule:
     """The state of a module with contacts and registers; all contacts are closed at first.
 
-    Parameters
-    ----------
-    contacts, registers : int
-        Number of contacts, and of analogue inputs.
+    `contacts` and `registers` are the numbers of contacts and of analogue inputs.
     """
 
     def __init__(self, contacts: int = 8, registers: int = 8) -> None:

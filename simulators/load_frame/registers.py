@@ -38,13 +38,7 @@ class ExceptionReply(Exception):
 class LoadFrameRegisters:
     """The registers of one load frame, shared by all servers of this load frame.
 
-    Parameters
-    ----------
-    device : LoadFrameDevice
-    layout : RegisterLayout
-    serial : int
-        The serial number that the load frame reports.
-    faults : FaultPanel
+    `serial` is the serial number that the load frame reports.
     """
 
     def __init__(

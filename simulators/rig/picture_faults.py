@@ -11,12 +11,8 @@ from simulators.wire.faults import PICTURE, FaultPanel
 class PictureFaults:
     """Changes the light that reaches the sensor, and makes cameras unreachable for a time.
 
-    Parameters
-    ----------
-    clock : Clock
-        The clock of the rig, which determines when an unreachable camera becomes reachable again.
-    panel : FaultPanel, optional
-        The panel on which the faults are switched.
+    `clock` is the clock of the rig, which determines when an unreachable camera becomes reachable again.
+    `panel` is the panel on which the faults are switched.
     """
 
     def __init__(self, clock: Clock, panel: FaultPanel | None = None) -> None:

@@ -38,20 +38,9 @@ TIMEOUT_MAX_S = 3600.0
 class SceneServer:
     """A TCP server for the cameras and the operator of a virtual rig.
 
-    Parameters
-    ----------
-    cameras : mapping of str to SimulatedCamera
-    operator : SimulatedOperator
-    on_frame : callable
-        Function that is called for each sent frame, with the camera's name, the camera and the frame.
-    host : str
-    port : int
-        The TCP port; 0 takes any free port.
-
-    Attributes
-    ----------
-    address : str
-        The address of the server, ``host:port``.
+    `on_frame` is a function that is called for each sent frame, with the camera's name, the camera and the
+    frame. `port` is the TCP port; 0 takes any free port. `address` is the address of the server,
+    ``host:port``.
     """
 
     def __init__(

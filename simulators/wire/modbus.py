@@ -55,14 +55,9 @@ class ModbusRtuServer(Server, ABC):
 
     The server does not answer damaged messages or messages for other units. A broadcast is executed without
     an answer.
-
-    Attributes
-    ----------
-    unit : int
-        The address of the device on the serial line.
     """
 
-    unit: int
+    unit: int  # the address of the device on the serial line
 
     @abstractmethod
     def answer(self, unit: int, request: bytes) -> bytes | None:
@@ -92,10 +87,7 @@ class ModbusRtuServer(Server, ABC):
 def cut_tcp(buffer: bytes) -> tuple[list[bytes], bytes]:
     """Return the complete messages in a buffer, and the remaining bytes.
 
-    Raises
-    ------
-    ConnectionError
-        If the bytes have no Modbus header. The connection must then be closed.
+    Raise `ConnectionError` if the bytes have no Modbus header. The connection must then be closed.
     """
     messages = []
     while len(buffer) >= HEADER:

@@ -34,12 +34,9 @@ def _sweep() -> None:
 class PtyPort:
     """A pseudo-terminal through which a client reaches a device.
 
-    Attributes
-    ----------
-    address : str
-        The path for the client: a link to the terminal, like the links in /dev/serial/by-id. While the
-        terminal is unplugged, the link is missing. When the terminal is plugged in again, the link has the
-        same path as before.
+    `address` is the path for the client: a link to the terminal, like the links in /dev/serial/by-id. While
+    the terminal is unplugged, the link is missing. When the terminal is plugged in again, the link has the
+    same path as before.
     """
 
     def __init__(self, wire: WireProtocol) -> None:
@@ -100,10 +97,7 @@ class PtyPort:
 class TcpPort:
     """A TCP port through which any number of clients reach a device.
 
-    Attributes
-    ----------
-    address : str
-        The address ``host:port``, which does not change when the port is unplugged and plugged in.
+    `address` is the address ``host:port``, which does not change when the port is unplugged and plugged in.
     """
 
     def __init__(self, wire: WireProtocol, host: str, port: int) -> None:
@@ -145,13 +139,7 @@ class TcpPort:
 
 
 class Server(WireProtocol):
-    """A device with its own port. A subclass defines how to split, answer and damage messages.
-
-    Attributes
-    ----------
-    address : str
-        The path of a pseudo-terminal, or ``host:port``.
-    """
+    """A device with its own port. A subclass defines how to split, answer and damage messages."""
 
     default_host: ClassVar[str | None] = None
     """The address of the server's TCP port, or None for a pseudo-terminal, if no address is given."""
