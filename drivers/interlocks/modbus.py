@@ -16,32 +16,20 @@ _BITS = ("discrete", "coil")
 
 
 class ModbusInputSettings(ModbusPlaceSettings):
-    """Settings of one input: the address of the Modbus module, and the table and number of the input.
+    """Settings of one input: the address of the Modbus module, and the table and number of the input."""
 
-    Attributes
-    ----------
-    table : str
-        ``discrete`` (Modbus function 2) or ``coil`` (1) for a contact, whose value is 0 or 1; ``input``
-        (function 4) or ``holding`` (3) for a register with a number.
-    number : int
-        Address of the input in the request, counted from 0.
-    signed : bool
-        True if the register is a signed number.
-    invalid : list of int
-        Numbers of a register that mean "no value", such as 0x7FFF for a broken wire. For a signed register,
-        write them as signed numbers.
-    scale, offset : float
-        The value of a register is its number × scale + offset.
-    quantity : str
-        Unit of the value, shown to the user, or an empty text for a contact.
-    """
-
+    # ``discrete`` (Modbus function 2) or ``coil`` (1) for a contact, whose value is 0 or 1; ``input``
+    # (function 4) or ``holding`` (3) for a register with a number
     table: Literal["discrete", "coil", "input", "holding"] = "discrete"
-    number: int = Field(ge=0, le=65_535)
-    signed: bool = False
+    number: int = Field(ge=0, le=65_535)  # address of the input in the request, counted from 0
+    signed: bool = False  # True if the register is a signed number
+    # numbers of a register that mean "no value", such as 0x7FFF for a broken wire. For a signed register,
+    # write them as signed numbers.
     invalid: list[int] = Field(default_factory=list, max_length=16)
+    # the value of a register is its number × scale + offset
     scale: float = 1.0
     offset: float = 0.0
+    # unit of the value, shown to the user, or an empty text for a contact
     quantity: str = Field(default="", max_length=20)
     reply_timeout_s: float = Field(default=0.5, gt=0, le=10)
 
