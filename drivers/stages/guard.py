@@ -9,7 +9,7 @@ from drivers.interfaces import OpenContext
 from drivers.lines.addresses import shared_line
 from drivers.lines.channel import CHANNEL_ERRORS, TCP_PREFIX, Channel, open_channel
 from drivers.lines.relay import Relay, whole_lines
-from drivers.lines.stop_deadline import STOP_TIMES, StopDeadline, StopTimes
+from drivers.lines.stop_deadline import STOP_TIMES, StopDeadline
 from drivers.registry import GuardSpec
 from drivers.stages.port import StagePort
 from drivers.stages.settings import StageSettings
@@ -38,16 +38,14 @@ class StageGuard(Generic[P]):
     Raise `DeviceError` if the line cannot be opened, or the stage does not answer.
     """
 
-    def __init__(
-        self, settings: StageSettings, context: OpenContext, talk: StageTalk[P], times: StopTimes = STOP_TIMES
-    ) -> None:
+    def __init__(self, settings: StageSettings, context: OpenContext, talk: StageTalk[P]) -> None:
         self._url = settings.port
         self._name = f"{context.name} ({self._url})"
         self._clock = context.clock
         self._talk = talk
-        self._times = times
-        self._answer_s = min(settings.reply_timeout_s, times.answer_s)
-        self._line = Relay(lambda: open_channel(self._url, talk.baud, times.answer_s), whole_lines(talk.ends))
+        answer_s = STOP_TIMES.answer_s
+        self._answer_s = min(settings.reply_timeout_s, answer_s)
+        self._line = Relay(lambda: open_channel(self._url, talk.baud, answer_s), whole_lines(talk.ends))
         self._port: P | None = None
         try:
             self._identity = talk.identity(self._opened(), self._answer_s)
@@ -65,7 +63,7 @@ class StageGuard(Generic[P]):
         """Take over the line and stop the stage. Raise `DeviceTimeout` if the stage does not report
         standstill."""
         self._line.take_over()
-        deadline = StopDeadline(self._clock, self._times.deadline_s)
+        deadline = StopDeadline(self._clock, STOP_TIMES.deadline_s)
         got, proven = "silence", True
         while not deadline.passed:
             try:
@@ -78,7 +76,7 @@ class StageGuard(Generic[P]):
                 self._line.drop_channel()
             except DeviceError as error:
                 got = error.got
-            self._clock.sleep(self._times.poll_s)
+            self._clock.sleep(STOP_TIMES.poll_s)
         raise DeviceTimeout(self._name, "stop", "standstill", got, "press the emergency stop")
 
     def _stranger(self, port: P, proven: bool) -> str:

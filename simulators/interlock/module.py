@@ -15,15 +15,12 @@ _ILLEGAL_FUNCTION, _ILLEGAL_ADDRESS, _ILLEGAL_VALUE = 1, 2, 3
 
 
 class InputModule:
-    """The state of a module with contacts and registers; all contacts are closed at first.
+    """The state of a module with eight contacts and eight analogue inputs. First all contacts are closed."""
 
-    `contacts` and `registers` are the numbers of contacts and of analogue inputs.
-    """
-
-    def __init__(self, contacts: int = 8, registers: int = 8) -> None:
+    def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._contacts = [True] * contacts
-        self._registers = [0] * registers
+        self._contacts = [True] * 8
+        self._registers = [0] * 8
 
     def set_contact(self, number: int, *, closed: bool) -> None:
         """Close or open a contact."""

@@ -12,11 +12,11 @@ class PictureFaults:
     """Changes the light that reaches the sensor, and makes cameras unreachable for a time.
 
     `clock` is the clock of the rig, which determines when an unreachable camera becomes reachable again.
-    `panel` is the panel on which the faults are switched.
+    The faults are switched on the attribute `panel`.
     """
 
-    def __init__(self, clock: Clock, panel: FaultPanel | None = None) -> None:
-        self.panel = panel or FaultPanel(PICTURE)
+    def __init__(self, clock: Clock) -> None:
+        self.panel = FaultPanel(PICTURE)
         self._clock = clock
         self._absent_until_s: dict[str, float] = {}
 
