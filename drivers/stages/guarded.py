@@ -4,9 +4,9 @@ import math
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import Generic, Self, TypeVar
 
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import DeviceInfo, OpenContext, StageState
@@ -170,9 +170,15 @@ class GuardedStage(ABC, Generic[P]):
         self._closed = True
         self._port.close()
 
-    def opening(self) -> AbstractContextManager[None]:
-        """Return a context that limits the time of all requests of `set_up`."""
-        return self._call_time.opening(self._reply_timeout_s)
+    def opened(self) -> Self:
+        """Set up the stage, whose port is open, and return it. Close the port if this fails."""
+        try:
+            with self._call_time.opening(self._reply_timeout_s):
+                self.set_up()
+        except BaseException:
+            self.close()
+            raise
+        return self
 
     @contextmanager
     def _commanding(self) -> Iterator[None]:
@@ -225,17 +231,3 @@ class GuardedStage(ABC, Generic[P]):
     def _require_standing(self, moving: bool, step: str) -> None:
         if moving:
             raise self._fault(step, "a standing stage", "a stage in motion", "wait for its end, or stop it")
-
-
-G = TypeVar("G", bound=GuardedStage[Any])
-
-
-def set_up(stage: G) -> G:
-    """Set up a stage whose port is open, and return the stage. Close the port if this fails."""
-    try:
-        with stage.opening():
-            stage.set_up()
-    except BaseException:
-        stage.close()
-        raise
-    return stage

@@ -17,8 +17,7 @@ from rig.engine.look import look
 from rig.engine.manual import Manual, Moved
 from rig.engine.signals import aborting_on_signals
 from rig.facts import facts_of_file
-from rig.guardian.announced import announce
-from rig.guardian.guardian import guarded
+from rig.guardian.announced import guarded_rig
 from rig.guardian.lock import MachineInUse, machines_locked
 from rig.limits.by_hand import HandMotion
 from rig.rigfile import RigFile
@@ -123,12 +122,7 @@ def move(
     rig_file = slowed(_without_cameras(read_rig(rig_path)), wish)
     facts = facts_of_file(rig_file)
     log = Path(f"{rig_path.stem}.guardian.log")
-    with (
-        machines_locked(rig_file) as locks,
-        guarded(rig_file, locks, log) as guardian,
-        open_rig(rig_file, guardian.relays) as opened,
-    ):
-        rig = announce(opened, guardian)
+    with guarded_rig(rig_file, log) as (rig, guardian):
         _require_device(rig, wish.axis)
         manual = Manual(rig, on_reading=on_reading, on_progress=guardian.progress)
         with aborting_on_signals(manual), guardian.watched(manual.abort):

@@ -39,10 +39,8 @@ class ControlFlag(IntFlag):
     """Flags that describe a camera control (``V4L2_CTRL_FLAG_…``)."""
 
     DISABLED = 0x1
-    GRABBED = 0x2
     READ_ONLY = 0x4
     INACTIVE = 0x10
-    WRITE_ONLY = 0x40
 
 
 class ControlType(IntEnum):
@@ -51,7 +49,6 @@ class ControlType(IntEnum):
     INTEGER = 1
     BOOLEAN = 2
     MENU = 3
-    BUTTON = 4
     BITMASK = 8
     INTEGER_MENU = 9
 

@@ -23,7 +23,7 @@ from drivers.stages.esp301.protocol import (
 )
 from drivers.stages.esp301.reference import MOTOR_OFF, HomeReference
 from drivers.stages.esp301.settings import EspSettings
-from drivers.stages.guarded import GuardedStage, set_up
+from drivers.stages.guarded import GuardedStage
 
 POLL_S = 0.02
 START_POLLS = 5
@@ -279,7 +279,7 @@ def open_stage(settings: EspSettings, context: OpenContext, stop_times: StopTime
     Raise `DeviceError` if the port cannot be opened, no device answers, or the stage does not accept a
     setting.
     """
-    return set_up(EspStage(settings, context, stop_times))
+    return EspStage(settings, context, stop_times).opened()
 
 
 SPEC = DriverSpec(kind="stage", settings=EspSettings, open=open_stage, find=FINDER, guard=GUARD)

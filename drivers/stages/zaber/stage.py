@@ -7,7 +7,7 @@ from drivers.interfaces import DeviceInfo, OpenContext, Setting, StageState
 from drivers.lines.call_time import one_call
 from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from drivers.registry import DriverSpec
-from drivers.stages.guarded import GuardedStage, set_up
+from drivers.stages.guarded import GuardedStage
 from drivers.stages.zaber.find import FINDER
 from drivers.stages.zaber.guard import GUARD, foreign, serial_number, stop_once
 from drivers.stages.zaber.port import BAUD, ZaberPort
@@ -252,7 +252,7 @@ def open_stage(
     Raise `DeviceError` if the port cannot be opened, no device answers, or the stage does not accept a
     setting.
     """
-    return set_up(ZaberStage(settings, context, stop_times))
+    return ZaberStage(settings, context, stop_times).opened()
 
 
 SPEC = DriverSpec(kind="stage", settings=ZaberSettings, open=open_stage, find=FINDER, guard=GUARD)
