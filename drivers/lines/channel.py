@@ -182,13 +182,14 @@ def open_device(name: str, url: str, baud: int, timeout_s: float, relay: str = "
     try:
         return open_relay(relay, timeout_s) or open_channel(url, baud, timeout_s)
     except CHANNEL_ERRORS as error:
-        raise LinkLost(
-            name,
-            "open port",
-            "a connection" if url.startswith(TCP_PREFIX) else "a free serial port",
-            str(error),
-            "check address and cable, and that no other program holds the port",
-        ) from error
+        raise cannot_open(name, "open port", url, error) from error
+
+
+def cannot_open(name: str, step: str, url: str, error: Exception) -> LinkLost:
+    """Return the `LinkLost` for a channel that cannot be opened. `name` is the device's name and port."""
+    expected = "a connection" if url.startswith(TCP_PREFIX) else "a free serial port"
+    remedy = "check address and cable, and that no other program holds the port"
+    return LinkLost(name, step, expected, str(error), remedy)
 
 
 def open_relay(relay: str, timeout_s: float) -> Channel | None:

@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 from drivers.errors import DeviceError, DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
 from drivers.lines.addresses import shared_line
-from drivers.lines.channel import CHANNEL_ERRORS, TCP_PREFIX, Channel, open_channel
+from drivers.lines.channel import CHANNEL_ERRORS, Channel, cannot_open, open_channel
 from drivers.lines.relay import Relay, whole_lines
 from drivers.lines.stop_deadline import STOP_TIMES, StopDeadline
 from drivers.registry import GuardSpec
@@ -94,13 +94,7 @@ class StageGuard(Generic[P]):
             try:
                 channel = self._line.channel()
             except CHANNEL_ERRORS as error:
-                raise LinkLost(
-                    self._name,
-                    "open port for the guardian",
-                    "a connection" if self._url.startswith(TCP_PREFIX) else "a free serial port",
-                    str(error),
-                    "check address and cable, and that no other program holds the port",
-                ) from error
+                raise cannot_open(self._name, "open port for the guardian", self._url, error) from error
             self._port = self._talk.open_port(self._name, channel, self._answer_s)
         return self._port
 

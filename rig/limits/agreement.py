@@ -240,7 +240,6 @@ class Agreement:
 
     def _check_not_stuck(self, reading: RigReading, step: str) -> None:
         """Check that the load changes from reading to reading, because a correct load cell has noise."""
-        assert self._start is not None
         if self._last is None or reading.load_n != self._last.load_n:
             self._same = 0
         elif abs(reading.displacement_mm - self._last.displacement_mm) > _SIGMAS * self.noise_mm:
