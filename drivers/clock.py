@@ -10,6 +10,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import nullcontext
 from datetime import UTC, datetime, timedelta
 from typing import Protocol
 
@@ -132,13 +133,7 @@ class SystemClock:
         return datetime.now(UTC)
 
 
-class _RealActivity:
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
+class _RealActivity(nullcontext[None]):
     def end(self) -> None:
         pass
 

@@ -43,11 +43,8 @@ MOST_BYTES = 2**20
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file.
 
-    Raises
-    ------
-    ConfigurationError
-        If the file is missing, unreadable or not valid TOML. For invalid TOML, the message gives line and
-        column.
+    Raise `ConfigurationError` if the file is missing, unreadable or not valid TOML. For invalid TOML, the
+    message gives line and column.
     """
     return read_toml_text(path)[0]
 

@@ -47,16 +47,8 @@ _UNKNOWN_TIMES = "mend the driver, whose times are not on the rig's clock"
 def checked(kind: DeviceKind, name: str, device: Any, clock: Clock) -> Any:
     """Return an opened device whose readings and images are checked.
 
-    Parameters
-    ----------
-    kind : str
-        Kind of device. A device of another kind than load frame, stage, interlock or camera is returned
-        as it is.
-    name : str
-        The device's name in the rig file, for messages.
-    device : object
-    clock : Clock
-        The rig's clock.
+    `kind` is the kind of device. A device of another kind than load frame, stage, interlock or camera is
+    returned as it is. `name` is the device's name in the rig file, for messages. `clock` is the rig's clock.
     """
     if kind in _STATES:
         return _CheckedReadings(name, device, clock, _STATES[kind])

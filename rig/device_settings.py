@@ -19,10 +19,7 @@ def reports_settings(device: object) -> bool:
 def read_settings(name: str, device: Any) -> dict[str, Setting]:
     """Return the settings that a device reports. `name` is the device's name in the rig file.
 
-    Raises
-    ------
-    DeviceError
-        If the device does not answer, or if its driver returns anything other than settings.
+    Raise `DeviceError` if the device does not answer, or if its driver returns anything other than settings.
     """
     found = device.read_settings()
     if not isinstance(found, dict) or len(found) > _SETTINGS_MAX:

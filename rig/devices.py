@@ -174,12 +174,8 @@ def open_rig(
 def require_interlocks(rig: Rig) -> None:
     """Read every interlock once.
 
-    Raises
-    ------
-    InterlockOpen
-        If the value of an interlock is outside its allowed range.
-    DeviceError
-        If an interlock cannot be read.
+    Raise `InterlockOpen` if the value of an interlock is outside its allowed range, and `DeviceError` if an
+    interlock cannot be read.
     """
     for name, interlock in rig.interlocks.items():
         first = Bounded(f"interlocks.{name}", "read", interlock.device.read)

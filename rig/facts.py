@@ -1,8 +1,8 @@
 """Limits and image sizes of a rig, first read from the rig file and later from the opened devices."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
-from drivers.interfaces import CameraInfo
+from drivers.interfaces import CameraInfo, LoadFrameLimits
 from rig.devices import Rig
 from rig.protocol.conditions import Demand
 from rig.protocol.protocol import Protocol
@@ -44,14 +44,7 @@ class RigFacts:
 
 
 UNKNOWN_RIG = RigFacts()
-_OF_LOAD_FRAME = (
-    "load_min_n",
-    "load_max_n",
-    "displacement_min_mm",
-    "displacement_max_mm",
-    "speed_max_mm_s",
-    "load_rate_max_n_s",
-)
+_OF_LOAD_FRAME = [each.name for each in fields(LoadFrameLimits)]
 
 
 def facts_of_file(rig_file: RigFile) -> RigFacts:

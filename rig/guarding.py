@@ -12,18 +12,12 @@ SILENCE_IN_PATIENCE = 0.6
 
 
 class GuardianSettings(Settings):
-    """Times without a sign of progress after which the guardian stops the machines.
+    """Times without a sign of progress after which the guardian stops the machines."""
 
-    Attributes
-    ----------
-    patience_s : float
-        Time in s while something may be moving. The lower bound allows for a busy computer. The upper bound
-        limits the distance that a machine moves unwatched.
-    standing_patience_s : float
-        Time in s while everything stands still.
-    """
-
+    # time in s while something may be moving. The lower bound allows for a busy computer. The upper bound
+    # limits the distance that a machine moves unwatched.
     patience_s: float = Field(default=0.85, ge=0.3, le=5.0)
+    # time in s while everything stands still
     standing_patience_s: float = Field(default=60.0, ge=5.0, le=3600.0)
 
     @property

@@ -5,7 +5,24 @@ from pydantic import Field
 from drivers.settings import Settings
 
 
-class RigLimits(Settings):
+class MachineBounds(Settings):
+    """Bounds for the behaviour of grips and load frame, in the rig file and in a protocol."""
+
+    machine_stiffness_min_n_mm: float | None = Field(
+        default=None, gt=0.0, description="smallest stiffness of grips and load frame in series"
+    )
+    machine_stiffness_max_n_mm: float | None = Field(
+        default=None, gt=0.0, description="largest stiffness of grips and load frame in series"
+    )
+    seating_mm: float | None = Field(
+        default=None, ge=0.0, description="largest displacement by which a specimen seats in the grips"
+    )
+    seating_stiffness_n_mm: float | None = Field(
+        default=None, gt=0.0, description="smallest rise of the load per mm while the grips seat"
+    )
+
+
+class RigLimits(MachineBounds):
     """Limits of the rig. If the protocol also limits a quantity, the narrower limit applies."""
 
     load_max_n: float | None = Field(
@@ -25,16 +42,4 @@ class RigLimits(Settings):
         default=None,
         gt=0.0,
         description="smallest stiffness of the specimens that rig jog and rig unload move",
-    )
-    machine_stiffness_min_n_mm: float | None = Field(
-        default=None, gt=0.0, description="smallest stiffness of grips and load frame in series"
-    )
-    machine_stiffness_max_n_mm: float | None = Field(
-        default=None, gt=0.0, description="largest stiffness of grips and load frame in series"
-    )
-    seating_mm: float | None = Field(
-        default=None, ge=0.0, description="largest displacement by which a specimen seats in the grips"
-    )
-    seating_stiffness_n_mm: float | None = Field(
-        default=None, gt=0.0, description="smallest rise of the load per mm while the grips seat"
     )

@@ -107,11 +107,8 @@ def make_plan(protocol: Protocol, facts: RigFacts = UNKNOWN_RIG, rig_limits: Rig
 def require_feasible(plan: Plan, folder: Path) -> None:
     """Raise an error if the rig cannot execute the plan or if the images do not fit on the disk.
 
-    Raises
-    ------
-    ProtocolError
-        If the plan has objections, `folder` does not exist, or the disk has too little free space. If the
-        file system or a limit of the process does not allow such a large file.
+    Raise `ProtocolError` if the plan has objections, `folder` does not exist, the disk has too little free
+    space, or the file system or a limit of the process does not allow such a large file.
     """
     if plan.objections:
         raise ProtocolError(

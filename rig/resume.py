@@ -36,29 +36,17 @@ class ContinueError(RigError):
 
 @dataclass(frozen=True)
 class FinishedPart:
-    """The finished part of a run.
-
-    Attributes
-    ----------
-    path : Path
-    run_id, sha256 : str
-        The identity of the run, and the SHA-256 of its whole file.
-    readings : dict of int to RigReading
-        The settled readings of the finished steps, by the step's number in the plan.
-    next : ProtocolStep
-        The first step that is not finished.
-    end : RigReading
-        The last reading of the run.
-    identities : dict of str to dict
-        The identity of each device of the earlier run, such as its serial number.
-    """
+    """The finished part of a run."""
 
     path: Path
+    # the identity of the run, and the SHA-256 of its whole file
     run_id: str
     sha256: str
+    # the settled readings of the finished steps, by the step's number in the plan
     readings: dict[int, RigReading]
-    next: ProtocolStep
-    end: RigReading
+    next: ProtocolStep  # the first step that is not finished
+    end: RigReading  # the last reading of the run
+    # the identity of each device of the earlier run, such as its serial number
     identities: dict[str, dict[str, object]]
 
     def record(self, start: RigReading) -> str:
@@ -82,21 +70,10 @@ class FinishedPart:
 def read_earlier(path: Path, protocol: Protocol, definition: str, configuration: str) -> FinishedPart:
     """Read and verify the finished part of a run.
 
-    Parameters
-    ----------
-    path : Path
-        The file of the earlier run, which was aborted, failed, or was killed and repaired.
-    protocol : Protocol
-    definition, configuration : str
-        The text of the protocol file and of the rig file, which must be the same as in the earlier run.
-
-    Raises
-    ------
-    RunFileError
-        If the file cannot be read.
-    ContinueError
-        If the file is damaged, belongs to another protocol or rig file, or has no unfinished step that can be
-        continued.
+    `path` is the file of the earlier run, which was aborted, failed, or was killed and repaired. `definition`
+    and `configuration` are the text of the protocol file and of the rig file, which must be the same as in
+    the earlier run. Raise `RunFileError` if the file cannot be read, and `ContinueError` if the file is
+    damaged, belongs to another protocol or rig file, or has no unfinished step that can be continued.
     """
 
     def refuse(expected: str, got: str, remedy: str) -> ContinueError:
@@ -144,11 +121,8 @@ def read_earlier(path: Path, protocol: Protocol, definition: str, configuration:
 def require_unchanged(earlier: FinishedPart, protocol: Protocol, rig: Rig) -> RigReading:
     """Check that devices and readings are those at the end of the earlier run. Return the present reading.
 
-    Raises
-    ------
-    ContinueError
-        If a device was replaced, or if load, displacement or angle have changed since the end of the earlier
-        run.
+    Raise `ContinueError` if a device was replaced, or if load, displacement or angle have changed since the
+    end of the earlier run.
     """
     devices = dict(rig.cameras) | {"stage": rig.stage, "load_frame": rig.load_frame}
     for name, identity in earlier.identities.items():
@@ -260,10 +234,7 @@ def _following(protocol: Protocol, readings: dict[int, RigReading]) -> ProtocolS
 def require_same_folder(earlier: FinishedPart, run_path: Path) -> None:
     """Require that the new run file is in the same folder as the earlier one.
 
-    Raises
-    ------
-    ContinueError
-        If the folders differ. `dic process` looks for the earlier file beside the new one.
+    Raise `ContinueError` if the folders differ. `dic process` looks for the earlier file beside the new one.
     """
     if run_path.resolve().parent != earlier.path.resolve().parent:
         raise ContinueError(

@@ -5,15 +5,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drivers.errors import ConfigurationError
-from rig.devices import Rig, open_rig, require_interlocks
+from rig.devices import Rig, require_interlocks
 from rig.engine.devices import OnQuestion, unannounced
 from rig.engine.engine import Engine
 from rig.engine.signals import aborting_on_signals
 from rig.engine.status import EngineStatus, Outcome
 from rig.facts import confirm, facts_of_file, narrowed
-from rig.guardian.announced import announce
-from rig.guardian.guardian import Guardian, guarded
-from rig.guardian.lock import machines_locked
+from rig.guardian.announced import guarded_rig
+from rig.guardian.guardian import Guardian
 from rig.guardian.machines import cautions
 from rig.limits.run_limits import slowed
 from rig.news.run_news import NewsOptions, RunNews
@@ -108,12 +107,7 @@ def run_protocol(
     rig_file = slowed(narrowed(files.rig_file, protocol), protocol)
     log = run_path.with_suffix(".guardian.log")
     with RunNews(news.merged(files.rig_file.news), run_path, news.say) as told:
-        with (
-            machines_locked(rig_file) as locks,
-            guarded(rig_file, locks, log) as guardian,
-            open_rig(rig_file, guardian.relays) as opened,
-        ):
-            rig = announce(opened, guardian)
+        with guarded_rig(rig_file, log) as (rig, guardian):
             require_feasible(make_plan(protocol, confirm(facts, rig), rig.limits), run_path.parent)
             require_interlocks(rig)
             continued = "" if earlier is None else _tell_continuing(earlier, protocol, rig, news)
@@ -134,7 +128,7 @@ def run_protocol(
             if not outcome.unsafe:
                 guardian.done()
         # Take `lost_devices` only now, because a device may have hung while it was closed.
-        return told.end(replace(outcome, lost_devices=opened.lost_devices))
+        return told.end(replace(outcome, lost_devices=rig.lost_devices))
 
 
 def _read_earlier_run(path: Path, files: _ReadFiles, run_path: Path) -> FinishedPart:

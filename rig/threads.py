@@ -80,19 +80,9 @@ def _words_of(error: BaseException) -> str:
 class Bounded(DeviceThread, Generic[T]):
     """One call on a separate thread, such as opening a device, with a deadline in real time.
 
-    Parameters
-    ----------
-    device, action : str
-        Names of the device and of the action, for error messages.
-    function : callable
-    undo : callable, optional
-        Function that is called with the result if `function` returns after its deadline, for example to close
-        a device.
-
-    Attributes
-    ----------
-    hangs : bool
-        True if `function` did not return before the deadline.
+    `device` and `action` are names for error messages. `undo` is called with the result if `function` returns
+    after its deadline, for example to close a device. `hangs` is True if `function` did not return before the
+    deadline.
     """
 
     def __init__(
@@ -125,10 +115,7 @@ class Bounded(DeviceThread, Generic[T]):
     def result(self, deadline_s: float, remedy: str) -> T:
         """Call `function` on the thread, wait, and return its result or raise its exception.
 
-        Raises
-        ------
-        DeviceTimeout
-            If the function does not return within `deadline_s`.
+        Raise `DeviceTimeout` if the function does not return within `deadline_s`.
         """
         self.start()
         try:
@@ -262,14 +249,8 @@ def leave(status: int, besides: Iterable[threading.Thread] = (), kept: int = 0) 
     This is so if a driver's call hangs, or if an object must never be released. Otherwise this function does
     nothing.
 
-    Parameters
-    ----------
-    status : int
-        The exit status.
-    besides : iterable of Thread
-        Threads that are ignored, because they existed before the command began.
-    kept : int
-        Number of objects that were never to be released before the command began.
+    `status` is the exit status. The threads `besides` are ignored, because they existed before the command
+    began. `kept` is the number of objects that were never to be released before the command began.
     """
     end_s = SystemClock().now_s() + _LAST_S
     hanging = device_threads().difference(besides)

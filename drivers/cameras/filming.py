@@ -22,15 +22,9 @@ OPENING_S = 20.0
 
 
 class FilmingSession(Protocol):
-    """Interface of an opened camera that films until it is closed.
+    """Interface of an opened camera that films until it is closed."""
 
-    Attributes
-    ----------
-    seen : int
-        Number of frames received since opening, including old frames.
-    """
-
-    seen: int
+    seen: int  # number of frames received since opening, including old frames
 
     @property
     def interval_s(self) -> float:
@@ -53,14 +47,7 @@ S = TypeVar("S", bound=FilmingSession)
 
 
 class FilmingCamera(ABC, Generic[S]):
-    """A `Camera` that films all the time. `grab` discards the frames that were exposed before its call.
-
-    Parameters
-    ----------
-    name : str
-        The camera's name, used in error messages.
-    clock : Clock
-    """
+    """A `Camera` that films all the time. `grab` discards the frames that were exposed before its call."""
 
     info: CameraInfo
     silent_is_lost = False
@@ -78,14 +65,9 @@ class FilmingCamera(ABC, Generic[S]):
     def grab(self, timeout_s: float) -> Frame:
         """Return a frame whose exposure began after this call. In a damaged frame, `flags` is not 0.
 
-        Raises
-        ------
-        DeviceTimeout
-            If no frame exposed after the call arrives within `timeout_s` seconds.
-        LinkLost
-            If the camera was unplugged or does not answer any more.
-        DeviceFault
-            If the camera reports errors, a setting has changed, or a stream is open.
+        Raise `DeviceTimeout` if no frame exposed after the call arrives within `timeout_s` seconds,
+        `LinkLost` if the camera was unplugged or does not answer any more, and `DeviceFault` if the camera
+        reports errors, a setting has changed, or a stream is open.
         """
         asked_s = self._clock.now_s()
         with to_itself(self._lock, self._name, "grab", timeout_s):
@@ -112,15 +94,8 @@ class FilmingCamera(ABC, Generic[S]):
     def stream(self, capacity: int = CAPACITY) -> FrameStream:
         """Return a stream of all frames from now on. `grab` is refused until the stream is closed.
 
-        Parameters
-        ----------
-        capacity : int
-            Largest number of frames in the queue.
-
-        Raises
-        ------
-        DeviceError
-            If the camera fails, or a stream is already open. See `grab`.
+        `capacity` is the largest number of frames in the queue. Raise `DeviceError` if the camera fails, or a
+        stream is already open. See `grab`.
         """
         with to_itself(self._lock, self._name, "stream", OPENING_S):
             session = self._ready("stream", self._clock.now_s() + OPENING_S)
@@ -146,10 +121,8 @@ class FilmingCamera(ABC, Generic[S]):
     def read_settings(self) -> dict[str, Setting]:
         """Read all settings back from the camera.
 
-        Raises
-        ------
-        DeviceError
-            If the camera does not answer, is used by another call, or a stream is open. See `grab`.
+        Raise `DeviceError` if the camera does not answer, is used by another call, or a stream is open. See
+        `grab`.
         """
         with to_itself(self._lock, self._name, "read settings", READING_S):
             session = self._ready("read settings", self._clock.now_s() + READING_S)

@@ -29,33 +29,21 @@ class LossKind(Enum):
 
 @dataclass(frozen=True)
 class Loss:
-    """A group of consecutive missing frames.
-
-    Attributes
-    ----------
-    kind : LossKind
-    first : int
-        Sequence number of the first missing frame. For `LossKind.REPEAT`: the repeated number. For
-        `LossKind.PAUSE`: the number of the first late frame, with an error of up to eight.
-    count : int
-        Number of missing frames. A `LossKind.REPEAT` has the count 0, because the frame itself was received.
-    time_s : float
-        Time at which the loss was detected, in seconds on the rig's clock.
-    """
+    """A group of consecutive missing frames."""
 
     kind: LossKind
+    # sequence number of the first missing frame. For `LossKind.REPEAT`: the repeated number. For
+    # `LossKind.PAUSE`: the number of the first late frame, with an error of up to eight.
     first: int
+    # number of missing frames. A `LossKind.REPEAT` has the count 0, because the frame itself was received.
     count: int
-    time_s: float
+    time_s: float  # time at which the loss was detected, in seconds on the rig's clock
 
 
 class LossAccount:
     """Record of the missing frames of a stream. Every new frame is compared with the earlier frames.
 
-    Parameters
-    ----------
-    interval_s : float
-        Time between two frames, in seconds.
+    `interval_s` is the time between two frames, in seconds.
     """
 
     def __init__(self, interval_s: float) -> None:

@@ -16,18 +16,12 @@ class FrameSettings(Settings):
 
 
 class DatedFrameSettings(FrameSettings):
-    """Frame settings of cameras that deliver timestamps.
+    """Frame settings of cameras that deliver timestamps."""
 
-    Attributes
-    ----------
-    exposure_us : float, optional
-        Exposure time in µs. Omit this setting only if the camera has no exposure control.
-    transfer_us : float, optional
-        Longest time, in µs, from the end of exposure to the timestamp of the frame. The default is one frame
-        time. The setting has no effect if the timestamp marks the start of exposure.
-    """
-
+    # exposure time in µs. Omit this setting only if the camera has no exposure control.
     exposure_us: float | None = Field(default=None, gt=0)
+    # longest time, in µs, from the end of exposure to the timestamp of the frame. The default is one frame
+    # time. The setting has no effect if the timestamp marks the start of exposure.
     transfer_us: float | None = Field(default=None, ge=0)
 
     @model_validator(mode="after")

@@ -18,18 +18,10 @@ SLICE_S = 0.1
 
 @dataclass(frozen=True)
 class StreamReport:
-    """Numbers of delivered and missing frames of a stream.
+    """Numbers of delivered and missing frames of a stream."""
 
-    Attributes
-    ----------
-    taken : int
-        Number of undamaged frames that were queued for the program.
-    losses : tuple of Loss
-        The missing frames, in the order of detection.
-    """
-
-    taken: int
-    losses: tuple[Loss, ...]
+    taken: int  # number of undamaged frames that were queued for the program
+    losses: tuple[Loss, ...]  # the missing frames, in the order of detection
 
     @property
     def lost(self) -> int:
@@ -103,12 +95,8 @@ class FrameStream:
     def next(self, timeout_s: float) -> Frame:
         """Return the oldest frame in the queue.
 
-        Raises
-        ------
-        DeviceTimeout
-            If no frame arrives within `timeout_s` seconds.
-        DeviceError
-            If an error ended the stream. The error is raised after all queued frames were taken.
+        Raise `DeviceTimeout` if no frame arrives within `timeout_s` seconds, and `DeviceError` if an error
+        ended the stream. The error is raised after all queued frames were taken.
         """
         with self._news:
             self._news.wait_for(

@@ -2,68 +2,39 @@
 
 from typing import Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from drivers.errors import DeviceFault
 from drivers.interfaces import DeviceInfo, InterlockState, OpenContext
 from drivers.lines.addresses import resolve_address
 from drivers.lines.call_time import CallTime, one_call
-from drivers.load_frames.modbus.bus.address import SERIAL_UNITS, ModbusAddress, address_mistake
+from drivers.load_frames.modbus.bus.address import ModbusAddress, ModbusPlaceSettings
 from drivers.load_frames.modbus.bus.link import ModbusLink
 from drivers.registry import DriverSpec
-from drivers.settings import Settings
 
 _BITS = ("discrete", "coil")
 
 
-class ModbusInputSettings(Settings):
-    """Settings of one input: the address of the Modbus module, and the table and number of the input.
+class ModbusInputSettings(ModbusPlaceSettings):
+    """Settings of one input: the address of the Modbus module, and the table and number of the input."""
 
-    Attributes
-    ----------
-    address : str
-        ``host:port``, ``rtu://host:port``, the path of a serial port, or ``@name`` in a simulated rig.
-    table : str
-        ``discrete`` (Modbus function 2) or ``coil`` (1) for a contact, whose value is 0 or 1; ``input``
-        (function 4) or ``holding`` (3) for a register with a number.
-    number : int
-        Address of the input in the request, counted from 0.
-    signed : bool
-        True if the register is a signed number.
-    invalid : list of int
-        Numbers of a register that mean "no value", such as 0x7FFF for a broken wire. For a signed register,
-        write them as signed numbers.
-    scale, offset : float
-        The value of a register is its number × scale + offset.
-    quantity : str
-        Unit of the value, shown to the user, or an empty text for a contact.
-    """
-
-    address: str
-    unit: int = Field(default=1, ge=0, le=255)
+    # ``discrete`` (Modbus function 2) or ``coil`` (1) for a contact, whose value is 0 or 1; ``input``
+    # (function 4) or ``holding`` (3) for a register with a number
     table: Literal["discrete", "coil", "input", "holding"] = "discrete"
-    number: int = Field(ge=0, le=65_535)
-    signed: bool = False
+    number: int = Field(ge=0, le=65_535)  # address of the input in the request, counted from 0
+    signed: bool = False  # True if the register is a signed number
+    # numbers of a register that mean "no value", such as 0x7FFF for a broken wire. For a signed register,
+    # write them as signed numbers.
     invalid: list[int] = Field(default_factory=list, max_length=16)
+    # the value of a register is its number × scale + offset
     scale: float = 1.0
     offset: float = 0.0
+    # unit of the value, shown to the user, or an empty text for a contact
     quantity: str = Field(default="", max_length=20)
     reply_timeout_s: float = Field(default=0.5, gt=0, le=10)
-    baud: int = Field(default=19_200, ge=300, le=4_000_000)
-    parity: Literal["N", "E", "O"] = "E"
-    stop_bits: Literal[1, 2] = 1
-
-    @field_validator("address")
-    @classmethod
-    def _reachable(cls, address: str) -> str:
-        if not address.startswith("@") and (mistake := address_mistake(address)):
-            raise ValueError(mistake)
-        return address
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if ModbusAddress(self.address).rtu and self.unit not in SERIAL_UNITS:
-            raise ValueError("a unit from 1 to 247 is expected on a serial line: broadcasts have no answer")
         if self.table in _BITS and self.model_fields_set & {"signed", "invalid", "scale", "offset"}:
             raise ValueError(
                 "signed, invalid, scale and offset belong to a register; remove them for a contact"
@@ -96,10 +67,8 @@ class ModbusInput:
     def read(self) -> InterlockState:
         """Read the input. A failed reading is repeated once.
 
-        Raises
-        ------
-        DeviceError
-            If the module does not answer in time, refuses the request, or reports that it has no value.
+        Raise `DeviceError` if the module does not answer in time, refuses the request, or reports that it has
+        no value.
         """
         settings = self._settings
         (number,) = self._link.read(settings.table, settings.number, 1)

@@ -11,10 +11,7 @@ from drivers.interfaces import OpenContext
 def resolve_address(address: str, context: OpenContext) -> str:
     """Return the address to open. ``@name`` means the address of a server of the simulated rig.
 
-    Raises
-    ------
-    LinkLost
-        If there is no simulated rig, or the simulated rig has no server of that name.
+    Raise `LinkLost` if there is no simulated rig, or the simulated rig has no server of that name.
     """
     if not address.startswith("@"):
         return address

@@ -26,14 +26,9 @@ class CallTime:
     A call may need several requests. If one answer is late, the call still waits for it as long as the
     deadline allows. If no answer comes, the driver reports this before the rig gives up the call as hanging.
 
-    Parameters
-    ----------
-    timeout_s : float
-        The rig's deadline of one call, which is infinite outside a rig.
-    clock : Clock, optional
-        Clock for the deadlines. The default is the system's clock.
-    patience_s : float
-        Additional time for each call, and for each answer during opening: `OpenContext.patience_s`.
+    `timeout_s` is the rig's deadline of one call, which is infinite outside a rig. `clock` is the clock for
+    the deadlines. The default is the system's clock. `patience_s` is the additional time for each call, and
+    for each answer during opening: `OpenContext.patience_s`.
     """
 
     def __init__(
@@ -62,12 +57,8 @@ class CallTime:
         """Limit the time for opening a device, which takes more requests than one call.
 
         A missing answer is reported after the reply timeout. This limit detects a device whose answers all
-        come late: each request succeeds, but the device cannot be used.
-
-        Raises
-        ------
-        DeviceTimeout
-            If an answer is missing when the time is over.
+        come late: each request succeeds, but the device cannot be used. Raise `DeviceTimeout` if an answer is
+        missing when the time is over.
         """
         limit_s = max(OPENING_S, OPENING_ANSWERS * reply_timeout_s) + self._patience_s
         self._of_thread.end_s, self._of_thread.opening = self._clock.now_s() + limit_s, True
@@ -112,11 +103,6 @@ class CallTime:
     def left_s(self) -> float:
         """Time until the end of the call, which is infinite outside a call and never negative."""
         return max(0.0, self._end_s - self._clock.now_s())
-
-    @property
-    def half_s(self) -> float:
-        """Half of the time until the end of the call, which is infinite outside a call."""
-        return self.left_s / 2
 
     @property
     def _end_s(self) -> float:

@@ -36,10 +36,7 @@ class _Port(Protocol):
 class Channel(ABC):
     """An open connection. Every method may raise one of `CHANNEL_ERRORS` if the connection is lost.
 
-    Parameters
-    ----------
-    port : socket or serial port
-        The opened port. `close` closes it.
+    `port` is the opened port. `close` closes it.
     """
 
     def __init__(self, port: _Port) -> None:
@@ -68,17 +65,9 @@ class Channel(ABC):
     def receive(self, deadline_s: float, wake: int | None = None) -> bytes:
         """Wait for bytes and return all received bytes. Return no bytes if the deadline passes first.
 
-        Parameters
-        ----------
-        deadline_s : float
-            End of the wait, in seconds on the system's clock.
-        wake : int, optional
-            A file descriptor. The wait ends when this descriptor becomes readable.
-
-        Raises
-        ------
-        OvertakenError
-            If the descriptor `wake` ended the wait.
+        `deadline_s` is the end of the wait, in seconds on the system's clock. `wake` is a file descriptor.
+        The wait ends when this descriptor becomes readable. Raise `OvertakenError` if the descriptor `wake`
+        ended the wait.
         """
         descriptor = self._port.fileno()
         waiting = select.poll()
@@ -104,12 +93,7 @@ class Channel(ABC):
 class TcpChannel(Channel):
     """A TCP connection that transmits every message without delay (option ``TCP_NODELAY``).
 
-    Parameters
-    ----------
-    host : str
-    port : int
-    timeout_s : float
-        Time limit for connecting and for sending, in seconds.
+    `timeout_s` is the time limit for connecting and for sending, in seconds.
     """
 
     def __init__(self, host: str, port: int, timeout_s: float) -> None:
@@ -132,15 +116,8 @@ class TcpChannel(Channel):
 class SerialChannel(Channel):
     """A serial port that no other program can open at the same time.
 
-    Parameters
-    ----------
-    path : str
-    baud : int
-    parity : str
-        Parity: ``N`` (none), ``E`` (even) or ``O`` (odd).
-    stop_bits : int
-    timeout_s : float
-        Time limit for sending, in seconds.
+    `parity` is the parity: ``N`` (none), ``E`` (even) or ``O`` (odd). `timeout_s` is the time limit for
+    sending, in seconds.
     """
 
     def __init__(self, path: str, baud: int, parity: str, stop_bits: int, timeout_s: float) -> None:
@@ -185,10 +162,7 @@ class SerialChannel(Channel):
 def open_channel(url: str, baud: int, timeout_s: float) -> Channel:
     """Open a serial port by its path, or a TCP connection by ``socket://host:port``.
 
-    Raises
-    ------
-    OSError, termios.error
-        If the address is malformed or the channel cannot be opened.
+    Raise `OSError` or `termios.error` if the address is malformed or the channel cannot be opened.
     """
     if not url.startswith(TCP_PREFIX):
         return SerialChannel(url, baud, "N", 1, timeout_s)
@@ -201,28 +175,21 @@ def open_channel(url: str, baud: int, timeout_s: float) -> Channel:
 def open_device(name: str, url: str, baud: int, timeout_s: float, relay: str = "") -> Channel:
     """Open the channel to a device. Raise `LinkLost` with the device's name if this fails.
 
-    Parameters
-    ----------
-    name : str
-        The device's name and port, used in error messages.
-    url : str
-        Path of a serial port, or ``socket://host:port``.
-    baud : int
-    timeout_s : float
-    relay : str
-        Address ``host:port`` of the guardian's relay if a guardian owns the line, otherwise an empty text. If
-        no guardian answers at this address, the line itself is opened.
+    `url` is the path of a serial port, or ``socket://host:port``. `relay` is the address ``host:port`` of the
+    guardian's relay if a guardian owns the line, otherwise an empty text. If no guardian answers at this
+    address, the line itself is opened.
     """
     try:
         return open_relay(relay, timeout_s) or open_channel(url, baud, timeout_s)
     except CHANNEL_ERRORS as error:
-        raise LinkLost(
-            name,
-            "open port",
-            "a connection" if url.startswith(TCP_PREFIX) else "a free serial port",
-            str(error),
-            "check address and cable, and that no other program holds the port",
-        ) from error
+        raise cannot_open(name, "open port", url, error) from error
+
+
+def cannot_open(name: str, step: str, url: str, error: Exception) -> LinkLost:
+    """Return the `LinkLost` for a channel that cannot be opened. `name` is the device's name and port."""
+    expected = "a connection" if url.startswith(TCP_PREFIX) else "a free serial port"
+    remedy = "check address and cable, and that no other program holds the port"
+    return LinkLost(name, step, expected, str(error), remedy)
 
 
 def open_relay(relay: str, timeout_s: float) -> Channel | None:

@@ -10,11 +10,7 @@ _BITS_PER_CHARACTER = 11
 class EchoedChannel(Channel):
     """A channel that takes the echo of every message out of the received bytes.
 
-    Parameters
-    ----------
-    channel : Channel
-        The line itself.
-    baud : int
+    `channel` is the line itself.
     """
 
     def __init__(self, channel: Channel, baud: int) -> None:

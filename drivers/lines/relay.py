@@ -36,20 +36,10 @@ class Relay:
     Only complete messages are passed to the device. If a program is killed while it sends a message, this
     message never reaches the device. Bytes from the device are passed to the program without delay.
 
-    Parameters
-    ----------
-    open_channel : callable
-        ``open_channel()`` opens the channel to the device, at the start and again after a lost connection.
-    cut : callable
-        ``cut(data)`` returns how many bytes at the start of `data` form complete messages.
-    fresh : bool
-        True to open the channel again for every new program, so that a late answer to one program does not
-        reach the next program.
-
-    Attributes
-    ----------
-    address : str
-        Address ``host:port`` to which the program connects.
+    ``open_channel()`` opens the channel to the device, at the start and again after a lost connection.
+    ``cut(data)`` returns how many bytes at the start of `data` form complete messages. `fresh` is True to
+    open the channel again for every new program, so that a late answer to one program does not reach the next
+    program. `address` is the address ``host:port`` to which the program connects.
     """
 
     def __init__(self, open_channel: Callable[[], Channel], cut: Cut, *, fresh: bool = False) -> None:
@@ -67,12 +57,7 @@ class Relay:
         """Return the channel to the device, for use by the owner of the relay. Open the channel if needed.
 
         The owner may use the channel only while the relay passes no messages. Closing the returned channel
-        does not close the line.
-
-        Raises
-        ------
-        OSError, termios.error
-            If the channel cannot be opened.
+        does not close the line. Raise `OSError` or `termios.error` if the channel cannot be opened.
         """
         self._opened()
         return _Lent(self._opened)

@@ -11,12 +11,8 @@ class RequestTurn:
 
     A thread that waits for the answer to an ordinary request must also watch the file descriptor `wake`. An
     urgent request makes `wake` readable, and the waiting thread must then end its wait. No ordinary request
-    begins while an urgent request waits.
-
-    Attributes
-    ----------
-    wake : int
-        File descriptor that becomes readable when an urgent request waits for the line.
+    begins while an urgent request waits. `wake` is the file descriptor that becomes readable when an urgent
+    request waits for the line.
     """
 
     def __init__(self) -> None:

@@ -14,10 +14,7 @@ ANSWER_S = 0.3
 def serial_ports(root: Path = Path("/")) -> list[SerialPort]:
     """Return the serial ports that have real hardware.
 
-    Parameters
-    ----------
-    root : Path
-        Folder that contains the system's folder ``dev``. Tests give another folder.
+    `root` is the folder that contains the system's folder ``dev``. Tests give another folder.
     """
     from serial.tools import list_ports
 
@@ -33,10 +30,7 @@ def serial_ports(root: Path = Path("/")) -> list[SerialPort]:
 def lines_answered(url: str, baud: int, question: bytes) -> list[bytes]:
     """Send a question to a serial port or ``socket://host:port`` and return the lines of the answer.
 
-    Raises
-    ------
-    OSError
-        If the port cannot be opened or used, for example because another program uses the port.
+    Raise `OSError` if the port cannot be opened or used, for example because another program uses the port.
     """
     channel = open_channel(url, baud, ANSWER_S)
     try:

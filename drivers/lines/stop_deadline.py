@@ -10,22 +10,13 @@ from drivers.errors import LinkLost
 
 @dataclass(frozen=True)
 class StopTimes:
-    """Times for a stop or hold command, which is repeated until the device confirms it.
+    """Times for a stop or hold command, which is repeated until the device confirms it."""
 
-    Attributes
-    ----------
-    deadline_s : float
-        Time limit for the confirmation, in seconds. Afterwards the driver asks for the emergency stop.
-    answer_s : float
-        Longest wait for the answer to one stop command, in seconds, even if the rig file allows a longer
-        wait.
-    poll_s : float
-        Pause, in seconds, between two attempts to stop the device.
-    """
-
+    # time limit for the confirmation, in seconds. Afterwards the driver asks for the emergency stop.
     deadline_s: float = 5.0
+    # longest wait for the answer to one stop command, in seconds, even if the rig file allows a longer wait
     answer_s: float = 1.0
-    poll_s: float = 0.02
+    poll_s: float = 0.02  # pause, in seconds, between two attempts to stop the device
 
 
 STOP_TIMES = StopTimes()
@@ -37,12 +28,8 @@ class StopDeadline:
     Two clocks are needed on a simulated rig. While the program waits for a real line, the simulated clock
     stands still. During a simulated sleep, the system's clock hardly advances.
 
-    Parameters
-    ----------
-    clock : Clock
-        The rig's clock. The second clock is the system's clock.
-    duration_s : float
-        Time from now to the deadline, in seconds.
+    `clock` is the rig's clock. The second clock is the system's clock. `duration_s` is the time from now to
+    the deadline, in seconds.
     """
 
     def __init__(self, clock: Clock, duration_s: float) -> None:
@@ -58,10 +45,7 @@ class StopDeadline:
 def calling_for_the_emergency_stop(name: str) -> Iterator[None]:
     """Replace a `LinkLost` error during a stop by an error that asks for the emergency stop.
 
-    Parameters
-    ----------
-    name : str
-        The device's name and port, used in the error message.
+    `name` is the device's name and port, used in the error message.
     """
     try:
         yield

@@ -28,12 +28,7 @@ class ConsoleOperatorSettings(Settings):
 class ConsoleOperator:
     """An `Operator` that shows the requested action and waits until the person types the word for it.
 
-    Parameters
-    ----------
-    name : str
-        The operator's name in the rig file, used in error messages.
-    descriptor : int
-        The file descriptor of the terminal.
+    `descriptor` is the file descriptor of the terminal.
     """
 
     def __init__(self, name: str, descriptor: int = STDIN) -> None:
@@ -46,10 +41,7 @@ class ConsoleOperator:
     def perform(self, action: OperatorAction) -> None:
         """Ask for an action, and wait without a deadline for the word that confirms the action.
 
-        Raises
-        ------
-        DeviceError
-            If the terminal is closed, or if `close` was called.
+        Raise `DeviceError` if the terminal is closed, or if `close` was called.
         """
         word, request = WORDS[action], REQUESTS.get(action, f"Please {action.value}.")
         question = Question(request, word, "Ctrl-C to end the run", self._descriptor)

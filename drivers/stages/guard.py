@@ -7,9 +7,9 @@ from typing import Generic, TypeVar
 from drivers.errors import DeviceError, DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
 from drivers.lines.addresses import shared_line
-from drivers.lines.channel import CHANNEL_ERRORS, TCP_PREFIX, Channel, open_channel
+from drivers.lines.channel import CHANNEL_ERRORS, Channel, cannot_open, open_channel
 from drivers.lines.relay import Relay, whole_lines
-from drivers.lines.stop_deadline import STOP_TIMES, StopDeadline, StopTimes
+from drivers.lines.stop_deadline import STOP_TIMES, StopDeadline
 from drivers.registry import GuardSpec
 from drivers.stages.port import StagePort
 from drivers.stages.settings import StageSettings
@@ -19,55 +19,33 @@ P = TypeVar("P", bound=StagePort)
 
 @dataclass(frozen=True)
 class StageTalk(Generic[P]):
-    """Functions and settings with which a guard sends messages to a stage.
-
-    Attributes
-    ----------
-    baud : int
-    ends : bytes
-        The bytes that can end a message to the stage. Each byte alone ends a message.
-    open_port : callable
-        ``open_port(name, channel, reply_timeout_s)`` returns a port on an open channel.
-    stop : callable
-        ``stop(port, answer_s)`` commands a stop once. The function returns an empty text if the stage stands
-        still, otherwise the reason why this is not certain.
-    identity : callable
-        ``identity(port, answer_s)`` returns a text that identifies the stage, such as its serial number.
-    """
+    """Functions and settings with which a guard sends messages to a stage."""
 
     baud: int
-    ends: bytes
+    ends: bytes  # the bytes that can end a message to the stage. Each byte alone ends a message.
+    # ``open_port(name, channel, reply_timeout_s)`` returns a port on an open channel
     open_port: Callable[[str, Channel, float], P]
+    # ``stop(port, answer_s)`` commands a stop once. The function returns an empty text if the stage stands
+    # still, otherwise the reason why this is not certain.
     stop: Callable[[P, float], str]
+    # ``identity(port, answer_s)`` returns a text that identifies the stage, such as its serial number
     identity: Callable[[P, float], str]
 
 
 class StageGuard(Generic[P]):
     """A `Guard` that owns the line to a stage. The constructor connects to the stage.
 
-    Parameters
-    ----------
-    settings : StageSettings
-    context : OpenContext
-    talk : StageTalk
-    times : StopTimes
-
-    Raises
-    ------
-    DeviceError
-        If the line cannot be opened, or the stage does not answer.
+    Raise `DeviceError` if the line cannot be opened, or the stage does not answer.
     """
 
-    def __init__(
-        self, settings: StageSettings, context: OpenContext, talk: StageTalk[P], times: StopTimes = STOP_TIMES
-    ) -> None:
+    def __init__(self, settings: StageSettings, context: OpenContext, talk: StageTalk[P]) -> None:
         self._url = settings.port
         self._name = f"{context.name} ({self._url})"
         self._clock = context.clock
         self._talk = talk
-        self._times = times
-        self._answer_s = min(settings.reply_timeout_s, times.answer_s)
-        self._line = Relay(lambda: open_channel(self._url, talk.baud, times.answer_s), whole_lines(talk.ends))
+        answer_s = STOP_TIMES.answer_s
+        self._answer_s = min(settings.reply_timeout_s, answer_s)
+        self._line = Relay(lambda: open_channel(self._url, talk.baud, answer_s), whole_lines(talk.ends))
         self._port: P | None = None
         try:
             self._identity = talk.identity(self._opened(), self._answer_s)
@@ -85,7 +63,7 @@ class StageGuard(Generic[P]):
         """Take over the line and stop the stage. Raise `DeviceTimeout` if the stage does not report
         standstill."""
         self._line.take_over()
-        deadline = StopDeadline(self._clock, self._times.deadline_s)
+        deadline = StopDeadline(self._clock, STOP_TIMES.deadline_s)
         got, proven = "silence", True
         while not deadline.passed:
             try:
@@ -98,7 +76,7 @@ class StageGuard(Generic[P]):
                 self._line.drop_channel()
             except DeviceError as error:
                 got = error.got
-            self._clock.sleep(self._times.poll_s)
+            self._clock.sleep(STOP_TIMES.poll_s)
         raise DeviceTimeout(self._name, "stop", "standstill", got, "press the emergency stop")
 
     def _stranger(self, port: P, proven: bool) -> str:
@@ -116,13 +94,7 @@ class StageGuard(Generic[P]):
             try:
                 channel = self._line.channel()
             except CHANNEL_ERRORS as error:
-                raise LinkLost(
-                    self._name,
-                    "open port for the guardian",
-                    "a connection" if self._url.startswith(TCP_PREFIX) else "a free serial port",
-                    str(error),
-                    "check address and cable, and that no other program holds the port",
-                ) from error
+                raise cannot_open(self._name, "open port for the guardian", self._url, error) from error
             self._port = self._talk.open_port(self._name, channel, self._answer_s)
         return self._port
 
@@ -135,10 +107,7 @@ class StageGuard(Generic[P]):
 def guard_spec(talk: Callable[[StageSettings], StageTalk[P]]) -> GuardSpec:
     """Return the `GuardSpec` with which a guardian process guards the stages of a driver.
 
-    Parameters
-    ----------
-    talk : callable
-        ``talk(settings)`` returns the `StageTalk` for a stage with these settings.
+    ``talk(settings)`` returns the `StageTalk` for a stage with these settings.
     """
     return GuardSpec(
         line=lambda settings: shared_line(settings.port),

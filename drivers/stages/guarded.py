@@ -4,9 +4,9 @@ import math
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import Generic, Self, TypeVar
 
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import DeviceInfo, OpenContext, StageState
@@ -24,21 +24,9 @@ P = TypeVar("P", bound=StagePort)
 class GuardedStage(ABC, Generic[P]):
     """A `RotationStage` with limit checks and a stop. A subclass adds the messages of its device.
 
-    Parameters
-    ----------
-    open_port : callable
-        ``open_port(name, channel, reply_timeout_s)`` returns a port on an open channel. The function is
-        called again for a stop after the link was lost. `name` is the device's name and port, used in error
-        messages.
-    baud : int
-    settings : StageSettings
-    context : OpenContext
-    stop_times : StopTimes
-
-    Raises
-    ------
-    LinkLost
-        If the port cannot be opened.
+    ``open_port(name, channel, reply_timeout_s)`` returns a port on an open channel. The function is called
+    again for a stop after the link was lost. `name` is the device's name and port, used in error messages.
+    Raise `LinkLost` if the port cannot be opened.
     """
 
     info: DeviceInfo
@@ -103,14 +91,9 @@ class GuardedStage(ABC, Generic[P]):
     def move_to(self, angle_deg: float) -> None:
         """Start a move to an absolute angle.
 
-        Raises
-        ------
-        DeviceFault
-            If the angle is outside the limits, or if the stage is moving, has no reference, has a fault or
-            refuses the command.
-        DeviceTimeout
-            If the stage does not start to move. The driver never sends a motion command twice, but reads from
-            the stage whether it moves.
+        Raise `DeviceFault` if the angle is outside the limits, or if the stage is moving, has no reference,
+        has a fault or refuses the command, and `DeviceTimeout` if the stage does not start to move. The
+        driver never sends a motion command twice, but reads from the stage whether it moves.
         """
         step = f"move to {angle_deg:g}°"
         permit = self._unless_stopped(step)
@@ -125,12 +108,8 @@ class GuardedStage(ABC, Generic[P]):
         Requests of other threads do not delay the stop. A motion command that is not yet sent is cancelled.
         If the link is lost, the port is opened again, for the stop only, until the deadline of the stop.
 
-        Raises
-        ------
-        DeviceTimeout
-            If the device does not report standstill before the deadline of the stop.
-        LinkLost
-            If the stage was closed, or no new link could be used before the deadline of the stop.
+        Raise `DeviceTimeout` if the device does not report standstill before the deadline of the stop, and
+        `LinkLost` if the stage was closed, or no new link could be used before the deadline of the stop.
         """
         with self._stop_lock:
             self._stops += 1
@@ -191,9 +170,15 @@ class GuardedStage(ABC, Generic[P]):
         self._closed = True
         self._port.close()
 
-    def opening(self) -> AbstractContextManager[None]:
-        """Return a context that limits the time of all requests of `set_up`."""
-        return self._call_time.opening(self._reply_timeout_s)
+    def opened(self) -> Self:
+        """Set up the stage, whose port is open, and return it. Close the port if this fails."""
+        try:
+            with self._call_time.opening(self._reply_timeout_s):
+                self.set_up()
+        except BaseException:
+            self.close()
+            raise
+        return self
 
     @contextmanager
     def _commanding(self) -> Iterator[None]:
@@ -246,17 +231,3 @@ class GuardedStage(ABC, Generic[P]):
     def _require_standing(self, moving: bool, step: str) -> None:
         if moving:
             raise self._fault(step, "a standing stage", "a stage in motion", "wait for its end, or stop it")
-
-
-G = TypeVar("G", bound=GuardedStage[Any])
-
-
-def set_up(stage: G) -> G:
-    """Set up a stage whose port is open, and return the stage. Close the port if this fails."""
-    try:
-        with stage.opening():
-            stage.set_up()
-    except BaseException:
-        stage.close()
-        raise
-    return stage

@@ -44,13 +44,8 @@ class OwnMotion:
     def see(self, angle_deg: float, *, moving: bool, referenced: bool) -> str:
         """Record a reading. Return the sign of another program's command, or an empty text if there is none.
 
-        Parameters
-        ----------
-        angle_deg : float
-        moving : bool
-        referenced : bool
-            True if the stage has a reference position. Without a reference the angle may jump without a
-            motion.
+        `referenced` is True if the stage has a reference position. Without a reference the angle may jump
+        without a motion.
         """
         with self._lock:
             if self._sending:

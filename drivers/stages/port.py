@@ -12,19 +12,9 @@ from drivers.lines.channel import CHANNEL_ERRORS, Channel
 class StagePort(ABC):
     """An exclusive port. No other program can use it, and any thread may send messages.
 
-    Parameters
-    ----------
-    name : str
-        The device's name and port, used in error messages.
-    channel : Channel
-        The open channel to the device. The port closes it.
-    reply_timeout_s : float
-        Longest wait for a complete answer, in seconds of real time.
-
-    Attributes
-    ----------
-    call_time : CallTime
-        The time left in the present call of the driver.
+    `channel` is the open channel to the device. The port closes it. `reply_timeout_s` is the longest wait for
+    a complete answer, in seconds of real time. `call_time` is the time left in the present call of the
+    driver.
     """
 
     def __init__(self, name: str, channel: Channel, reply_timeout_s: float) -> None:

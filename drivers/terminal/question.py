@@ -66,12 +66,8 @@ class Question:
     def ask(self) -> None:
         """Show the question on standard error, and return when the word was typed.
 
-        Raises
-        ------
-        EOFError
-            If the terminal is closed, if the person typed Ctrl-D, or if a pipe or a file has ended.
-        Withdrawn
-            If `withdraw` was called.
+        Raise `EOFError` if the terminal is closed, if the person typed Ctrl-D, or if a pipe or a file has
+        ended, and `Withdrawn` if `withdraw` was called.
         """
         with self._in_control_of_terminal():
             self._forget_old_input()

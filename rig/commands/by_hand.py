@@ -17,8 +17,7 @@ from rig.engine.look import look
 from rig.engine.manual import Manual, Moved
 from rig.engine.signals import aborting_on_signals
 from rig.facts import facts_of_file
-from rig.guardian.announced import announce
-from rig.guardian.guardian import guarded
+from rig.guardian.announced import guarded_rig
 from rig.guardian.lock import MachineInUse, machines_locked
 from rig.limits.by_hand import HandMotion
 from rig.rigfile import RigFile
@@ -57,16 +56,8 @@ def hold(rig_path: Path, say: Callable[[str], None] = lambda _: None) -> Moved:
     A run or a motion by hand that has the machine is asked to end, which stops the machine at once. When it
     has released the machine, the hold is commanded and confirmed once more.
 
-    Parameters
-    ----------
-    rig_path : Path
-    say : callable
-        Gets the sentence that another program was asked to end.
-
-    Raises
-    ------
-    MachineInUse
-        If the other program cannot be asked, or does not release the machine in time.
+    `say` gets the sentence that another program was asked to end. Raise `MachineInUse` if the other program
+    cannot be asked, or does not release the machine in time.
     """
     rig_file = read_rig(rig_path)
     clock = SystemClock()
@@ -125,20 +116,13 @@ def move(
 ) -> Moved:
     """Execute one motion by hand. A signal, for example by Ctrl-C, stops the motion at once.
 
-    Raises
-    ------
-    RigError, DeviceError, ConfigurationError
-        If the rig cannot be opened, or lacks the device. Nothing has moved before such an error.
+    Raise `RigError`, `DeviceError` or `ConfigurationError` if the rig cannot be opened, or lacks the device.
+    Nothing has moved before such an error.
     """
     rig_file = slowed(_without_cameras(read_rig(rig_path)), wish)
     facts = facts_of_file(rig_file)
     log = Path(f"{rig_path.stem}.guardian.log")
-    with (
-        machines_locked(rig_file) as locks,
-        guarded(rig_file, locks, log) as guardian,
-        open_rig(rig_file, guardian.relays) as opened,
-    ):
-        rig = announce(opened, guardian)
+    with guarded_rig(rig_file, log) as (rig, guardian):
         _require_device(rig, wish.axis)
         manual = Manual(rig, on_reading=on_reading, on_progress=guardian.progress)
         with aborting_on_signals(manual), guardian.watched(manual.abort):

@@ -91,13 +91,9 @@ def judge(image: Image, bits: int) -> tuple[dict[str, Any], list[str]]:
 def check_rig(rig: Rig, keep: Callable[[str, Image], None] = lambda name, image: None) -> RigCheck:
     """Read every device once, take one image with each camera, and go on after a device that fails or hangs.
 
-    Parameters
-    ----------
-    rig : Rig
-        Each call of a driver has the deadline `call_timeout_s` of the rig. The call of a camera has more
-        time. A device in whose driver a call hangs is added to `lost`, and is not closed.
-    keep : callable, optional
-        Function that is called with the name of each camera and its image.
+    Each call of a driver has the deadline `call_timeout_s` of the rig. The call of a camera has more time. A
+    device in whose driver a call hangs is added to `lost` of the rig, and is not closed. `keep` is called
+    with the name of each camera and its image.
     """
     found = RigCheck([], {}, [], {})
     call = _Calls(rig)

@@ -59,18 +59,10 @@ def run_demo(folder: Path, say: Callable[[str], None]) -> Demo:
 
     While one experiment runs, a second thread measures the images of the previous experiment.
 
-    Parameters
-    ----------
-    folder : Path
-        A new folder, an empty folder, or the folder of an earlier demo. Files of an earlier demo are
-        replaced.
-    say : callable
-        Prints one line of progress. A second thread also calls this function.
-
-    Raises
-    ------
-    RigError, DeviceError, ConfigurationError, MeasurementError
-        If the folder has other files, or an experiment cannot be run or measured.
+    `folder` is a new folder, an empty folder, or the folder of an earlier demo, whose files are replaced.
+    `say` prints one line of progress. A second thread also calls this function. Raise `RigError`,
+    `DeviceError`, `ConfigurationError` or `MeasurementError` if the folder has other files, or an experiment
+    cannot be run or measured.
     """
     from dic.report import write_report
 

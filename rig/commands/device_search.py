@@ -26,22 +26,13 @@ class Device:
 
 @dataclass(frozen=True)
 class DevicePlace:
-    """A serial port or a Modbus address, and the devices that answer at this place.
-
-    Attributes
-    ----------
-    address : str
-    description : str
-        Description of a serial port, as reported by its adapter.
-    devices : list of Device
-    trouble : str
-        Reasons why drivers could not query this place, or an empty text if a device answered or no error
-        occurred.
-    """
+    """A serial port or a Modbus address, and the devices that answer at this place."""
 
     address: str
-    description: str
+    description: str  # description of a serial port, as reported by its adapter
     devices: list[Device]
+    # reasons why drivers could not query this place, or an empty text if a device answered or no error
+    # occurred
     trouble: str
 
 
@@ -56,22 +47,13 @@ class Unsearched:
 
 @dataclass
 class Search:
-    """The result of a search for devices.
+    """The result of a search for devices."""
 
-    Attributes
-    ----------
-    devices : list of Device
-        Devices that the system lists, and devices that answer on networks and buses.
-    unsearched : list of Unsearched
-    unloaded : list of str
-        One message for each driver that cannot be loaded.
-    ports, modbus : list of DevicePlace
-        The serial ports and the Modbus addresses of the search.
-    """
-
+    # devices that the system lists, and devices that answer on networks and buses
     devices: list[Device] = field(default_factory=list)
     unsearched: list[Unsearched] = field(default_factory=list)
-    unloaded: list[str] = field(default_factory=list)
+    unloaded: list[str] = field(default_factory=list)  # one message for each driver that cannot be loaded
+    # the serial ports and the Modbus addresses of the search
     ports: list[DevicePlace] = field(default_factory=list)
     modbus: list[DevicePlace] = field(default_factory=list)
 
@@ -97,21 +79,11 @@ class _Seeker:
 def search(ports: Sequence[str], hosts: Sequence[str], *, ask: bool) -> Search:
     """Search for devices.
 
-    Parameters
-    ----------
-    ports : sequence of str
-        Serial ports to search in addition to the ports that the system lists. ``socket://host:port`` is also
-        accepted.
-    hosts : sequence of str
-        Modbus addresses: ``host`` or ``host:port`` for Modbus TCP, ``rtu://host:port`` for RTU over TCP.
-    ask : bool
-        True to ask devices for their identity. The queries change no setting, but an unknown device may
-        receive unexpected bytes.
-
-    Raises
-    ------
-    RigError
-        If a Modbus address is malformed. No device has been queried before this error.
+    `ports` are searched in addition to the serial ports that the system lists. ``socket://host:port`` is also
+    accepted. `hosts` are Modbus addresses: ``host`` or ``host:port`` for Modbus TCP, ``rtu://host:port`` for
+    RTU over TCP. If `ask` is True, devices are asked for their identity. The queries change no setting, but
+    an unknown device may receive unexpected bytes. Raise `RigError` if a Modbus address is malformed. No
+    device has been queried before this error.
     """
     addresses = [_with_port(host) for host in hosts]
     found = Search()

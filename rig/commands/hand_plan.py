@@ -48,10 +48,7 @@ class Wish:
 def plan(wish: Wish, reading: RigReading, rig: Rig, facts: RigFacts) -> HandMotion:
     """Return the motion that a person has asked for.
 
-    Raises
-    ------
-    RigError
-        If the target or the rate is beyond the limits of the rig.
+    Raise `RigError` if the target or the rate is beyond the limits of the rig.
     """
     if wish.axis == "angle":
         return _turn(wish, reading, facts)

@@ -66,12 +66,8 @@ class Screen:
 
     The engine calls `on_status` and `on_step` on threads of their own, and `on_question` on the operator's
     thread. While a person is asked, nothing else is written on the terminal. If standard error is not a
-    terminal, or standard output is a pipe, only the finished steps are printed, on standard output.
-
-    Attributes
-    ----------
-    live : Live or None
-        Rich's display that draws the two lines, or None to draw nothing.
+    terminal, or standard output is a pipe, only the finished steps are printed, on standard output. `live` is
+    Rich's display that draws the two lines, or None to draw nothing.
     """
 
     def __init__(self, late_news_s: float) -> None:
@@ -208,10 +204,7 @@ def _values(reading: RigReading | None) -> str:
 class HandScreen:
     """Draws one motion by hand at the bottom of a terminal, after it was confirmed.
 
-    Attributes
-    ----------
-    live : Live or None
-        Rich's display that draws the two lines, or None to draw nothing.
+    `live` is Rich's display that draws the two lines, or None to draw nothing.
     """
 
     def __init__(self) -> None:

@@ -51,10 +51,7 @@ class SimulatedRig(Protocol):
 def find_simulator() -> Any:
     """Return the function that starts the virtual rig, from the entry points of the installed packages.
 
-    Raises
-    ------
-    RigError
-        If no installed package has the entry point.
+    Raise `RigError` if no installed package has the entry point.
     """
     for point in entry_points(group=GROUP, name=NAME):
         return point.load()
@@ -68,21 +65,10 @@ def start(
 ) -> SimulatedRig:
     """Start the virtual rig that a rig file describes, or the default virtual rig.
 
-    Parameters
-    ----------
-    rig_path, log : Path or None
-        The rig file, and the log file for the true state. None means the default virtual rig, or no log.
-    faults : iterable of str
-        The faults that are on from the start.
-    places : iterable of str
-        ``NAME=PLACE``: the name of a server, and its TCP port or the path of its pseudo-terminal.
-
-    Raises
-    ------
-    ConfigurationError
-        If the rig file has mistakes.
-    RigError
-        If the log cannot be written, a place is in use or malformed, or a fault does not exist.
+    `log` is the log file for the true state, and `faults` are on from the start. Each of `places` is
+    ``NAME=PLACE``: the name of a server, and its TCP port or the path of its pseudo-terminal. Raise
+    `ConfigurationError` if the rig file has mistakes, and `RigError` if the log cannot be written, a place is
+    in use or malformed, or a fault does not exist.
     """
     # Parse the text that was checked, because the file itself may have changed since.
     tables = {} if rig_path is None else tomllib.loads(read_rig(rig_path).text)
@@ -111,15 +97,8 @@ def start(
 def run(simulation: SimulatedRig, ending: int, period_s: float, say: Callable[[str], None]) -> None:
     """Write samples to the log and execute typed commands, until a signal or the command ``quit``.
 
-    Parameters
-    ----------
-    simulation : SimulatedRig
-    ending : int
-        The file descriptor that `signals_noted` yields.
-    period_s : float
-        Longest time between two samples, in s.
-    say : callable
-        Prints a line.
+    `ending` is the file descriptor that `signals_noted` yields. `period_s` is the longest time between two
+    samples, in s. `say` prints a line.
     """
     typed, typing = b"", True
     simulation.say = say

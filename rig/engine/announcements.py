@@ -18,12 +18,8 @@ class Announcements:
     The listeners are described for `Engine`. `end_run` is called with a reason if one of them requests the
     end of the run.
 
-    Attributes
-    ----------
-    status : EngineStatus
-        The latest snapshot of the run. Any thread may read this attribute.
-    lost : list of str
-        One sentence for each listener that failed or missed reports.
+    `status` is the latest snapshot of the run. Any thread may read this attribute. `lost` has one sentence
+    for each listener that failed or missed reports.
     """
 
     def __init__(

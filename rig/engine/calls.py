@@ -184,10 +184,7 @@ class Calls:
     def begin(self, device: str, action: str, function: Callable[[], T], deadline: Deadline) -> Call[T]:
         """Begin a call on its device's thread. The calls of one device are made one after the other.
 
-        Raises
-        ------
-        LinkLost
-            If an earlier call of this device hangs.
+        Raise `LinkLost` if an earlier call of this device hangs.
         """
         if device in self.lost:
             raise LinkLost(
@@ -220,12 +217,8 @@ class Calls:
     def finish(self, call: Call[T], *, watched: bool = False) -> T:
         """Wait for the end of a call, and return its result.
 
-        If the wait is not `watched`, nothing but the call's deadline ends it, so watch every long call.
-
-        Raises
-        ------
-        DeviceTimeout
-            If the call exceeds its deadline. The device of the call then counts as lost.
+        If the wait is not `watched`, nothing but the call's deadline ends it, so watch every long call. Raise
+        `DeviceTimeout` if the call exceeds its deadline. The device of the call then counts as lost.
         """
         try:
             return self._wait_for(call, watched)

@@ -86,10 +86,7 @@ class CalledCamera:
     def grab(self, timeout_s: float) -> Frame:
         """Return a frame whose exposure began after this call.
 
-        Raises
-        ------
-        CameraLost
-            If the camera's driver raises a `DeviceError`, and the camera can be opened again.
+        Raise `CameraLost` if the camera's driver raises a `DeviceError`, and the camera can be opened again.
         """
         deadline = Deadline(
             timeout_s + CAMERA_MARGIN_S, "check the camera and its cable, or raise images.timeout_s"

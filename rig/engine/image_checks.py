@@ -25,29 +25,17 @@ _BASE_PX = 2
 
 @dataclass(frozen=True)
 class Measures:
-    """Measures of one image.
+    """Measures of one image."""
 
-    Attributes
-    ----------
-    mean : float
-        Mean grey level.
-    saturated : float
-        Fraction of the pixels at the highest grey level.
-    sharpness_x, sharpness_y : float
-        Root mean square of the difference between the two pixels of a pair in a row or in a column, divided
-        by the mean grey level. NaN for a black or a too small image.
-    uniform : bool
-        True if all pixels have the same grey level, so that sharpness and frozen pictures cannot be judged.
-    digest : int
-        CRC-32 of all pixels.
-    """
-
-    mean: float
-    saturated: float
+    mean: float  # mean grey level
+    saturated: float  # fraction of the pixels at the highest grey level
+    # root mean square of the difference between the two pixels of a pair in a row or in a column, divided by
+    # the mean grey level. NaN for a black or a too small image.
     sharpness_x: float
     sharpness_y: float
+    # True if all pixels have the same grey level, so that sharpness and frozen pictures cannot be judged
     uniform: bool
-    digest: int
+    digest: int  # CRC-32 of all pixels
 
     @property
     def sharpness(self) -> float:
@@ -80,11 +68,7 @@ def _relative(first: NDArray[np.generic], second: NDArray[np.generic], mean: flo
 class ImageChecks:
     """The checks of the images of one camera during one run.
 
-    Parameters
-    ----------
-    info : CameraInfo
-    limits : Images
-        The limits that the protocol declares.
+    `limits` are the limits that the protocol declares.
     """
 
     def __init__(self, info: CameraInfo, limits: Images) -> None:

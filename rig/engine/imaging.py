@@ -23,10 +23,7 @@ Frames = dict[str, tuple[int, int]]
 class StepImages:
     """Takes and records the images of all cameras during one run.
 
-    Attributes
-    ----------
-    newest : dict of str to Frame
-        The newest good image of each camera. Any thread may read this attribute.
+    `newest` is the newest good image of each camera. Any thread may read this attribute.
     """
 
     def __init__(self, run: RunContext, motion: RunMotion) -> None:
@@ -43,12 +40,8 @@ class StepImages:
 
         `reading` is the reading at the time of these images, and `frames` are the images of the step before.
 
-        Raises
-        ------
-        DeviceError
-            If a camera fails and cannot be reopened, or delivers no image that was exposed in this step.
-        BadImage
-            If an image violates a limit and `images.on_bad_image` is "stop".
+        Raise `DeviceError` if a camera fails and cannot be reopened, or delivers no image that was exposed in
+        this step, and `BadImage` if an image violates a limit and `images.on_bad_image` is "stop".
         """
         taken = dict(frames)
         for name, frame in self._take_in_spite_of_losses(step, reading).items():

@@ -43,13 +43,8 @@ class Manual:
 
     At the end of every motion, also after an error, the load frame must hold and the stage must stop.
 
-    Parameters
-    ----------
-    rig : Rig
-    on_reading : callable, optional
-        Called with each reading, on the thread of `move`. The function must return at once.
-    on_progress : callable, optional
-        This parameter is described for `Engine`.
+    `on_reading` is called with each reading, on the thread of `move`, and must return at once. `on_progress`
+    is described for `Engine`.
     """
 
     def __init__(
@@ -97,14 +92,9 @@ class Manual:
     ) -> Moved:
         """Plan a motion from the present reading, ask for its confirmation, execute it, then hold.
 
-        Parameters
-        ----------
-        plan : callable
-            Returns the motion for a reading, or raises `RigError` if the motion is beyond a limit.
-        confirm : callable
-            Function that asks for the confirmation. `confirm` is called with the motion and the reading, on a
-            separate thread, while the devices are monitored. `confirm` raises `RigError` to refuse the
-            motion.
+        `plan` returns the motion for a reading, or raises `RigError` if the motion is beyond a limit.
+        `confirm` is called with the motion and the reading, on a separate thread, while the devices are
+        monitored. It asks for the confirmation, and raises `RigError` to refuse the motion.
         """
         status, reason = "completed", ""
         with self._rig.clock.activity():

@@ -37,14 +37,9 @@ class Monitor:
     def read(self, step: str) -> RigReading:
         """Read all devices except the cameras. Each reading also resets the watchdog of the load frame.
 
-        Raises
-        ------
-        DeviceError
-            If a device does not answer or reports a fault.
-        LimitViolation, SpecimenBroken
-            If the reading violates a limit of the run.
-        InterlockOpen
-            If an interlock's value is out of bounds.
+        Raise `DeviceError` if a device does not answer or reports a fault, `LimitViolation` or
+        `SpecimenBroken` if the reading violates a limit of the run, and `InterlockOpen` if an interlock's
+        value is out of bounds.
         """
         load_n = displacement_mm = angle_deg = math.nan
         time_s, moving = -math.inf, False

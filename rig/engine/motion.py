@@ -14,10 +14,7 @@ _PAUSE_MIN_S = 0.001
 class RunMotion:
     """Commands the motions and holds of a run, and waits for the times of their images.
 
-    Attributes
-    ----------
-    reading : RigReading
-        The reading to which the newest images belong. If images were repeated, it is a new one.
+    `reading` is the reading to which the newest images belong. If images were repeated, it is a new one.
     """
 
     def __init__(self, run: RunContext) -> None:
@@ -64,12 +61,8 @@ class RunMotion:
     def _keep(self, step: ProtocolStep) -> RigReading:
         """Read until the image time of a step, or until its event happens, and return the last reading.
 
-        If a held value is outside its tolerance although nothing moves, it is commanded again.
-
-        Raises
-        ------
-        SettleTimeout
-            If the held value is outside its tolerance for longer than `settle.timeout_s`.
+        If a held value is outside its tolerance although nothing moves, it is commanded again. Raise
+        `SettleTimeout` if the held value is outside its tolerance for longer than `settle.timeout_s`.
         """
         run, due_s = self._run, self._begun_s + step.at_s
         while True:
@@ -117,14 +110,9 @@ class RunMotion:
     ) -> RigReading:
         """Wait until nothing moves and every reading was within its tolerance for the dwell time.
 
-        Parameters
-        ----------
-        doing, expected : str
-            The action and the expected result, for the message of an error.
-        within : callable
-            Returns True if a reading is within its tolerance.
-        motion_s : float
-            Planned time of the motion in s, by which the wait may be longer than `settle.timeout_s`.
+        `doing` and `expected` are the action and the expected result, for the message of an error. `within`
+        returns True if a reading is within its tolerance. `motion_s` is the planned time of the motion in s,
+        by which the wait may be longer than `settle.timeout_s`.
         """
         run = self._run
         reading = settle(

@@ -18,10 +18,7 @@ UNLOADED_SHARE = 0.01
 class Preparation:
     """Prepares the rig as the conditions of a protocol require.
 
-    Attributes
-    ----------
-    asking : bool
-        True while the run waits for an answer from the operator. Any thread may read this attribute.
+    `asking` is True while the run waits for an answer from the operator. Any thread may read this attribute.
     """
 
     def __init__(self, run: RunContext, motion: RunMotion) -> None:

@@ -20,16 +20,8 @@ class SafeState:
     the run. A signal handler may interrupt a call that holds a device's lock, and the threads can then still
     command the safe state.
 
-    Parameters
-    ----------
-    rig : Rig
-    deadline_s : float
-        Time limit for the confirmation by each device, in real time.
-
-    Attributes
-    ----------
-    confirmed : frozenset of str
-        The devices that have confirmed the last call of `confirm`.
+    `deadline_s` is the time limit for the confirmation by each device, in real time. `confirmed` are the
+    devices that have confirmed the last call of `confirm`.
     """
 
     def __init__(self, rig: Rig, deadline_s: float = STOP_DEADLINE_S) -> None:
@@ -54,11 +46,8 @@ class SafeState:
     def confirm(self, meanwhile: Callable[[], None] = lambda: None) -> list[str]:
         """Command the safe state and wait. Return one sentence for each device that did not confirm.
 
-        Parameters
-        ----------
-        meanwhile : callable
-            Function that is called after all commands have started and before the wait. This function must
-            not raise an exception.
+        `meanwhile` is called after all commands have started and before the wait, and must not raise an
+        exception.
         """
         attempts = [
             _Attempt(device, command, self._deadline_s, self._clock)

@@ -25,10 +25,7 @@ class SettingsRecord:
     def at_start(self) -> None:
         """Record the settings before the first image.
 
-        Raises
-        ------
-        DeviceError
-            If a device does not report its settings. No device has moved for this run yet.
+        Raise `DeviceError` if a device does not report its settings. No device has moved for this run yet.
         """
         begun = {name: self._begin(*found) for name, *found in self._reporting()}
         for name, call in begun.items():

@@ -21,20 +21,11 @@ def settle(
 ) -> RigReading:
     """Read until every reading was within tolerance for `dwell_s` seconds, and return the last reading.
 
-    Parameters
-    ----------
-    read, within, pause : callable
-        Take a reading, judge whether it is within its tolerance, and let time pass. An exception of `read`
-        ends the wait at once.
-    dwell_s, timeout_s, poll_s : float
-        Length of the dwell, time limit for the whole wait, and time between two readings, in s.
-    step, expected : str
-        Step and expected value, for the message of the error.
-
-    Raises
-    ------
-    SettleTimeout
-        If the deadline passes before the readings have settled.
+    `read` takes a reading, `within` judges whether it is within its tolerance, and `pause` lets time pass. An
+    exception of `read` ends the wait at once. `dwell_s`, `timeout_s` and `poll_s` are the length of the
+    dwell, the time limit for the whole wait, and the time between two readings, in s. `step` and `expected`
+    are for the message of `SettleTimeout`, which is raised if the deadline passes before the readings have
+    settled.
     """
     deadline_s = clock.now_s() + timeout_s
     entered_s: float | None = None

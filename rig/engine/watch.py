@@ -17,11 +17,7 @@ _REST_READINGS = 20
 class Watch:
     """Checks each reading of a run, and determines how often the devices must be read.
 
-    Parameters
-    ----------
-    protocol : TensionProtocol or RotationProtocol
-    limits : RunLimits
-        The limits of the run, merged from protocol, rig file and devices.
+    `limits` are the limits of the run, merged from protocol, rig file and devices.
     """
 
     def __init__(self, protocol: Protocol, limits: RunLimits) -> None:
@@ -50,10 +46,7 @@ class Watch:
     def begin(self, step: ProtocolStep) -> None:
         """Check the target and the rate of a step before its motion is commanded.
 
-        Raises
-        ------
-        LimitViolation
-            If the target or the rate is beyond a limit, or if the load drifts.
+        Raise `LimitViolation` if the target or the rate is beyond a limit, or if the load drifts.
         """
         for quantity, value in commanded(step):
             self._table.check(quantity, value, f"{step}, before the motion")
@@ -89,13 +82,9 @@ class Watch:
     def check(self, reading: RigReading, step: str) -> None:
         """Check one reading.
 
-        Raises
-        ------
-        LimitViolation
-            If a value is beyond its limit, in tension or in compression, or if load and displacement do not
-            agree.
-        SpecimenBroken
-            If the load fell by more than the declared fraction of the highest load.
+        Raise `LimitViolation` if a value is beyond its limit, in tension or in compression, or if load and
+        displacement do not agree, and `SpecimenBroken` if the load fell by more than the declared fraction of
+        the highest load.
         """
         if self._step is not None and self._step.kind == "rotation":
             self._table.check("angle", reading.angle_deg, step)

@@ -1,13 +1,17 @@
 """Devices that report to the guardian before each motion, and before a person is asked."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import wraps
+from pathlib import Path
 from typing import Any, cast
 
 from drivers.interfaces import LoadFrame, Operator, RotationStage
-from rig.devices import Rig
-from rig.guardian.guardian import Guardian
+from rig.devices import Rig, open_rig
+from rig.guardian.guardian import Guardian, guarded
+from rig.guardian.lock import machines_locked
+from rig.rigfile import RigFile
 
 LOAD_FRAME_MOTIONS = ("go_to_load", "go_to_displacement", "tare")
 STAGE_MOTIONS = ("home", "move_to")
@@ -36,6 +40,20 @@ class _Announced:
             return attribute(*arguments, **named)
 
         return reported
+
+
+@contextmanager
+def guarded_rig(rig_file: RigFile, log: Path) -> Iterator[tuple[Rig, Guardian]]:
+    """Lock the machines of a rig file, start their guardian, and open all devices. Close all at the end.
+
+    The guardian writes into the file `log` what it has done.
+    """
+    with (
+        machines_locked(rig_file) as locks,
+        guarded(rig_file, locks, log) as guardian,
+        open_rig(rig_file, guardian.relays) as opened,
+    ):
+        yield announce(opened, guardian), guardian
 
 
 def announce(rig: Rig, guardian: Guardian) -> Rig:

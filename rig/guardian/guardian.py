@@ -31,13 +31,8 @@ PING_S = 0.1
 class Guardian:
     """The run's connection to its guardian process. There is no process if no machine needs a guardian.
 
-    Parameters
-    ----------
-    process : Popen or None
-    relays : dict of str to str
-        For each watched machine ``host:port`` of the guardian's relay, or an empty text.
-    silence_max_s : float
-        Time without an answer after which the guardian counts as dead.
+    `relays` has for each watched machine ``host:port`` of the guardian's relay, or an empty text.
+    `silence_max_s` is the time without an answer after which the guardian counts as dead.
     """
 
     def __init__(
@@ -177,20 +172,9 @@ def guarded(rig_file: RigFile, locks: Sequence[int], log: Path) -> Iterator[Guar
     If `Guardian.done` was not called in the block, the guardian stops the machines at the end, unless nothing
     has moved.
 
-    Parameters
-    ----------
-    rig_file : RigFile
-    locks : sequence of int
-        Descriptors of the machines' locks, which the guardian shares.
-    log : Path
-        File to which the guardian writes what it has done.
-
-    Raises
-    ------
-    DeviceError
-        If the guardian cannot reach a machine.
-    RigError
-        If the guardian does not start.
+    The guardian shares `locks`, the descriptors of the machines' locks, and writes into the file `log` what
+    it has done. Raise `DeviceError` if the guardian cannot reach a machine, and `RigError` if it does not
+    start.
     """
     guardian = _start(rig_file, locks, log)
     try:

@@ -22,10 +22,7 @@ SHOWN_MAX = 120
 class MachineInUse(RigError):
     """Another program holds the lock of a machine. `got` says which program.
 
-    Attributes
-    ----------
-    pid : int
-        Number of the program's process, or 0 if it is unknown.
+    `pid` is the number of the program's process, or 0 if it is unknown.
     """
 
     pid = 0
@@ -38,18 +35,9 @@ def machines_locked(rig_file: RigFile, folder: Path | None = None) -> Iterator[l
     A process that inherits the descriptors shares the locks. The locks are released when the last of these
     processes ends.
 
-    Parameters
-    ----------
-    rig_file : RigFile
-    folder : Path, optional
-        Folder of the lock files. The default is ``/run/lock``, or else the folder of temporary files.
-
-    Raises
-    ------
-    MachineInUse
-        If another program holds the lock of a machine.
-    RigError
-        If a lock file cannot be opened.
+    `folder` is the folder of the lock files. The default is ``/run/lock``, or else the folder of temporary
+    files. Raise `MachineInUse` if another program holds the lock of a machine, and `RigError` if a lock file
+    cannot be opened.
     """
     with ExitStack() as held:
         locks = []

@@ -34,12 +34,7 @@ def line(word: str, value: Any = None) -> bytes:
 
 
 class Lines:
-    """The lines that arrive on a descriptor.
-
-    Parameters
-    ----------
-    descriptor : int
-    """
+    """The lines that arrive on a descriptor."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -49,10 +44,7 @@ class Lines:
     def next(self, timeout_s: float) -> tuple[str, Any] | None:
         """Return the word and the value of the next line, or None if no line comes in time.
 
-        Raises
-        ------
-        EOFError
-            If the other process has closed the pipe.
+        Raise `EOFError` if the other process has closed the pipe.
         """
         deadline_s = self._clock.now_s() + timeout_s
         waiting = select.poll()

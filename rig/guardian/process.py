@@ -35,24 +35,13 @@ NICENESS = -10
 
 @dataclass(frozen=True)
 class GuardedRun:
-    """The data that the guardian gets from the run at its start.
+    """The data that the guardian gets from the run at its start."""
 
-    Attributes
-    ----------
-    machines : list of dict
-        ``name``, ``driver`` and ``settings`` of each machine.
-    patience_s, standing_patience_s : float
-    log : str
-        File to which the guardian writes what it has done.
-    locks : list of int
-        Inherited descriptors of the machines' locks.
-    """
-
-    machines: list[dict[str, Any]]
+    machines: list[dict[str, Any]]  # ``name``, ``driver`` and ``settings`` of each machine
     patience_s: float
     standing_patience_s: float
-    log: str
-    locks: list[int]
+    log: str  # file to which the guardian writes what it has done
+    locks: list[int]  # inherited descriptors of the machines' locks
 
 
 def main() -> None:
@@ -78,16 +67,9 @@ def watch(run: int, job: GuardedRun, answer: Callable[[], None], parent: int | N
     """Wait for the end of the run. Return why the machines must be stopped, or an empty text after a safe
     end.
 
-    Parameters
-    ----------
-    run : int
-        Descriptor of the pipe from the run.
-    job : GuardedRun
-    answer : callable
-        Function that answers the run's question whether the guardian is alive.
-    parent : int, optional
-        A descriptor that becomes readable when the process of the run ends. The pipe also shows the end of
-        the process, but not if a third process has inherited the run's side of the pipe.
+    `run` is the descriptor of the pipe from the run. `answer` answers the run's question whether the guardian
+    is alive. `parent` is a descriptor that becomes readable when the process of the run ends. The pipe also
+    shows the end of the process, but not if a third process has inherited the run's side of the pipe.
     """
     clock = SystemClock()
     waiting = select.poll()

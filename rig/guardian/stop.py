@@ -22,21 +22,12 @@ class _Machine:
 
 
 class Stop:
-    """A stop of several machines. The constructor begins it, on a thread for each machine.
+    """A stop of several machines. The constructor begins it, on a thread for each machine."""
 
-    Parameters
-    ----------
-    guards : mapping of str to Guard
-    tries_s : float
-        Time in s for which an unconfirmed stop is repeated.
-    """
-
-    def __init__(
-        self, guards: Mapping[str, Guard], tries_s: float = TRIES_S, clock: Clock | None = None
-    ) -> None:
+    def __init__(self, guards: Mapping[str, Guard], clock: Clock | None = None) -> None:
         self._clock = clock or SystemClock()
         self._begun_s = self._clock.now_s()
-        self._end_s = self._begun_s + tries_s
+        self._end_s = self._begun_s + TRIES_S
         self._machines = {name: _Machine(guard, self._begun_s) for name, guard in guards.items()}
         for machine in self._machines.values():
             threading.Thread(target=self._repeat, args=(machine,), daemon=True).start()

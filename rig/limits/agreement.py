@@ -44,14 +44,8 @@ _LOOK = (
 class Agreement:
     """Compares load and displacement at every reading of a test with a load frame.
 
-    Parameters
-    ----------
-    string : LoadStringBounds
-        The plausible behaviour of the load string.
-    pull : Pull
-        The loads of the test.
-    zeroing : Zeroing
-        The noise that is measured at rest is limited by the tolerances of `zeroing`.
+    `string` is the plausible behaviour of the load string, and `pull` has the loads of the test. The
+    tolerances of `zeroing` limit the noise that is measured at rest.
     """
 
     def __init__(self, string: LoadStringBounds, pull: Pull, zeroing: Zeroing) -> None:
@@ -85,10 +79,7 @@ class Agreement:
     def begin(self, step: ProtocolStep) -> None:
         """Begin a step of the protocol. The last reading becomes the start of the step's motion.
 
-        Raises
-        ------
-        ImplausibleReading
-            If the load drifted before the step, although everything stood still.
+        Raise `ImplausibleReading` if the load drifted before the step, although everything stood still.
         """
         if self._tared and self._last is not None and step.pulls:
             self._check_drift(self._last, str(step))
@@ -100,10 +91,7 @@ class Agreement:
     def check(self, reading: RigReading, step: str) -> None:
         """Check one reading.
 
-        Raises
-        ------
-        ImplausibleReading
-            If no correct load cell could show this load at this displacement.
+        Raise `ImplausibleReading` if no correct load cell could show this load at this displacement.
         """
         if self._zero is None:
             self._zero = reading
@@ -252,7 +240,6 @@ class Agreement:
 
     def _check_not_stuck(self, reading: RigReading, step: str) -> None:
         """Check that the load changes from reading to reading, because a correct load cell has noise."""
-        assert self._start is not None
         if self._last is None or reading.load_n != self._last.load_n:
             self._same = 0
         elif abs(reading.displacement_mm - self._last.displacement_mm) > _SIGMAS * self.noise_mm:

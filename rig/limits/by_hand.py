@@ -41,35 +41,20 @@ _REMEDY = (
 
 @dataclass(frozen=True)
 class HandMotion:
-    """A motion that a person commands, with the range in which load and displacement must stay.
+    """A motion that a person commands, with the range in which load and displacement must stay."""
 
-    Attributes
-    ----------
-    doing : str
-        Description of the motion, such as ``unload to 0 N at 140 N/s``.
-    quantity : str
-        "load", "displacement" or "rotation".
-    target, tolerance : float
-        In N, mm or degrees.
-    rate : float
-        In N/s or mm/s, or NaN for an angle, whose speed the rig file determines.
-    duration_s : float
-        Planned duration.
-    load_n, displacement_mm : tuple of float
-        Smallest and largest permitted reading.
-    load_max_n : float or None
-        Largest load of the load frame, if load and displacement are compared. None for a motion without a
-        specimen, or of an angle.
-    """
-
-    doing: str
-    quantity: Quantity
+    doing: str  # description of the motion, such as ``unload to 0 N at 140 N/s``
+    quantity: Quantity  # "load", "displacement" or "rotation"
+    # in N, mm or degrees
     target: float
     tolerance: float
-    rate: float
-    duration_s: float
+    rate: float  # in N/s or mm/s, or NaN for an angle, whose speed the rig file determines
+    duration_s: float  # planned duration
+    # smallest and largest permitted reading
     load_n: tuple[float, float] = (-math.inf, math.inf)
     displacement_mm: tuple[float, float] = (-math.inf, math.inf)
+    # largest load of the load frame, if load and displacement are compared. None for a motion without a
+    # specimen, or of an angle.
     load_max_n: float | None = None
 
     @property
@@ -98,12 +83,8 @@ class HandMotion:
 def hand_string(limits: RigLimits, start_n: float = 0.0, load_max_n: float = math.inf) -> LoadStringBounds:
     """Return the bounds of specimen, grips and load frame in series, for a motion by hand.
 
-    Parameters
-    ----------
-    limits : RigLimits
-        The table [limits] of the rig file.
-    start_n, load_max_n : float
-        Load before the motion, and largest load of the load frame.
+    `limits` is the table [limits] of the rig file. `start_n` and `load_max_n` are the load before the motion
+    and the largest load of the load frame.
     """
     machine_min = limits.machine_stiffness_min_n_mm or MACHINE_MIN_N_MM
     specimen_min = limits.specimen_stiffness_min_n_mm or SPECIMEN_MIN_N_MM
@@ -143,13 +124,8 @@ def speed_of_load_mm_s(limits: RigLimits, rate_n_s: float) -> float:
 class HandAgreement:
     """Compares load and displacement at every reading of one motion by hand.
 
-    Parameters
-    ----------
-    motion : HandMotion
-    limits : RigLimits
-        The table [limits] of the rig file.
-    rest : list of RigReading
-        Readings of the machine at rest, the last one just before the motion.
+    `limits` is the table [limits] of the rig file. `rest` are readings of the machine at rest, the last one
+    just before the motion.
     """
 
     def __init__(self, motion: HandMotion, limits: RigLimits, rest: list[RigReading]) -> None:
@@ -187,10 +163,7 @@ class HandAgreement:
     def check(self, reading: RigReading) -> None:
         """Check one reading of the motion.
 
-        Raises
-        ------
-        ImplausibleReading
-            If no correct load cell could show this load at this displacement.
+        Raise `ImplausibleReading` if no correct load cell could show this load at this displacement.
         """
         try:
             self._check_jump(reading)

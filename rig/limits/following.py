@@ -37,21 +37,12 @@ _TANGENT_WINDOWS = 3
 
 @dataclass(frozen=True)
 class History:
-    """The relation of load to displacement in earlier increments.
+    """The relation of load to displacement in earlier increments."""
 
-    Attributes
-    ----------
-    stiffness_n_mm : float or None
-        Largest stiffness so far, or None in the first increment.
-    highest_n : float
-        Highest load so far. Up to this load, the specimen is elastic.
-    beyond_n_mm : float or None
-        Stiffness of the first loading at the highest load. A further increment has this stiffness when it
-        passes the highest load.
-    """
-
-    stiffness_n_mm: float | None = None
-    highest_n: float = -math.inf
+    stiffness_n_mm: float | None = None  # largest stiffness so far, or None in the first increment
+    highest_n: float = -math.inf  # highest load so far. Up to this load, the specimen is elastic.
+    # stiffness of the first loading at the highest load. A further increment has this stiffness when it
+    # passes the highest load.
     beyond_n_mm: float | None = None
 
 

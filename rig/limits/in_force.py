@@ -15,15 +15,9 @@ def limit_table(
 ) -> LimitTable:
     """Return the merged limits for a protocol on a rig.
 
-    Parameters
-    ----------
-    protocol : TensionProtocol or RotationProtocol
-    facts : RigFacts
-        The limits of load frame, stage and interlocks, from the rig file or from the opened devices.
-    rig : RigLimits
-        The table [limits] of the rig file.
-    string : LoadStringBounds or None
-        The plausible behaviour of specimen, grips and load frame in a tension test.
+    `facts` has the limits of load frame, stage and interlocks, from the rig file or from the opened devices.
+    `rig` is the table [limits] of the rig file. `string` is the plausible behaviour of specimen, grips and
+    load frame in a tension test.
     """
     both = [
         ("load", "N", "load_min_n", "load_max_n"),

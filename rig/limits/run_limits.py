@@ -15,20 +15,12 @@ from rig.rigfile import RigFile
 
 @dataclass(frozen=True)
 class RunLimits:
-    """The limits of a run.
-
-    Attributes
-    ----------
-    table : LimitTable
-    string : LoadStringBounds or None
-        The plausible behaviour of specimen, grips and load frame, or None without a load frame.
-    objections : list of str
-        One sentence for each planned motion beyond a limit.
-    """
+    """The limits of a run."""
 
     table: LimitTable
+    # the plausible behaviour of specimen, grips and load frame, or None without a load frame
     string: LoadStringBounds | None
-    objections: list[str]
+    objections: list[str]  # one sentence for each planned motion beyond a limit
 
 
 def limits_of(protocol: Protocol, facts: RigFacts = UNKNOWN_RIG, rig: RigLimits | None = None) -> RunLimits:

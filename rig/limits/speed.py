@@ -15,12 +15,7 @@ _NOISE_MM = 0.005
 
 
 class SpeedCheck:
-    """Checks the speed of the crosshead at every reading.
-
-    Parameters
-    ----------
-    limits : RunLimits
-    """
+    """Checks the speed of the crosshead at every reading."""
 
     def __init__(self, limits: RunLimits) -> None:
         string = limits.string

@@ -31,38 +31,21 @@ RELAXATION, RELAXATION_POLYMER = 0.01, 0.05
 
 @dataclass(frozen=True)
 class LoadStringBounds:
-    """Bounds of the behaviour of specimen, grips and load frame in series, during the first loading.
+    """Bounds of the behaviour of specimen, grips and load frame in series, during the first loading."""
 
-    Attributes
-    ----------
-    stiffness_min_n_mm, stiffness_max_n_mm : float
-        Bounds of the elastic stiffness.
-    seating_mm, seating_n_mm : float
-        Largest displacement by which the grips seat, and smallest rise of the load per mm while they seat.
-    slack_mm : float
-        Largest displacement before the load begins to rise.
-    flow_mm : float
-        Largest displacement at constant load after the load has risen.
-    relaxation : float
-        Largest fall of the load at rest per decade of time, as a fraction of the load.
-    speed_max_mm_s : float or None
-        Largest speed of the crosshead in an increment of load, or None if the protocol commands no load.
-    elastic_mm : float
-        Displacement that stretches no specimen beyond its yield strain.
-    first_n : float
-        An increment of load. On the first loading the specimen is elastic up to this load.
-    """
-
+    # bounds of the elastic stiffness
     stiffness_min_n_mm: float
     stiffness_max_n_mm: float
+    # largest displacement by which the grips seat, and smallest rise of the load per mm while they seat
     seating_mm: float
     seating_n_mm: float
-    slack_mm: float
-    flow_mm: float
-    relaxation: float
+    slack_mm: float  # largest displacement before the load begins to rise
+    flow_mm: float  # largest displacement at constant load after the load has risen
+    relaxation: float  # largest fall of the load at rest per decade of time, as a fraction of the load
+    # largest speed of the crosshead in an increment of load, or None if the protocol commands no load
     speed_max_mm_s: float | None
-    elastic_mm: float
-    first_n: float
+    elastic_mm: float  # displacement that stretches no specimen beyond its yield strain
+    first_n: float  # an increment of load. On the first loading the specimen is elastic up to this load.
 
     def displacement_max_mm(self, load_n: float) -> float:
         """Return the largest plausible displacement at a load of the first loading."""

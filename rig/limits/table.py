@@ -51,10 +51,7 @@ class Limit:
 class LimitTable:
     """All limits of a run, by quantity. If a quantity has several limits, the narrowest limit applies.
 
-    Parameters
-    ----------
-    limits : iterable of Limit
-        Limits that have no bound are left out.
+    Limits that have no bound are left out.
     """
 
     def __init__(self, limits: Iterable[Limit]) -> None:

@@ -15,12 +15,7 @@ KEPT_EVENTS = 10_000
 
 
 class Bulletin:
-    """Numbered events. Each reader remembers its own last number, so a slow reader delays no other reader.
-
-    Parameters
-    ----------
-    about : About
-    """
+    """Numbered events. Each reader remembers its own last number, so a slow reader delays no other reader."""
 
     def __init__(self, about: About) -> None:
         self._about = about

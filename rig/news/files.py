@@ -64,12 +64,8 @@ class _Follower(threading.Thread, ABC):
 class EventFile(_Follower):
     """Appends every event of a bulletin to a file, one JSON object per line.
 
-    New events are appended to an existing file. Each line contains the identity of its run.
-
-    Raises
-    ------
-    RecordingError
-        If the file cannot be written, or is no regular file.
+    New events are appended to an existing file. Each line contains the identity of its run. Raise
+    `RecordingError` if the file cannot be written, or is no regular file.
     """
 
     def __init__(self, path: Path, bulletin: Bulletin) -> None:
@@ -110,16 +106,8 @@ class EventFile(_Follower):
 class Heartbeat(_Follower):
     """Replaces a small file whenever the run has made progress, at most once per second.
 
-    Parameters
-    ----------
-    path : Path
-    content : callable
-        Returns the content of the file. The content includes the engine's latest status.
-
-    Raises
-    ------
-    RecordingError
-        If the path exists and is not a regular file.
+    `content` returns the content of the file, which includes the engine's latest status. Raise
+    `RecordingError` if the path exists and is not a regular file.
     """
 
     def __init__(self, path: Path, content: Callable[[], dict[str, Any]]) -> None:

@@ -45,28 +45,15 @@ _FIXED_HEADERS = (
 
 @dataclass(frozen=True)
 class RunView:
-    """The data that the HTTP interface shows of a run, and the function that ends the run.
-
-    Attributes
-    ----------
-    about : About
-    bulletin : Bulletin
-    status : callable
-        Returns the present status as a JSON object.
-    thumbnail : callable
-        Returns a picture of a camera's newest image, given the camera's name, a width and a format. Returns
-        None before the first image.
-    abort : callable
-        Function that requests the end of the run, and returns at once.
-    token : str
-    port : int
-    """
+    """The data that the HTTP interface shows of a run, and the function that ends the run."""
 
     about: About
     bulletin: Bulletin
-    status: Callable[[], dict[str, Any]]
+    status: Callable[[], dict[str, Any]]  # returns the present status as a JSON object
+    # returns a picture of a camera's newest image, given the camera's name, a width and a format. Returns
+    # None before the first image.
     thumbnail: Callable[[str, int, Format], bytes | None]
-    abort: Callable[[str], None]
+    abort: Callable[[str], None]  # function that requests the end of the run, and returns at once
     token: str
     port: int
 

@@ -31,15 +31,8 @@ _SILENT = {
 class HttpPlace:
     """A port of this computer that is reserved for the interface, and the token for an abort.
 
-    Parameters
-    ----------
-    port : int
-        0 for any free port.
-
-    Raises
-    ------
-    ProtocolError
-        If the port is in use, the libraries are not installed, or the token in the environment is too short.
+    Port 0 means any free port. Raise `ProtocolError` if the port is in use, the libraries are not installed,
+    or the token in the environment is too short.
     """
 
     def __init__(self, port: int) -> None:
@@ -83,13 +76,7 @@ class HttpPlace:
 
 
 class HttpServer:
-    """Serves the interface from `start` to `stop`.
-
-    Parameters
-    ----------
-    place : HttpPlace
-    view : RunView
-    """
+    """Serves the interface from `start` to `stop`."""
 
     def __init__(self, place: HttpPlace, view: "RunView") -> None:
         import uvicorn

@@ -21,11 +21,7 @@ _MARGIN_S = 5.0
 class Messenger:
     """A process that sends one message: the message that `send` gets, or a message about a killed program.
 
-    Parameters
-    ----------
-    settings : NewsSettings
-        Settings with a command.
-    about : About
+    The settings must have a command.
     """
 
     def __init__(self, settings: NewsSettings, about: About) -> None:
@@ -76,10 +72,7 @@ class Messenger:
 def split_command(command: str) -> list[str]:
     """Split a command line into its parts, without a shell.
 
-    Raises
-    ------
-    ProtocolError
-        If the command is no command line, or its program is not found.
+    Raise `ProtocolError` if the command is no command line, or its program is not found.
     """
     try:
         parts = shlex.split(command)

@@ -35,21 +35,11 @@ def main() -> None:
 def send(command: list[str], timeout_s: float, message: dict[str, str]) -> str:
     """Call the command once with a message.
 
-    Parameters
-    ----------
-    command : list of str
-        The parts of the command line. In each part, ``{subject}``, ``{status}``, ``{run_file}`` and
-        ``{text}`` are replaced by the values of `message`.
-    timeout_s : float
-        After this time the command is killed, with everything that it has started in its session.
-    message : dict of str to str
-        The message. The command gets ``text`` on its standard input, and every value in a variable
-        ``OFFAXIS_…``.
-
-    Returns
-    -------
-    str
-        An error message, or an empty text if the command ended with status 0.
+    `command` has the parts of the command line. In each part, ``{subject}``, ``{status}``, ``{run_file}`` and
+    ``{text}`` are replaced by the values of `message`. After `timeout_s` the command is killed, with
+    everything that it has started in its session. The command gets ``text`` of the message on its standard
+    input, and every value in a variable ``OFFAXIS_…``. Return an error message, or an empty text if the
+    command ended with status 0.
     """
     message = {name: value.replace("\0", " ") for name, value in message.items()}
     environment = {**os.environ, **{f"OFFAXIS_{name.upper()}": value for name, value in message.items()}}

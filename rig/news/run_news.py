@@ -56,20 +56,9 @@ class NewsOptions:
 class RunNews:
     """The news of one run, as a context manager. `add` is the engine's listener for all reports.
 
-    Parameters
-    ----------
-    settings : NewsSettings
-    run_path : Path
-        The run file. The files of news are beside it.
-    say : callable
-        This parameter is described for `NewsOptions`.
-
-    Raises
-    ------
-    ProtocolError
-        If the command of `notify` is not found, or the HTTP interface cannot be served.
-    RecordingError
-        If a file of news cannot be written.
+    The files of news are beside the run file. `say` is described for `NewsOptions`. Raise `ProtocolError` if
+    the command of `notify` is not found, or the HTTP interface cannot be served, and `RecordingError` if a
+    file of news cannot be written.
     """
 
     def __init__(self, settings: NewsSettings, run_path: Path, say: Callable[[str], None]) -> None:

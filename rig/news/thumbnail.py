@@ -21,15 +21,8 @@ Format = Literal["png", "jpg"]
 def thumbnail(frame: Frame, bits: int, width_px: int, kind: Format, *, simulated: bool) -> bytes:
     """Return a picture at most `width_px` pixels wide. A simulated picture contains the word SIMULATED.
 
-    Parameters
-    ----------
-    frame : Frame
-    bits : int
-        Significant bits of a pixel. The highest grey level becomes white.
-    width_px : int
-        From 16 to `WIDTH_MAX_PX`.
-    kind : str
-    simulated : bool
+    `bits` is the number of significant bits of a pixel. The highest grey level becomes white. `width_px` is
+    from 16 to `WIDTH_MAX_PX`.
     """
     image = frame.image
     width_px = min(max(16, width_px), WIDTH_MAX_PX, image.shape[1])

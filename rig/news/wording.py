@@ -14,16 +14,9 @@ VERSION = 1
 
 @dataclass(frozen=True)
 class About:
-    """The data about a run that stay the same during the run.
+    """The data about a run that stay the same during the run."""
 
-    Attributes
-    ----------
-    run_id, run_file, title, kind : str
-        Identity of the run, path of the run file, title and kind of the protocol.
-    simulated : bool
-    cameras : tuple of str
-    """
-
+    # identity of the run, path of the run file, title and kind of the protocol
     run_id: str
     run_file: str
     title: str

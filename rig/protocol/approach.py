@@ -17,37 +17,20 @@ class Approach:
 
     The motion stops and settles after each increment, or it continues while images are taken at equal
     intervals of time.
-
-    Attributes
-    ----------
-    move : Move
-    target : float
-    increment : float
-        Size of an increment, which is infinite for a motion in one step.
-    every_s : float
-        Time in s between images during the motion, which is infinite if images are taken only at rest.
-    down : bool
-        True if the target is below the start.
-    images : bool
-        False for a motion without images.
-    ending : Ending or None
-        The event that ends the motion before its target.
-    goes_back : bool
-        What happens to a motion to a higher value if its target has been passed before it starts. If True, it
-        goes back to the target. If False, it is left out, because moving back would unload the specimen.
-    refusal : callable or None
-        Makes the error that ends the run if the target has been passed already.
     """
 
     move: Move
     target: float
-    increment: float = math.inf
+    increment: float = math.inf  # size of an increment, which is infinite for a motion in one step
+    # time in s between images during the motion, which is infinite if images are taken only at rest
     every_s: float = math.inf
-    down: bool = False
-    images: bool = True
-    ending: Ending | None = None
+    down: bool = False  # True if the target is below the start
+    images: bool = True  # False for a motion without images
+    ending: Ending | None = None  # the event that ends the motion before its target
+    # what happens to a motion to a higher value if its target has been passed before it starts. If True, it
+    # goes back to the target. If False, it is left out, because moving back would unload the specimen.
     goes_back: bool = False
-    refusal: Failure | None = None
+    refusal: Failure | None = None  # makes the error that ends the run if the target has been passed already
 
     def steps(self, index: int, place: Positions) -> list[ProtocolStep]:
         """Return the steps of the motion from that possible start which is farthest from the target."""

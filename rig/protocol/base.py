@@ -53,9 +53,7 @@ class BaseProtocol(Settings, ABC):
     def follow(self, execute: Execute) -> None:
         """Call `execute` for each step, in order. The settled readings decide how many steps are executed.
 
-        Raises
-        ------
-        ProtocolError
-            If an increment or a phase should have ended the test or the phase, but its event never happened.
+        Raise `ProtocolError` if an increment or a phase should have ended the test or the phase, but its
+        event never happened.
         """
         self.course.follow(execute)

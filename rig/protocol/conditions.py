@@ -14,20 +14,11 @@ DeviceName: TypeAlias = Literal["load_frame", "stage"]
 
 @dataclass(frozen=True)
 class Zeroing:
-    """Conditions for setting load and displacement to zero before the reference images.
+    """Conditions for setting load and displacement to zero before the reference images."""
 
-    Attributes
-    ----------
-    tare_max_n : float
-        Highest load in N that may be set to zero.
-    key : str
-        The key of `tare_max_n` in the protocol file.
-    load_tolerance_n, displacement_tolerance_mm : float
-        Largest accepted readings after load and displacement were set to zero.
-    """
-
-    tare_max_n: float
-    key: str
+    tare_max_n: float  # highest load in N that may be set to zero
+    key: str  # the key of `tare_max_n` in the protocol file
+    # largest accepted readings after load and displacement were set to zero
     load_tolerance_n: float
     displacement_tolerance_mm: float
 
@@ -41,25 +32,13 @@ class Zeroing:
 
 @dataclass(frozen=True)
 class Demand:
-    """A value of the protocol that the rig's limits must allow.
+    """A value of the protocol that the rig's limits must allow."""
 
-    Attributes
-    ----------
-    key : str
-        The key in the protocol file.
-    value : float
-    fact : str
-        Name of the rig's limit for this value, an attribute of `rig.facts.RigFacts`.
-    unit : str
-    is_lowest : bool
-        True if the rig's limit is a lower limit, False if it is an upper limit.
-    """
-
-    key: str
+    key: str  # the key in the protocol file
     value: float
-    fact: str
+    fact: str  # name of the rig's limit for this value, an attribute of `rig.facts.RigFacts`
     unit: str
-    is_lowest: bool = False
+    is_lowest: bool = False  # True if the rig's limit is a lower limit, False if it is an upper limit
 
     @classmethod
     def of_limits(cls, limits: Limits | None) -> "tuple[Demand, ...]":
@@ -82,52 +61,25 @@ class StageTurn:
 
 @dataclass(frozen=True)
 class Pull:
-    """The loads of a test as its protocol gives them, for the agreement of load and displacement.
+    """The loads of a test as its protocol gives them, for the agreement of load and displacement."""
 
-    Attributes
-    ----------
-    increment_n : float
-        An increment of load. On the first loading the specimen is elastic up to this load.
-    rate_n_s : float or None
-        Highest rate of loading, or None if no load is commanded.
-    assured_n : float
-        Load that the specimen carries in every test that ends as planned.
-    elastic_n : float
-        Load up to which the specimen is not expected to yield.
-    """
-
-    increment_n: float
-    rate_n_s: float | None
-    assured_n: float
-    elastic_n: float = 0.0
+    increment_n: float  # an increment of load. On the first loading the specimen is elastic up to this load.
+    rate_n_s: float | None  # highest rate of loading, or None if no load is commanded
+    assured_n: float  # load that the specimen carries in every test that ends as planned
+    elastic_n: float = 0.0  # load up to which the specimen is not expected to yield
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """The requirements of a protocol for the rig.
+    """The requirements of a protocol for the rig."""
 
-    Attributes
-    ----------
-    devices : frozenset of str
-        The devices that the protocol moves.
-    limits : Limits or None
-        The limits of load and displacement, or None without a load frame.
-    carried_n : float
-        Load in N that the specimen must have carried before a drop in load counts as a break.
-    zeroing : Zeroing or None
-    pull : Pull or None
-        The loads of the test, or None without a load frame.
-    zero_tolerance_deg : float or None
-        Tolerance of the stage at 0 degrees before the images of the grid, or None if the stage does not move.
-    demands : tuple of Demand
-    turns : tuple of StageTurn
-    """
-
-    devices: frozenset[DeviceName]
-    limits: Limits | None = None
+    devices: frozenset[DeviceName]  # the devices that the protocol moves
+    limits: Limits | None = None  # the limits of load and displacement, or None without a load frame
+    # load in N that the specimen must have carried before a drop in load counts as a break
     carried_n: float = 0.0
     zeroing: Zeroing | None = None
-    pull: Pull | None = None
+    pull: Pull | None = None  # the loads of the test, or None without a load frame
+    # tolerance of the stage at 0 degrees before the images of the grid, or None if the stage does not move
     zero_tolerance_deg: float | None = None
     demands: tuple[Demand, ...] = ()
     turns: tuple[StageTurn, ...] = ()

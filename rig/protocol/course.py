@@ -36,19 +36,13 @@ class Span:
 
 @dataclass(frozen=True)
 class Positions:
-    """The possible positions of the devices before a part of the course.
+    """The possible positions of the devices before a part of the course."""
 
-    Attributes
-    ----------
-    load, displacement, rotation : Span
-        The range of possible values of each quantity, in N, mm and degrees.
-    load_max_n, displacement_max_mm : float
-        The limits of load and displacement. A value that is not known lies between 0 and its limit.
-    """
-
+    # the range of possible values of each quantity, in N, mm and degrees
     load: Span = Span(0.0, 0.0)
     displacement: Span = Span(0.0, 0.0)
     rotation: Span = Span(0.0, 0.0)
+    # the limits of load and displacement. A value that is not known lies between 0 and its limit.
     load_max_n: float = 0.0
     displacement_max_mm: float = 0.0
 
@@ -93,13 +87,7 @@ class CoursePart(Protocol):
 
 @dataclass(frozen=True)
 class Course:
-    """The parts of a test in their order.
-
-    Attributes
-    ----------
-    parts : tuple of CoursePart
-    start : Positions
-    """
+    """The parts of a test in their order."""
 
     parts: tuple[CoursePart, ...]
     start: Positions
@@ -111,10 +99,7 @@ class Course:
     def follow(self, execute: Execute) -> None:
         """Call `execute` for each step, in order. The settled readings decide how many steps are executed.
 
-        Raises
-        ------
-        ProtocolError
-            If a phase reaches its target, but the event that should end it never happened.
+        Raise `ProtocolError` if a phase reaches its target, but the event that should end it never happened.
         """
         reading: RigReading | None = None
         for part, index, place, steps in self._walk():
@@ -162,14 +147,9 @@ def increments(
 
 @dataclass(frozen=True)
 class Beginning:
-    """The first part of every course: images of the grid, and reference images, with or without a preload.
+    """The first part of every course: images of the grid, and reference images, with or without a preload."""
 
-    Attributes
-    ----------
-    reference : ProtocolStep
-        The step of the reference images. The index of this step is set when the steps are listed.
-    """
-
+    # the step of the reference images. The index of this step is set when the steps are listed.
     reference: ProtocolStep = field(default_factory=lambda: ProtocolStep(1, "reference"))
 
     def steps(self, index: int, _: Positions) -> list[ProtocolStep]:

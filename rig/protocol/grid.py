@@ -1,6 +1,5 @@
 """The table `[grid]` of a protocol: the calibration target that the operator attaches to the specimen."""
 
-from abc import ABC, abstractmethod
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -11,14 +10,12 @@ from drivers.settings import Settings
 _FEWEST_SHIFTED = 16
 
 
-class _Target(Settings, ABC):
+class _Target(Settings):
     @property
     def counts(self) -> tuple[int, int]:
         """Number of lines, squares or dots of the calibration target along X and along Y."""
-        return self._counts()
-
-    @abstractmethod
-    def _counts(self) -> tuple[int, int]: ...
+        x, y = (value for name, value in self if name.endswith(("_x", "_y")))
+        return x, y
 
 
 class Grid(_Target):
@@ -29,9 +26,6 @@ class Grid(_Target):
     lines_y: int = Field(default=21, ge=4, le=1000, description="number of lines crossed on a path along Y")
     pitch_mm: float = Field(default=0.5, gt=0.0, description="distance between neighbouring lines")
 
-    def _counts(self) -> tuple[int, int]:
-        return self.lines_x, self.lines_y
-
 
 class CheckerboardGrid(_Target):
     """A checkerboard of dark and bright squares."""
@@ -40,9 +34,6 @@ class CheckerboardGrid(_Target):
     squares_x: int = Field(ge=5, le=1000, description="number of whole squares along X")
     squares_y: int = Field(ge=5, le=1000, description="number of whole squares along Y")
     pitch_mm: float = Field(gt=0.0, description="length of the side of a square")
-
-    def _counts(self) -> tuple[int, int]:
-        return self.squares_x, self.squares_y
 
 
 class CharucoGrid(CheckerboardGrid):
@@ -69,9 +60,6 @@ class DotGrid(_Target):
     dots_y: int = Field(ge=5, le=1000, description="number of dots along Y")
     pitch_mm: float = Field(gt=0.0, description="distance between the centres of neighbouring dots")
 
-    def _counts(self) -> tuple[int, int]:
-        return self.dots_x, self.dots_y
-
 
 class AsymmetricDotGrid(_Target):
     """Round dots in rows, every second row shifted by half a pitch. X points along the rows."""
@@ -89,9 +77,6 @@ class AsymmetricDotGrid(_Target):
             got = f"{self.dots_x} × {self.dots_y}"
             raise ValueError(f"dots_x × dots_y must be at least {_FEWEST_SHIFTED} dots, got {got}")
         return self
-
-    def _counts(self) -> tuple[int, int]:
-        return self.dots_x, self.dots_y
 
 
 AnyGrid: TypeAlias = Grid | CheckerboardGrid | CharucoGrid | DotGrid | AsymmetricDotGrid

@@ -15,16 +15,10 @@ Failure = Callable[[RigReading], ProtocolError]
 
 @dataclass(frozen=True)
 class Ending:
-    """The event that ends a phase early.
-
-    Attributes
-    ----------
-    criterion : Criterion
-    failure : callable or None
-        Makes the error if the event never happens. None if the test then continues with the next phase.
-    """
+    """The event that ends a phase early."""
 
     criterion: Criterion
+    # makes the error if the event never happens. None if the test then continues with the next phase.
     failure: Failure | None = None
 
     def has_happened(self, number: int, step: ProtocolStep, readings: Sequence[RigReading]) -> bool:
@@ -40,23 +34,12 @@ class Ending:
 
 @dataclass(frozen=True)
 class Move:
-    """The quantity that a motion changes, its rate and its settling tolerance.
+    """The quantity that a motion changes, its rate and its settling tolerance."""
 
-    Attributes
-    ----------
-    quantity : str
-        "load", "displacement" or "rotation". The steps have the same kind.
-    rate : float
-        In N/s or mm/s, or NaN for a rotation.
-    tolerance : float
-        Settle tolerance in N, mm or deg.
-    is_timed : bool
-        True if a step may take longer than `settle.timeout_s`, by the planned time of its motion.
-    """
-
-    quantity: Quantity
-    rate: float
-    tolerance: float
+    quantity: Quantity  # "load", "displacement" or "rotation". The steps have the same kind.
+    rate: float  # in N/s or mm/s, or NaN for a rotation
+    tolerance: float  # settle tolerance in N, mm or deg
+    # True if a step may take longer than `settle.timeout_s`, by the planned time of its motion
     is_timed: bool = True
 
     def duration_s(self, travel: float) -> float:

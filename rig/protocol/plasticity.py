@@ -27,15 +27,9 @@ class PlasticCriterion(Settings):
     def is_evident(self, loads_n: Sequence[float], displacements_mm: Sequence[float]) -> bool:
         """Return True if the last increment shows plastic deformation.
 
-        Parameters
-        ----------
-        loads_n, displacements_mm : sequence of float, length k + 1
-            Settled load in N and displacement in mm at the reference and after each of k >= 1 increments.
-
-        Raises
-        ------
-        ProtocolError
-            If the grips did not move apart during an increment, because its stiffness is then undefined.
+        `loads_n` and `displacements_mm` are the settled loads in N and displacements in mm at the reference
+        and after each of k >= 1 increments. Raise `ProtocolError` if the grips did not move apart during an
+        increment, because its stiffness is then undefined.
         """
         stiffnesses = [
             _stiffness_n_mm(loads_n[i - 1 : i + 1], displacements_mm[i - 1 : i + 1])

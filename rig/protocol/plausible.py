@@ -4,10 +4,10 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from drivers.settings import Settings
+from rig.limit_settings import MachineBounds
 
 
-class Plausible(Settings):
+class Plausible(MachineBounds):
     """Bounds for the agreement of load and displacement. A missing bound is derived from the others.
 
     The load string is the specimen with grips and load frame in series. All values belong to the first
@@ -22,18 +22,6 @@ class Plausible(Settings):
     )
     grip_length_mm: float | None = Field(
         default=None, gt=0.0, description="free length between the grips; default: the gauge length"
-    )
-    machine_stiffness_min_n_mm: float | None = Field(
-        default=None, gt=0.0, description="smallest stiffness of grips and load frame in series"
-    )
-    machine_stiffness_max_n_mm: float | None = Field(
-        default=None, gt=0.0, description="largest stiffness of grips and load frame in series"
-    )
-    seating_mm: float | None = Field(
-        default=None, ge=0.0, description="largest displacement by which the specimen seats in the grips"
-    )
-    seating_stiffness_n_mm: float | None = Field(
-        default=None, gt=0.0, description="smallest rise of the load per mm while the grips seat"
     )
     slack_mm: float | None = Field(
         default=None, ge=0.0, description="largest displacement before the load begins to rise"

@@ -34,15 +34,8 @@ class OpenRunFile:
     Every method raises OSError or RuntimeError if the file cannot be written. After such an error of a method
     other than `require_space`, call `abandon`.
 
-    Parameters
-    ----------
-    path : Path
-        The new file. An existing file is never overwritten.
-    header : RunHeader
-    cameras : mapping of str to CameraInfo
-    devices : mapping of str to DeviceInfo
-        The identities of ``stage`` and ``load_frame``, if the rig has these devices.
-    interlocks : mapping of str to InterlockRecord, optional
+    `path` is the new file. An existing file is never overwritten. `devices` has the identities of ``stage``
+    and ``load_frame``, if the rig has these devices.
     """
 
     def __init__(
@@ -301,12 +294,8 @@ def _unfinished(path: Path) -> Path:
 def _new(unfinished: Path, path: Path) -> int:
     """Return a locked descriptor of an empty file, which only this program can rename to the run file `path`.
 
-    A file that a killed program has left under this name is emptied.
-
-    Raises
-    ------
-    FileExistsError
-        If the run file exists, or if another program creates it now.
+    A file that a killed program has left under this name is emptied. Raise `FileExistsError` if the run file
+    exists, or if another program creates it now.
     """
     descriptor = os.open(unfinished, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
     try:

@@ -8,12 +8,14 @@ import platform
 import shlex
 import sys
 from collections.abc import Mapping
+from dataclasses import fields
 from functools import cache
 from importlib.metadata import version
 from typing import Any
 
 import h5py
 
+from drivers.interfaces import DeviceInfo
 from rig.device_settings import reports_settings
 from rig.devices import Rig
 from rig.protocol.protocol import Protocol
@@ -50,13 +52,9 @@ def interlock_records(rig: Rig) -> dict[str, InterlockRecord]:
     """Return the interlocks of an opened rig as the run file describes them."""
     records = {}
     for name, each in rig.interlocks.items():
-        info = each.device.info
+        identity = {known.name: getattr(each.device.info, known.name) for known in fields(DeviceInfo)}
         records[name] = InterlockRecord(
-            vendor=info.vendor,
-            model=info.model,
-            serial=info.serial,
-            firmware=info.firmware,
-            simulated=info.simulated,
+            **identity,
             unit=each.device.unit,
             allowed_min=-math.inf if each.allowed_min is None else each.allowed_min,
             allowed_max=math.inf if each.allowed_max is None else each.allowed_max,

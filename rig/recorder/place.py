@@ -24,10 +24,7 @@ class Overwritten(OSError):
 def require_untouched(descriptor: int, beginning: bytes, least_bytes: int) -> None:
     """Compare an open file with what was written to it: its first bytes, and its size.
 
-    Raises
-    ------
-    Overwritten
-        If the file begins with other bytes, or is smaller than it was.
+    Raise `Overwritten` if the file begins with other bytes, or is smaller than it was.
     """
     size = os.fstat(descriptor).st_size
     if size < least_bytes or os.pread(descriptor, len(beginning), 0) != beginning:
@@ -40,10 +37,7 @@ def require_untouched(descriptor: int, beginning: bytes, least_bytes: int) -> No
 def require_in_place(descriptor: int, path: Path) -> None:
     """Compare an open file with the file at its path.
 
-    Raises
-    ------
-    Misplaced
-        If there is no file at the path, or another one.
+    Raise `Misplaced` if there is no file at the path, or another one.
     """
     if _is(descriptor, path):
         return
@@ -100,10 +94,7 @@ def rescue_path(path: Path) -> Path:
 def rescue(descriptor: int, path: Path) -> None:
     """Copy a deleted file to `rescue_path`. Do nothing if the file was not deleted.
 
-    Raises
-    ------
-    OSError
-        If the copy cannot be written.
+    Raise `OSError` if the copy cannot be written.
     """
     status = os.fstat(descriptor)
     if status.st_nlink:

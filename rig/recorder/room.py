@@ -15,15 +15,8 @@ def make_room(path: Path) -> Path | None:
     A camera that was not plugged in ends a run before its first step. The file still has the reason, so it is
     kept under another name, and the next run gets the name that the user wants.
 
-    Returns
-    -------
-    Path or None
-        None if there is no file at `path`.
-
-    Raises
-    ------
-    RecordingError
-        If the file has a step or an image, is still recorded, or is no run file.
+    Return None if there is no file at `path`. Raise `RecordingError` if the file has a step or an image, is
+    still recorded, or is no run file.
     """
     if not path.exists():
         return None

@@ -23,12 +23,8 @@ _NOT_OFFERED = (errno.EOPNOTSUPP, errno.ENOSYS)
 class ReservedSpace:
     """Reserves disk space for one file, without changing the size of the file.
 
-    On a file system that cannot reserve space (`fallocate`), the free space is compared instead.
-
-    Parameters
-    ----------
-    descriptor : int
-        The open file.
+    On a file system that cannot reserve space (`fallocate`), the free space is compared instead. `descriptor`
+    is the open file.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -39,11 +35,8 @@ class ReservedSpace:
     def require(self, end: int, more: int) -> None:
         """Reserve `more` bytes behind byte `end`, and `CLOSING_BYTES` for closing the file.
 
-        Raises
-        ------
-        OSError
-            The error number is ENOSPC if the disk is full, and EFBIG if the file system or a limit of the
-            process does not allow the size.
+        Raise `OSError` with the number ENOSPC if the disk is full, and EFBIG if the file system or a limit of
+        the process does not allow the size.
         """
         needed, largest = end + more + CLOSING_BYTES, min(self._volume_bytes, _largest_of_process())
         if needed > largest:
@@ -74,10 +67,7 @@ class ReservedSpace:
 def largest_file_bytes(folder: Path) -> int:
     """Return the size of the largest file that the volume of `folder` and this process allow.
 
-    Raises
-    ------
-    OSError
-        If no file can be created in the folder.
+    Raise `OSError` if no file can be created in the folder.
     """
     with TemporaryFile(dir=folder) as file:
         return min(_largest_of_volume(file.fileno()), _largest_of_process())

@@ -187,15 +187,7 @@ def create_dataset(group: Any, item: schema.Item, dtype: np.dtype[Any], space: A
     """Create a dataset with its unit, and return h5py's low-level object.
 
     A run begins by creating about 100 datasets, for which h5py's own `create_dataset` takes three times as
-    long.
-
-    Parameters
-    ----------
-    group : h5py.Group
-    item : Item
-    dtype : dtype
-    space, properties : SpaceID, PropDCID
-        HDF5's dataspace and creation properties of the dataset.
+    long. `space` and `properties` are HDF5's dataspace and creation properties of the dataset.
     """
     dataset = h5d.create(group.id, item.name.encode(), _type(dtype), space, properties)
     if item.text_bytes is None:

@@ -19,29 +19,14 @@ GATHER_S = 0.05
 
 @dataclass
 class WriteJob:
-    """One piece of data that is written into the run file, such as an image or a step.
+    """One piece of data that is written into the run file, such as an image or a step."""
 
-    Attributes
-    ----------
-    what : str
-        Description of the job, for error messages.
-    write : callable
-        Function that writes the data to the file.
-    camera : str or None
-        The camera whose image is written.
-    size : int
-        Size of the image in bytes, or 0 without an image.
-    wait_for_disk : bool
-        True if the job is done only after the file was synchronised with the disk.
-    done : Future
-        Future that is done when the data were written, or with an exception if writing failed.
-    """
-
-    what: str
-    write: Callable[[OpenRunFile], None]
-    camera: str | None = None
-    size: int = 0
-    wait_for_disk: bool = False
+    what: str  # description of the job, for error messages
+    write: Callable[[OpenRunFile], None]  # function that writes the data to the file
+    camera: str | None = None  # the camera whose image is written
+    size: int = 0  # size of the image in bytes, or 0 without an image
+    wait_for_disk: bool = False  # True if the job is done only after the file was synchronised with the disk
+    # future that is done when the data were written, or with an exception if writing failed
     done: "Future[None]" = field(default_factory=Future)
 
     @property
@@ -53,17 +38,10 @@ class WriteJob:
 class Writer(threading.Thread):
     """Thread that writes jobs in the order of their arrival, until a job fails or the last job is done.
 
-    Parameters
-    ----------
-    file : OpenRunFile
-        The run file. After `start`, only this thread uses it.
-    settings : RecordingSettings
-    clock : Clock
-        A clock in real time, also for a simulated run, because the disk is real.
-    failed : callable
-        Function that makes the error for a failed job, from the job's description and the exception.
-    gather_s : float
-        Longest real time in s for which a reading or an event waits, in order to be written with other rows.
+    Only this thread uses the file after `start`. `clock` is in real time, also for a simulated run, because
+    the disk is real. `failed` makes the error for a failed job, from the job's description and the exception.
+    `gather_s` is the longest real time in s for which a reading or an event waits, in order to be written
+    with other rows.
     """
 
     def __init__(

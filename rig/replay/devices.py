@@ -27,15 +27,8 @@ S = TypeVar("S", bound=StageState | LoadFrameState | InterlockState)
 class RecordedReadings(Generic[S]):
     """Returns the recorded readings of one device, one after the other.
 
-    Parameters
-    ----------
-    device : str
-    state : callable
-        Function that returns the reading in a row. The function raises IndexError after the last row.
-    clock : Clock
-    ended : callable
-        Function that returns the error which ends the replay after the last reading, or None if the run was
-        completed.
+    `state` returns the reading in a row, and raises IndexError after the last row. `ended` returns the error
+    which ends the replay after the last reading, or None if the run was completed.
     """
 
     def __init__(
@@ -78,21 +71,16 @@ class _Replayed(Generic[S]):
         """Return the next reading."""
         return self.readings.next()
 
-    def close(self) -> None:
-        """Do nothing."""
+    def _ignore(self, *_: object, **__: object) -> None:
+        """Do nothing, because the run is over."""
+
+    close = _ignore
 
 
 class ReplayedStage(_Replayed[StageState]):
     """The stage of an archived run."""
 
-    def home(self) -> None:
-        """Do nothing."""
-
-    def move_to(self, angle_deg: float) -> None:
-        """Do nothing."""
-
-    def stop(self) -> None:
-        """Do nothing."""
+    home = move_to = stop = _Replayed._ignore
 
 
 class ReplayedLoadFrame(_Replayed[LoadFrameState]):
@@ -104,17 +92,7 @@ class ReplayedLoadFrame(_Replayed[LoadFrameState]):
         super().__init__(info, readings)
         self.limits = limits
 
-    def go_to_load(self, load_n: float, rate_n_s: float) -> None:
-        """Do nothing."""
-
-    def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
-        """Do nothing."""
-
-    def hold(self) -> None:
-        """Do nothing."""
-
-    def tare(self) -> None:
-        """Do nothing."""
+    go_to_load = go_to_displacement = hold = tare = _Replayed._ignore
 
 
 class ReplayedInterlock(_Replayed[InterlockState]):
@@ -128,12 +106,6 @@ class ReplayedInterlock(_Replayed[InterlockState]):
 class ReplayedCamera:
     """A camera of an archived run. If the engine refuses an image and requests another, the same image is
     returned again.
-
-    Parameters
-    ----------
-    name : str
-    info : CameraInfo
-    script : Script
     """
 
     def __init__(self, name: str, info: CameraInfo, script: Script) -> None:

@@ -27,10 +27,7 @@ def limits_of_load_frame(run: RunFile) -> LoadFrameLimits:
 def limits_of_rig(run: RunFile) -> RigLimits:
     """Return the table [limits] of the run's rig file.
 
-    Raises
-    ------
-    ReplayError
-        If this version of the program cannot read the table.
+    Raise `ReplayError` if this version of the program cannot read the table.
     """
     try:
         return RigLimits.model_validate(tomllib.loads(run.info.configuration).get("limits", {}))

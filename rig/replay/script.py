@@ -1,9 +1,9 @@
 """The recorded readings and images of a run, in the order in which the engine received them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from rig.errors import RigError
 from rig.recorder.records import OPERATOR_DONE, STEP_ON_FILE
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+T = TypeVar("T")
 Columns = Mapping[str, NDArray[Any]]
 
 
@@ -34,34 +35,24 @@ def of_another_version(run: RunFile, what: str, error: Exception) -> ReplayError
 
 @dataclass(frozen=True)
 class Script:
-    """The recorded data of a run that a replay needs.
-
-    Attributes
-    ----------
-    run : RunFile
-    stage, load_frame : mapping of str to ndarray
-        The columns of the readings. A missing device has none.
-    interlocks : dict of str to mapping
-        The columns of the readings of each interlock.
-    readings_before : dict of str to list of int
-        The list under a camera's name has the number of readings before each of its images. The list under
-        the message of an event that ends a wait has the number of readings before each such event.
-    """
+    """The recorded data of a run that a replay needs."""
 
     run: RunFile
+    # the columns of the readings. A missing device has none.
     stage: Columns
     load_frame: Columns
+    # the columns of the readings of each interlock
     interlocks: dict[str, Columns] = field(default_factory=dict)
+    # the list under a camera's name has the number of readings before each of its images. The list under the
+    # message of an event that ends a wait has the number of readings before each such event.
     readings_before: dict[str, list[int]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, run: RunFile) -> "Script":
         """Read the data of a run that a replay needs.
 
-        Raises
-        ------
-        ReplayError
-            If the run was recorded by an earlier program, which did not record the order of the rows.
+        Raise `ReplayError` if the run was recorded by an earlier program, which did not record the order of
+        the rows.
         """
         tables = {name: run.columns(f"instrument/{name}") for name in ("stage", "load_frame")}
         cameras = {name: run.columns(f"instrument/{name}") for name in run.cameras}
@@ -105,44 +96,24 @@ class Script:
 
     def stage_state(self, row: int) -> StageState:
         """Return the stage's reading in a row. Raise IndexError after the last row."""
-        table = self.stage
-        return StageState(
-            angle_deg=float(table["angle_deg"][row]),
-            moving=bool(table["moving"][row]),
-            homed=bool(table["homed"][row]),
-            warnings=(),
-            time_s=float(table["time_s"][row]),
-        )
+        return _of_row(StageState, self.stage, row, warnings=())
 
     def load_frame_state(self, row: int) -> LoadFrameState:
         """Return the load frame's reading in a row. Raise IndexError after the last row."""
-        table = self.load_frame
-        return LoadFrameState(
-            load_n=float(table["load_n"][row]),
-            displacement_mm=float(table["displacement_mm"][row]),
-            moving=bool(table["moving"][row]),
-            at_target=bool(table["at_target"][row]),
-            holding=bool(table["holding"][row]),
-            sample=int(table["sample"][row]),
-            faults=(),
-            time_s=float(table["time_s"][row]),
-        )
+        return _of_row(LoadFrameState, self.load_frame, row, faults=())
 
     def interlock_state(self, name: str, row: int) -> InterlockState:
         """Return an interlock's reading in a row. Raise IndexError after the last row."""
-        table = self.interlocks[name]
-        return InterlockState(float(table["value"][row]), float(table["time_s"][row]))
+        return _of_row(InterlockState, self.interlocks[name], row)
 
     def frame(self, camera: str, row: int, columns: Columns) -> Frame:
         """Return an image of a camera, with the columns of its table."""
         utc = _EPOCH + timedelta(microseconds=int(columns["utc_ns"][row]) // 1000)
-        return Frame(
-            image=self.run.frame(camera, row),
-            exposed_s=float(columns["exposed_s"][row]),
-            received_s=float(columns["received_s"][row]),
-            utc=utc,
-            sequence=int(columns["sequence"][row]),
-            flags=int(columns["flags"][row]),
-            exposure_us=float(columns["exposure_us"][row]),
-            gain=float(columns["gain"][row]),
-        )
+        return _of_row(Frame, columns, row, image=self.run.frame(camera, row), utc=utc)
+
+
+def _of_row(kind: type[T], columns: Columns, row: int, **others: Any) -> T:
+    """Return a reading or an image from a row of its table, whose columns are named as the attributes."""
+    types: dict[str, Any] = {each.name: each.type for each in fields(cast(Any, kind))}
+    values = {name: types[name](columns[name][row]) for name in types.keys() - others.keys()}
+    return kind(**values, **others)

@@ -8,25 +8,19 @@ import threading
 
 from simulators.wire.faults import INTERLOCK, FaultPanel
 from simulators.wire.modbus import ModbusRtuServer, ModbusTcpServer
-from simulators.wire.ports import LOCALHOST, Server, port_of
+from simulators.wire.ports import Server, port_of
 
 _COILS, _DISCRETE, _HOLDING, _INPUT = 1, 2, 3, 4
 _ILLEGAL_FUNCTION, _ILLEGAL_ADDRESS, _ILLEGAL_VALUE = 1, 2, 3
 
 
 class InputModule:
-    """The state of a module with contacts and registers; all contacts are closed at first.
+    """The state of a module with eight contacts and eight analogue inputs. First all contacts are closed."""
 
-    Parameters
-    ----------
-    contacts, registers : int
-        Number of contacts, and of analogue inputs.
-    """
-
-    def __init__(self, contacts: int = 8, registers: int = 8) -> None:
+    def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._contacts = [True] * contacts
-        self._registers = [0] * registers
+        self._contacts = [True] * 8
+        self._registers = [0] * 8
 
     def set_contact(self, number: int, *, closed: bool) -> None:
         """Close or open a contact."""
@@ -66,13 +60,16 @@ class InputModule:
 
 
 class _InputModuleLine(Server):
-    """A server of an `InputModule`; the subclasses frame its messages."""
+    """Base class of the servers of an `InputModule`. `InputModuleServer` describes the parameters."""
 
     unit = 1
 
-    def __init__(self, module: InputModule, faults: FaultPanel | None) -> None:
+    def __init__(
+        self, module: InputModule, host: str | None = None, port: int = 0, faults: FaultPanel | None = None
+    ) -> None:
         self.module = module
         self.faults = faults or FaultPanel(INTERLOCK)
+        self._port = port_of(self, host or self.default_host, port)
 
     def answer(self, unit: int, request: bytes) -> bytes:
         """Execute one protocol data unit and return the data unit of the answer."""
@@ -82,35 +79,8 @@ class _InputModuleLine(Server):
 
 
 class InputModuleServer(_InputModuleLine, ModbusTcpServer):
-    """A Modbus TCP server of an `InputModule`.
-
-    Parameters
-    ----------
-    module : InputModule
-    port : int
-        The TCP port; 0 takes any free port.
-    faults : FaultPanel, optional
-        The faults of the line. Default: a new panel.
-    """
-
-    def __init__(self, module: InputModule, port: int = 0, faults: FaultPanel | None = None) -> None:
-        super().__init__(module, faults)
-        self._port = port_of(self, LOCALHOST, port)
+    """A Modbus TCP server of an `InputModule`, by default on any free port and without faults."""
 
 
 class InputModuleRtuServer(_InputModuleLine, ModbusRtuServer):
-    """A Modbus RTU server of an `InputModule`, on a pseudo-terminal or, with `host`, on a TCP port.
-
-    Parameters
-    ----------
-    module : InputModule
-    host : str or None
-        The address of the TCP port; None for a pseudo-terminal.
-    faults : FaultPanel, optional
-    """
-
-    def __init__(
-        self, module: InputModule, host: str | None = None, faults: FaultPanel | None = None
-    ) -> None:
-        super().__init__(module, faults)
-        self._port = port_of(self, host, 0)
+    """A Modbus RTU server of an `InputModule`, on a pseudo-terminal or, with `host`, on a TCP port."""

@@ -6,6 +6,8 @@ network or a serial line.
 
 import math
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -97,14 +99,12 @@ class LoadFrameDevice:
 
     def load_n(self) -> float:
         """The present real load in N, relative to the zero set by `tare`."""
-        with self._lock:
-            self._advance()
+        with self._now():
             return self._crosshead.load_n
 
     def displacement_mm(self) -> float:
         """The present real position of the crosshead in mm, relative to the zero set by `tare`."""
-        with self._lock:
-            self._advance()
+        with self._now():
             return self._crosshead.displacement_mm
 
     @property
@@ -116,8 +116,7 @@ class LoadFrameDevice:
         """Set the limits; raise `RefusedError` for limits beyond the ratings of the machine."""
         if not self.ratings.encloses(limits):
             raise RefusedError(Refusal.BEYOND_LIMITS)
-        with self._lock:
-            self._advance()
+        with self._now():
             self._limits = limits
 
     @property
@@ -129,8 +128,7 @@ class LoadFrameDevice:
         """Set the time limit of the watchdog in s; 0 switches the watchdog off."""
         if not 0 <= timeout_s <= 60:
             raise RefusedError(Refusal.BEYOND_LIMITS)
-        with self._lock:
-            self._advance()
+        with self._now():
             self._watchdog_s = 0.0 if self._watchdog_lost else timeout_s
             self._beat_tick = self._tick
 
@@ -141,16 +139,14 @@ class LoadFrameDevice:
 
     def beat(self, value: int) -> None:
         """Receive a heartbeat. If its value is unchanged, the watchdog's time continues to run."""
-        with self._lock:
-            self._advance()
+        with self._now():
             if value != self._heartbeat:
                 self._heartbeat = value
                 self._beat_tick = self._tick
 
     def read(self) -> FrameReadings:
         """Return the readings. The readings do not change within one control period."""
-        with self._lock:
-            self._advance()
+        with self._now():
             if self._noise_tick != self._tick:
                 self._noise_tick = self._tick
                 self._noise = self._draw_noise()
@@ -195,15 +191,13 @@ class LoadFrameDevice:
 
     def hold(self) -> None:
         """Stop the crosshead and hold its position."""
-        with self._lock:
-            self._advance()
+        with self._now():
             self._note("hold")
             self._crosshead.stand(ControlMode.HOLD)
 
     def tare(self) -> None:
         """Set the zeros to the current load and position; raise `RefusedError` during motion."""
-        with self._lock:
-            self._advance()
+        with self._now():
             if self.read().moving:
                 raise RefusedError(Refusal.NOT_READY)
             self._note("tare")
@@ -211,8 +205,7 @@ class LoadFrameDevice:
 
     def press_estop(self) -> None:
         """Open the emergency stop chain. The crosshead stops and refuses motion until `release_estop`."""
-        with self._lock:
-            self._advance()
+        with self._now():
             self._estop = True
             self._trip(FaultCode.ESTOP)
 
@@ -222,20 +215,17 @@ class LoadFrameDevice:
 
     def hit_limit_switch(self) -> None:
         """Stop with a fault, as when the crosshead runs into a limit switch."""
-        with self._lock:
-            self._advance()
+        with self._now():
             self._trip(FaultCode.DISPLACEMENT_LIMIT)
 
     def jam(self) -> None:
         """Block the crosshead: the present motion and every later motion stop at once with a fault."""
-        with self._lock:
-            self._advance()
+        with self._now():
             self._crosshead.jammed = True
 
     def free(self) -> None:
         """Unblock the crosshead."""
-        with self._lock:
-            self._advance()
+        with self._now():
             self._crosshead.jammed = False
 
     def break_load_cell(self, broken: bool) -> None:
@@ -252,8 +242,7 @@ class LoadFrameDevice:
         drift_n_s : float
             For `Lie.DRIFTING`: the rate at which the shown load falls below the real load, in N/s.
         """
-        with self._lock:
-            self._advance()
+        with self._now():
             self._crosshead.lie(lie, drift_n_s)
 
     def freeze(self) -> None:
@@ -267,22 +256,26 @@ class LoadFrameDevice:
 
     def lose_watchdog(self, lost: bool) -> None:
         """Switch the watchdog off. While `lost` is True, the watchdog cannot be switched on again."""
-        with self._lock:
-            self._advance()
+        with self._now():
             self._watchdog_lost = lost
             self._watchdog_s = 0.0
 
     def break_specimen(self) -> None:
         """Break the specimen in the grips."""
-        with self._lock:
-            self._advance()
+        with self._now():
             self._crosshead.break_string()
 
     def power_cycle(self) -> None:
         """Switch the machine off and on. The crosshead does not move; zeros, limits and watchdog are lost."""
+        with self._now():
+            self._switch_on()
+
+    @contextmanager
+    def _now(self) -> Iterator[None]:
+        """Hold the machine's lock, after simulating all control periods up to the current time."""
         with self._lock:
             self._advance()
-            self._switch_on()
+            yield
 
     def _note(self, command: str) -> None:
         self.executed.append((self._clock.now_s(), command))

@@ -28,15 +28,8 @@ class LoadCellSettings(Settings):
 class LoadCell:
     """A load cell that shows the real force with the error of its class, or a wrong force.
 
-    Parameters
-    ----------
-    error_percent : float
-        Error of each reading, % of the force. The machine's controller uses the reading too.
-
-    Attributes
-    ----------
-    lie : Lie
-        The present fault of the load cell.
+    `error_percent` is the error of each reading, % of the force. The machine's controller uses the reading
+    too. `lie` is the present fault of the load cell.
     """
 
     def __init__(self, error_percent: float = 0.0) -> None:
@@ -55,15 +48,8 @@ class LoadCell:
     def begin(self, lie: Lie, force_n: float, now_s: float, drift_n_s: float = 0.0) -> None:
         """Begin to show a wrong load; with `Lie.NONE` the load cell shows the real load again.
 
-        Parameters
-        ----------
-        lie : Lie
-        force_n : float
-            The real force on the load cell in N.
-        now_s : float
-            The machine's time in s.
-        drift_n_s : float
-            For `Lie.DRIFTING`: the rate at which the shown load falls below the real load, in N/s.
+        `force_n` is the real force on the load cell in N, and `now_s` is the machine's time in s. For
+        `Lie.DRIFTING`, `drift_n_s` is the rate at which the shown load falls below the real load, in N/s.
         """
         self._stuck_n = self._distorted(force_n, now_s)
         self.lie, self._since_s, self._drift_n_s = lie, now_s, drift_n_s

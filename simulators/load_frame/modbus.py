@@ -12,7 +12,7 @@ from simulators.load_frame.layout import GENERIC, RegisterLayout
 from simulators.load_frame.registers import LoadFrameRegisters
 from simulators.wire.faults import LOAD_FRAME, FaultPanel
 from simulators.wire.modbus import ModbusRtuServer, ModbusTcpServer
-from simulators.wire.ports import LOCALHOST, Server, port_of
+from simulators.wire.ports import Server, port_of
 
 TARGET_SILENT = 11
 SERIAL = 220001
@@ -24,16 +24,20 @@ class _LoadFrameLine(Server):
     def __init__(
         self,
         device: LoadFrameDevice,
-        unit: int,
-        serial: int,
-        layout: RegisterLayout,
-        faults: FaultPanel | None,
-        registers: LoadFrameRegisters | None,
+        host: str | None = None,
+        port: int = 0,
+        *,
+        unit: int = 1,
+        serial: int = SERIAL,
+        layout: RegisterLayout = GENERIC,
+        faults: FaultPanel | None = None,
+        registers: LoadFrameRegisters | None = None,
     ) -> None:
         self.device = device
         self.unit = unit
         self.faults = faults or load_frame_faults(FaultPanel(LOAD_FRAME), device)
         self.registers = registers or LoadFrameRegisters(device, layout, serial, self.faults)
+        self._port = port_of(self, host or self.default_host, port)
 
     def answer(self, unit: int, request: bytes) -> bytes | None:
         """Execute one Modbus protocol data unit; return the data unit of the answer, or None."""
@@ -46,7 +50,8 @@ class LoadFrameServer(_LoadFrameLine, ModbusTcpServer):
     Parameters
     ----------
     device : LoadFrameDevice
-    host : str
+    host : str, optional
+        Default: the address 127.0.0.1.
     port : int
         The TCP port; 0 takes any free port.
     unit : int
@@ -60,21 +65,6 @@ class LoadFrameServer(_LoadFrameLine, ModbusTcpServer):
         Registers to share with another server of the same load frame. With shared registers, `serial` and
         `layout` have no effect.
     """
-
-    def __init__(
-        self,
-        device: LoadFrameDevice,
-        host: str = LOCALHOST,
-        port: int = 0,
-        *,
-        unit: int = 1,
-        serial: int = SERIAL,
-        layout: RegisterLayout = GENERIC,
-        faults: FaultPanel | None = None,
-        registers: LoadFrameRegisters | None = None,
-    ) -> None:
-        super().__init__(device, unit, serial, layout, faults, registers)
-        self._port = port_of(self, host, port)
 
     def answer(self, unit: int, request: bytes) -> bytes | None:
         """Execute one protocol data unit.
@@ -92,18 +82,3 @@ class LoadFrameRtuServer(_LoadFrameLine, ModbusRtuServer):
     The server does not answer damaged messages or messages for other units. A broadcast (unit 0) is executed
     without an answer. `LoadFrameServer` describes the parameters.
     """
-
-    def __init__(
-        self,
-        device: LoadFrameDevice,
-        host: str | None = None,
-        port: int = 0,
-        *,
-        unit: int = 1,
-        serial: int = SERIAL,
-        layout: RegisterLayout = GENERIC,
-        faults: FaultPanel | None = None,
-        registers: LoadFrameRegisters | None = None,
-    ) -> None:
-        super().__init__(device, unit, serial, layout, faults, registers)
-        self._port = port_of(self, host, port)

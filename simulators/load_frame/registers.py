@@ -9,6 +9,7 @@ import math
 import struct
 import threading
 from collections.abc import Mapping
+from dataclasses import astuple
 from typing import Any
 
 from simulators.load_frame.device import LoadFrameDevice
@@ -22,6 +23,8 @@ FIRMWARE = 0x0104
 READ_HOLDING, READ_INPUT, WRITE_ONE = 3, 4, 6
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE = 1, 2, 3
 READ_MAX, WRITE_MAX = 125, 123
+LIMITS = ("load_min", "load_max", "displacement_min", "displacement_max", "speed_max", "load_rate_max")
+"""The registers of the limits, in the order of the attributes of `MachineLimits`."""
 
 
 class ExceptionReply(Exception):
@@ -35,13 +38,7 @@ class ExceptionReply(Exception):
 class LoadFrameRegisters:
     """The registers of one load frame, shared by all servers of this load frame.
 
-    Parameters
-    ----------
-    device : LoadFrameDevice
-    layout : RegisterLayout
-    serial : int
-        The serial number that the load frame reports.
-    faults : FaultPanel
+    `serial` is the serial number that the load frame reports.
     """
 
     def __init__(
@@ -120,15 +117,7 @@ class LoadFrameRegisters:
             return {"timeout": device.watchdog_s}
         if block is layout.heartbeat:
             return {"heartbeat": device.heartbeat}
-        limits = device.limits
-        return {
-            "load_min": limits.load_min_n,
-            "load_max": limits.load_max_n,
-            "displacement_min": limits.displacement_min_mm,
-            "displacement_max": limits.displacement_max_mm,
-            "speed_max": limits.speed_max_mm_s,
-            "load_rate_max": limits.load_rate_max_n_s,
-        }
+        return dict(zip(LIMITS, astuple(device.limits), strict=True))
 
     def _state(self, readings: FrameReadings) -> dict[str, Number]:
         return {
@@ -157,7 +146,7 @@ class LoadFrameRegisters:
             elif block is layout.setpoints:
                 self._command = {**self._command, **values}
             elif block is layout.limits:
-                self._device.set_limits(_limits(values))
+                self._device.set_limits(MachineLimits(*(values[name] for name in LIMITS)))
             elif block is layout.watchdog:
                 self._device.set_watchdog(values["timeout"])
             else:
@@ -200,17 +189,6 @@ def _status(bits: Mapping[str, int], readings: FrameReadings) -> int:
         "load_valid": math.isfinite(readings.load_n),
     }
     return sum(1 << place for name, place in bits.items() if true[name])
-
-
-def _limits(values: dict[str, Number]) -> MachineLimits:
-    return MachineLimits(
-        values["load_min"],
-        values["load_max"],
-        values["displacement_min"],
-        values["displacement_max"],
-        values["speed_max"],
-        values["load_rate_max"],
-    )
 
 
 def _unpack(format: str, data: bytes) -> tuple[Any, ...]:

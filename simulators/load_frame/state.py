@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from enum import IntEnum
 
+from drivers.interfaces import LoadFrameLimits
+
 
 class FaultCode(IntEnum):
     """The reason why the machine stopped without a command."""
@@ -33,15 +35,8 @@ class RefusedError(Exception):
 
 
 @dataclass(frozen=True)
-class MachineLimits:
+class MachineLimits(LoadFrameLimits):
     """Limits of load, displacement, speed and load rate, in N, mm and s."""
-
-    load_min_n: float
-    load_max_n: float
-    displacement_min_mm: float
-    displacement_max_mm: float
-    speed_max_mm_s: float
-    load_rate_max_n_s: float
 
     def encloses(self, other: "MachineLimits") -> bool:
         """Return True if the limits `other` lie within these limits, and no range of `other` is empty."""

@@ -1,6 +1,7 @@
 """A simulated camera that renders the specimen as seen from the camera's position."""
 
 import threading
+from dataclasses import fields
 from typing import Literal
 from zlib import crc32
 
@@ -58,15 +59,7 @@ class CameraSettings(Settings):
 
     def optics(self) -> PinholeCamera:
         """Return the lens and the position of the camera."""
-        return PinholeCamera(
-            self.width_px,
-            self.height_px,
-            self.focal_px,
-            self.distance_mm,
-            self.pan_deg,
-            self.tilt_deg,
-            self.k1_per_px2,
-        )
+        return PinholeCamera(**{each.name: getattr(self, each.name) for each in fields(PinholeCamera)})
 
     def sensor(self) -> Sensor:
         """Return the sensor of the camera."""
@@ -197,15 +190,8 @@ class SimulatedCamera:
     def read_settings(self) -> dict[str, Setting]:
         """Return the settings of sensor and readout; raise the errors of `grab` for a camera that is gone."""
         self._require_open("read settings")
-        settings = self._settings
-        return {
-            "width_px": settings.width_px,
-            "height_px": settings.height_px,
-            "bits": settings.bits,
-            "exposure_us": settings.exposure_us,
-            "gain": settings.gain,
-            "readout_us": settings.readout_us,
-        }
+        names = ("width_px", "height_px", "bits", "exposure_us", "gain", "readout_us")
+        return {name: getattr(self._settings, name) for name in names}
 
     def close(self) -> None:
         """Release the camera; a repeated call does nothing."""

@@ -28,13 +28,7 @@ def notice(action: OperatorAction, duration_s: float) -> str:
 class SimulatedOperator:
     """A simulated operator, who needs the set duration for each action.
 
-    Parameters
-    ----------
-    scene : Scene
-    clock : Clock
-    duration_s : float
-    on_action : callable, optional
-        Called with two arguments: the action, and False at its beginning or True at its end.
+    `on_action` is called with two arguments: the action, and False at its beginning or True at its end.
     """
 
     def __init__(

@@ -11,16 +11,12 @@ from simulators.wire.faults import PICTURE, FaultPanel
 class PictureFaults:
     """Changes the light that reaches the sensor, and makes cameras unreachable for a time.
 
-    Parameters
-    ----------
-    clock : Clock
-        The clock of the rig, which determines when an unreachable camera becomes reachable again.
-    panel : FaultPanel, optional
-        The panel on which the faults are switched.
+    `clock` is the clock of the rig, which determines when an unreachable camera becomes reachable again.
+    The faults are switched on the attribute `panel`.
     """
 
-    def __init__(self, clock: Clock, panel: FaultPanel | None = None) -> None:
-        self.panel = panel or FaultPanel(PICTURE)
+    def __init__(self, clock: Clock) -> None:
+        self.panel = FaultPanel(PICTURE)
         self._clock = clock
         self._absent_until_s: dict[str, float] = {}
 

@@ -13,17 +13,11 @@ SERVERS = (*TERMINALS, *PORTS)
 
 @dataclass(frozen=True)
 class ServerAddresses:
-    """The addresses that the user gives. Servers without a given address take any free address.
+    """The addresses that the user gives. Servers without a given address take any free address."""
 
-    Attributes
-    ----------
-    ports : mapping of str to int
-        TCP ports on this machine, by the names of the servers.
-    links : mapping of str to Path
-        Paths of links to pseudo-terminals, by the names of the servers.
-    """
-
+    # TCP ports on this machine, by the names of the servers
     ports: Mapping[str, int] = field(default_factory=dict)
+    # paths of links to pseudo-terminals, by the names of the servers
     links: Mapping[str, Path] = field(default_factory=dict)
 
     @classmethod
@@ -50,17 +44,8 @@ class ServerAddresses:
 class Link:
     """A symbolic link that gives a pseudo-terminal a fixed path.
 
-    Parameters
-    ----------
-    path : Path
-        The path of the link.
-    terminal : Path
-        The path of the pseudo-terminal.
-
-    Raises
-    ------
-    OSError
-        If the path exists already. A link that a killed simulation left behind is replaced instead.
+    `path` is the path of the link. `terminal` is the path of the pseudo-terminal. Raise `OSError` if the path
+    exists already. A link that a killed simulation left behind is replaced instead.
     """
 
     def __init__(self, path: Path, terminal: Path) -> None:

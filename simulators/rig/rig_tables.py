@@ -42,18 +42,9 @@ S = TypeVar("S", bound=Settings)
 
 @dataclass(frozen=True)
 class RigTables:
-    """The content of a rig file in which all devices are simulated.
+    """The content of a rig file in which all devices are simulated."""
 
-    Attributes
-    ----------
-    content : mapping
-        The tables of the rig file, unchanged.
-    simulation : VirtualRigSettings
-    cameras : dict of str to CameraSettings
-    operator : OperatorSettings
-    """
-
-    content: Mapping[str, Any]
+    content: Mapping[str, Any]  # the tables of the rig file, unchanged
     simulation: VirtualRigSettings
     cameras: dict[str, CameraSettings]
     operator: OperatorSettings
@@ -62,12 +53,8 @@ class RigTables:
     def read(cls, content: Mapping[str, Any], source: str) -> "RigTables":
         """Check the content of a rig file; for empty content, use `DEFAULTS`.
 
-        A real device is refused, because a user of the simulation could move the device by mistake.
-
-        Raises
-        ------
-        ConfigurationError
-            If the content has mistakes. The message lists all mistakes.
+        A real device is refused, because a user of the simulation could move the device by mistake. Raise
+        `ConfigurationError` if the content has mistakes. The message lists all mistakes.
         """
         content = content or DEFAULTS
         mistakes: list[str] = []

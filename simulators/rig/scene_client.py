@@ -49,17 +49,8 @@ class RemoteCameraSettings(_RemoteSettings):
 class SceneClient:
     """A connection to a `simulators.rig.scene_wire.SceneServer`. The first request opens the connection.
 
-    Parameters
-    ----------
-    name : str
-        The name of the device in the rig file.
-    address : str
-        The address of the server, ``host:port``.
-
-    Attributes
-    ----------
-    name : str
-        Name and address of the device, for error messages.
+    `name` is the name of the device in the rig file. The attribute `name` has the address too, for error
+    messages. `address` is ``host:port``.
     """
 
     def __init__(self, name: str, address: str) -> None:
@@ -70,11 +61,8 @@ class SceneClient:
     def ask(self, timeout_s: float, /, **request: object) -> tuple[dict[str, Any], bytes]:
         """Send a request; return the JSON object of the answer and the bytes that follow the object.
 
-        Raises
-        ------
-        DeviceError
-            The error of the simulated device, with the name of this device; `LinkLost` if the simulation has
-            ended.
+        Raise the error of the simulated device, with the name of this device, or `LinkLost` if the simulation
+        has ended.
         """
         try:
             if self._socket is None:
@@ -130,11 +118,8 @@ class RemoteCamera:
     def grab(self, timeout_s: float) -> Frame:
         """Return a frame whose exposure began after this call.
 
-        Raises
-        ------
-        DeviceError
-            The error of the simulated camera; `LinkLost` if the simulation has ended; `DeviceFault` after
-            `close`.
+        Raise the error of the simulated camera, `LinkLost` if the simulation has ended, or `DeviceFault`
+        after `close`.
         """
         if not timeout_s > 0.0:
             raise self._error(DeviceTimeout, f"a frame within {timeout_s:g} s", "none", "allow more time")

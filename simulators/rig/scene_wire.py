@@ -29,6 +29,7 @@ from drivers.errors import DeviceError
 from drivers.interfaces import Frame, OperatorAction
 from simulators.rig.camera import SimulatedCamera
 from simulators.rig.operator import SimulatedOperator
+from simulators.wire.ports import LOCALHOST
 from simulators.wire.tcp_server import TcpServer
 
 LINE_MAX = 4096
@@ -38,20 +39,9 @@ TIMEOUT_MAX_S = 3600.0
 class SceneServer:
     """A TCP server for the cameras and the operator of a virtual rig.
 
-    Parameters
-    ----------
-    cameras : mapping of str to SimulatedCamera
-    operator : SimulatedOperator
-    on_frame : callable
-        Function that is called for each sent frame, with the camera's name, the camera and the frame.
-    host : str
-    port : int
-        The TCP port; 0 takes any free port.
-
-    Attributes
-    ----------
-    address : str
-        The address of the server, ``host:port``.
+    `on_frame` is a function that is called for each sent frame, with the camera's name, the camera and the
+    frame. `port` is the TCP port; 0 takes any free port. `address` is the address of the server,
+    ``host:port``.
     """
 
     def __init__(
@@ -59,14 +49,13 @@ class SceneServer:
         cameras: Mapping[str, SimulatedCamera],
         operator: SimulatedOperator,
         on_frame: Callable[[str, SimulatedCamera, Frame], None],
-        host: str = "127.0.0.1",
         port: int = 0,
     ) -> None:
         self._cameras = cameras
         self._operator = operator
         self._on_frame = on_frame
         self._turns = {name: threading.Lock() for name in cameras}
-        self._server = TcpServer(self._converse, host, port)
+        self._server = TcpServer(self._converse, LOCALHOST, port)
         self.address = self._server.address
 
     def close(self) -> None:
@@ -107,19 +96,9 @@ class SceneServer:
             frame = camera.grab(timeout_s)
             self._on_frame(name, camera, frame)
         pixels = frame.image.tobytes()
-        head = {
-            "shape": frame.image.shape,
-            "dtype": str(frame.image.dtype),
-            "exposed_s": frame.exposed_s,
-            "received_s": frame.received_s,
-            "utc": frame.utc.isoformat(),
-            "sequence": frame.sequence,
-            "flags": frame.flags,
-            "exposure_us": frame.exposure_us,
-            "gain": frame.gain,
-            "bytes": len(pixels),
-        }
-        return head, pixels
+        head = {**vars(frame), "utc": frame.utc.isoformat(), "bytes": len(pixels)}
+        image = head.pop("image")
+        return {**head, "shape": image.shape, "dtype": str(image.dtype)}, pixels
 
 
 def _misunderstood(got: str) -> dict[str, Any]:

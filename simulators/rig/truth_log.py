@@ -19,18 +19,8 @@ class TruthLog:
     Every line has the key ``what`` (``specimen``, ``sample``, ``command``, ``frame`` or ``fault``), the time
     ``time_s`` of the rig's clock, and the date ``utc``. The first line has the exact material properties of
     the specimen. A sample has the values of `VirtualRig.truth`. A frame has the pose and the deformation
-    gradient of the rendered surface in the middle of the exposure.
-
-    Parameters
-    ----------
-    path : Path or None
-        The log file; None for no log.
-    rig : VirtualRig
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
+    gradient of the rendered surface in the middle of the exposure. `path` is the log file; None for no log.
+    Raise `OSError` if the file cannot be written.
     """
 
     def __init__(self, path: Path | None, rig: VirtualRig) -> None:

@@ -166,7 +166,8 @@ class VirtualRig:
         rtu_port = port("load_frame_rtu_tcp")
         rtu_tcp = LoadFrameRtuServer(frame, LOCALHOST, rtu_port, faults=of_frame, registers=tcp.registers)
         serve("load_frame_rtu_tcp", rtu_tcp, "rtu://")
-        serve("interlocks", InputModuleServer(self.interlocks, port("interlocks"), self.faults[INTERLOCK]))
+        interlocks_port, of_interlocks = port("interlocks"), self.faults[INTERLOCK]
+        serve("interlocks", InputModuleServer(self.interlocks, port=interlocks_port, faults=of_interlocks))
         return addresses
 
     def truth(self) -> dict[str, float | bool]:

@@ -18,23 +18,12 @@ YIELD_STRAIN = 0.002
 
 @dataclass(frozen=True)
 class Point:
-    """A point of the first loading.
+    """A point of the first loading."""
 
-    Attributes
-    ----------
-    stress_mpa : float
-        Load over the original area.
-    plastic : float
-        Engineering strain that remains after unloading.
-    highest_mpa : float
-        The highest stress up to this point.
-    stress_slope, plastic_slope : float
-        Derivatives of `stress_mpa` and of `plastic` along the path.
-    """
-
-    stress_mpa: float
-    plastic: float
-    highest_mpa: float
+    stress_mpa: float  # load over the original area
+    plastic: float  # engineering strain that remains after unloading
+    highest_mpa: float  # the highest stress up to this point
+    # derivatives of `stress_mpa` and of `plastic` along the path
     stress_slope: float
     plastic_slope: float
 

@@ -90,13 +90,7 @@ class YieldPoint(Settings):
 
 
 class FlowCurve:
-    """Nominal stress at each plastic strain, for a law of hardening with or without a yield point.
-
-    Parameters
-    ----------
-    law : Law
-    yield_point : YieldPoint or None
-    """
+    """Nominal stress at each plastic strain, for a law of hardening with or without a yield point."""
 
     def __init__(self, law: Law, yield_point: YieldPoint | None) -> None:
         self._law = law

@@ -11,16 +11,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Pose:
-    """A rigid motion ``p -> rotation · p + translation_mm``. The default is no motion.
+    """A rigid motion ``p -> rotation · p + translation_mm``. The default is no motion."""
 
-    Attributes
-    ----------
-    rotation : ndarray, shape (3, 3)
-    translation_mm : ndarray, shape (3,)
-    """
-
-    rotation: Array = field(default_factory=lambda: np.eye(3))
-    translation_mm: Array = field(default_factory=lambda: np.zeros(3))
+    rotation: Array = field(default_factory=lambda: np.eye(3))  # shape (3, 3)
+    translation_mm: Array = field(default_factory=lambda: np.zeros(3))  # shape (3,)
 
     def apply(self, points_mm: Array) -> Array:
         """Return the moved points (n, 3) in mm."""

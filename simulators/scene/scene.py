@@ -187,10 +187,7 @@ class Scene:
 def scene_of(context: OpenContext) -> Scene:
     """Return the scene of the simulated rig that a device belongs to.
 
-    Raises
-    ------
-    DeviceError
-        If the rig is not simulated.
+    Raise `DeviceError` if the rig is not simulated.
     """
     scene = getattr(context.environment, "scene", None)
     if not isinstance(scene, Scene):

@@ -8,23 +8,13 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Sensor:
-    """An image sensor as in the model of EMVA 1288: electrons with noise, a gain, and integer grey levels.
+    """An image sensor as in the model of EMVA 1288: electrons with noise, a gain, and integer grey levels."""
 
-    Attributes
-    ----------
-    bits : int
-        Number of significant bits, 8 or 12.
-    full_well_e : float
-        Largest number of electrons in a pixel. At gain 1, this number gives the highest grey level.
-    read_noise_e : float
-        Standard deviation of the dark noise, in electrons.
-    saturation_exposure_us : float
-        Exposure time in µs in which a surface of reflectance 1 gives the largest number of electrons.
-    """
-
-    bits: int
+    bits: int  # number of significant bits, 8 or 12
+    # largest number of electrons in a pixel. At gain 1, this number gives the highest grey level.
     full_well_e: float
-    read_noise_e: float
+    read_noise_e: float  # standard deviation of the dark noise, in electrons
+    # exposure time in µs in which a surface of reflectance 1 gives the largest number of electrons
     saturation_exposure_us: float
 
     @property

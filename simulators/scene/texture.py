@@ -40,21 +40,15 @@ class Speckle:
     Where dots overlap, their darkness values add up to a sum s, and the fraction exp(-s) of the light remains
     above the darkest reflectance. The dots are sorted by the cells of a square lattice around the origin, so
     that the dots near a point are found quickly. Outside the lattice, the surface is white.
-
-    Attributes
-    ----------
-    dots : ndarray, shape (m, 3)
-        x, y and 1 / radius² of each dot, in units of the cell size. Radii are at most 1, so a dot covers
-        points in its own cell and in the neighbouring cells only.
-    first : ndarray of int, shape (n * n + 1,)
-        Index of the first dot of each cell, row by row. The last element is the number of all dots.
-    cell_mm : float
-        Size of a cell.
     """
 
+    # shape (m, 3): x, y and 1 / radius² of each dot, in units of the cell size. Radii are at most 1, so a dot
+    # covers points in its own cell and in the neighbouring cells only.
     dots: Array
+    # shape (n * n + 1,): index of the first dot of each cell, row by row. The last element is the number of
+    # all dots.
     first: NDArray[np.int64]
-    cell_mm: float
+    cell_mm: float  # size of a cell
     quadrature_order: ClassVar[int] = 2
 
     # With these values, the pattern's autocorrelation is 5 px wide at half height for a camera at 70 px/mm.
@@ -83,32 +77,19 @@ class Speckle:
 
 @dataclass(frozen=True)
 class LineGrid:
-    """Calibration grid: dark lines parallel to X and Y on a bright square plate around the origin.
+    """Calibration grid: dark lines parallel to X and Y on a bright square plate around the origin."""
 
-    Attributes
-    ----------
-    lines : int
-        Number of lines parallel to X, and number of lines parallel to Y.
-    pitch_mm, line_width_mm : float
-    edge_mm : float
-        Width of the transition from dark to bright at the edge of a line.
-    overhang_mm : float
-        Length of a line beyond its outermost intersection.
-    plate_half_mm : float
-        Half the side length of the plate. The surface around the plate is half as bright as the plate.
-    marked : bool
-        True if three dark dots mark the origin and the axes. The dots are in three of the four cells around
-        the intersection ``(lines // 2, lines // 2)``, each in the middle of its cell. Of these four cells,
-        the cell without a dot lies towards +X and +Y. For an odd number of lines, the intersection is the
-        middle of the grid.
-    """
-
-    lines: int = 21
+    lines: int = 21  # number of lines parallel to X, and number of lines parallel to Y
     pitch_mm: float = 0.5
     line_width_mm: float = 0.08
-    edge_mm: float = 0.03
-    overhang_mm: float = 0.1
+    edge_mm: float = 0.03  # width of the transition from dark to bright at the edge of a line
+    overhang_mm: float = 0.1  # length of a line beyond its outermost intersection
+    # half the side length of the plate. The surface around the plate is half as bright as the plate.
     plate_half_mm: float = 6.0
+    # True if three dark dots mark the origin and the axes. The dots are in three of the four cells around the
+    # intersection ``(lines // 2, lines // 2)``, each in the middle of its cell. Of these four cells, the cell
+    # without a dot lies towards +X and +Y. For an odd number of lines, the intersection is the middle of the
+    # grid.
     marked: bool = False
     quadrature_order: ClassVar[int] = 3
 

@@ -8,7 +8,6 @@ Source: ESP301 Integrated 3-Axis Motion Controller/Driver, User's Manual, sectio
 """
 
 import re
-import threading
 from collections.abc import Callable
 
 from drivers.clock import Clock
@@ -17,10 +16,9 @@ from simulators.stage.device import StageDevice, StageRefusedError
 from simulators.stage.faults import stage_faults
 from simulators.stage.newport_errors import ErrorQueue, NewportError
 from simulators.wire.faults import NEWPORT, FaultPanel
-from simulators.wire.ports import Server, port_of
+from simulators.wire.ports import LineServer, port_of
 
 COMMAND = re.compile(r"(?P<axis>\d*)(?P<name>[A-Z]{2})(?P<value>\?|[-+]?\d*\.?\d*)")
-LINE_MAX = 256
 AXES = 3
 DEGREE = 7
 NUMBER_MAX = 2e9
@@ -35,7 +33,7 @@ ANSWERED_WITHOUT_MARK = frozenset({"TP", "TV", "TS", "TX", "TE", "TB", "VE", "ID
 SETTINGS = frozenset({"VA", "AC", "AG", "SL", "SR", "SN"})
 
 
-class NewportServer(Server):
+class NewportServer(LineServer):
     """A controller on a pseudo-terminal or on TCP. The stage is axis 1; the other axes have no stage.
 
     Parameters
@@ -59,6 +57,8 @@ class NewportServer(Server):
         The action at the software limits, as the answer to ``ZS?``.
     """
 
+    line_max = 256
+
     def __init__(
         self,
         device: StageDevice,
@@ -73,7 +73,7 @@ class NewportServer(Server):
         self.faults = faults or stage_faults(FaultPanel(NEWPORT), device)
         self._clock = clock
         self._serial = serial
-        self._turn = threading.Lock()
+        super().__init__()
         self.home_mode = 1
         self.soft_limits = SOFT_LIMITS
         self._switch_on()
@@ -86,11 +86,6 @@ class NewportServer(Server):
         self._motor_on = False
         self._target_deg = 0.0
 
-    def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
-        """Return the complete lines in a buffer, and the remaining bytes."""
-        *lines, rest = re.split(rb"[\r\n]", buffer)
-        return [line for line in lines if line], rest[-LINE_MAX:]
-
     def damaged(self, reply: bytes) -> bytes:
         """Return the answer with a damaged first character.
 
@@ -101,11 +96,6 @@ class NewportServer(Server):
     def readdressed(self, reply: bytes) -> bytes:
         """Return the answer unchanged, because answers in this protocol have no address."""
         return reply
-
-    def respond(self, message: bytes) -> bytes:
-        """Execute one line and return the answer. Only one client's line is executed at a time."""
-        with self._turn:
-            return self.answer(message)
 
     def answer(self, line: bytes) -> bytes:
         """Execute the commands of one line and return the answers to the queries."""

@@ -77,10 +77,7 @@ def text_of(code: int) -> str:
 class ErrorQueue:
     """The controller's errors in the order of their occurrence. Each query removes the oldest error.
 
-    Parameters
-    ----------
-    now_s : callable
-        Returns the time in s since the controller was switched on.
+    ``now_s()`` returns the time in s since the controller was switched on.
     """
 
     def __init__(self, now_s: Callable[[], float]) -> None:

@@ -7,16 +7,14 @@ Source: Zaber ASCII Protocol Manual (https://www.zaber.com/protocol-manual).
 """
 
 import re
-import threading
 
 from simulators.stage.device import StageDevice, StageRefusedError
 from simulators.stage.faults import stage_faults
 from simulators.stage.zaber_settings import ACCELERATION_UNIT, SPEED_UNIT, ZaberDeviceSettings
 from simulators.wire.faults import STAGE, FaultPanel
-from simulators.wire.ports import Server, port_of
+from simulators.wire.ports import LineServer, port_of
 
 MESSAGE = re.compile(r"/(?:(?P<address>\d+)(?: +(?P<axis>\d+)(?: +(?P<id>\d+|--))?)?)? *(?P<command>[^:]*)$")
-LINE_MAX = 128
 AXES = 1
 NUMBER_MAX = 2**63 - 1
 
@@ -26,7 +24,7 @@ def checksum(text: str) -> str:
     return f"{-sum(text.encode('ascii', 'replace')) & 0xFF:02X}"
 
 
-class ZaberServer(Server):
+class ZaberServer(LineServer):
     """A server for one stage, on a pseudo-terminal or on TCP.
 
     Parameters
@@ -44,6 +42,8 @@ class ZaberServer(Server):
         The faults of the stage. Default: a new panel.
     """
 
+    line_max = 128
+
     def __init__(
         self,
         device: StageDevice,
@@ -57,18 +57,8 @@ class ZaberServer(Server):
         self.device = device
         self.settings = ZaberDeviceSettings(device, device_address, serial)
         self.faults = faults or stage_faults(FaultPanel(STAGE), device)
-        self._turn = threading.Lock()
+        super().__init__()
         self._port = port_of(self, host, port)
-
-    def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
-        """Return the complete lines in a buffer, and the remaining bytes."""
-        *lines, rest = re.split(rb"[\r\n]", buffer)
-        return lines, rest[-LINE_MAX:]
-
-    def respond(self, message: bytes) -> bytes:
-        """Execute one line and return the answer. Only one client's line is executed at a time."""
-        with self._turn:
-            return self.answer(message)
 
     def damaged(self, reply: bytes) -> bytes:
         """Return the answer with one bit flipped; a client detects this if the answer has a checksum."""

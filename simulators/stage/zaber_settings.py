@@ -20,18 +20,9 @@ Reading = Callable[[], object]
 class ZaberDeviceSettings:
     """The settings of one Zaber device and of its axis.
 
-    Parameters
-    ----------
-    device : StageDevice
-    address : int
-        The Zaber address of the device.
-    serial : int
-        The serial number that the device reports.
-
-    Attributes
-    ----------
-    always_checksum : bool
-        The setting `comm.checksum`. If True, every answer has a checksum, even if the message has none.
+    `address` is the Zaber address of the device. `serial` is the serial number that the device reports.
+    `always_checksum` is the setting `comm.checksum`. If True, every answer has a checksum, even if the
+    message has none.
     """
 
     def __init__(self, device: StageDevice, address: int, serial: int) -> None:

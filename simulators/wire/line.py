@@ -30,13 +30,8 @@ class WireProtocol(Protocol):
 class Line:
     """The line between a device and one client: it collects messages, and applies faults to the answers.
 
-    Parameters
-    ----------
-    wire : WireProtocol
-    send : callable
-        Sends bytes to the client.
-    pause : callable
-        Waits for a number of seconds in real time. Closing the line ends the wait.
+    `send` sends bytes to the client. `pause` waits for a number of seconds in real time. Closing the line
+    ends the wait.
     """
 
     def __init__(

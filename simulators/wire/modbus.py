@@ -7,7 +7,7 @@ import struct
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 
-from simulators.wire.ports import Server
+from simulators.wire.ports import LOCALHOST, Server
 
 WRITE_MANY = 16
 """Modbus function code of a request that writes several registers."""
@@ -22,6 +22,8 @@ SHORT_REQUESTS = {1, 2, 3, 4, 5, 6}
 
 class ModbusTcpServer(Server, ABC):
     """Modbus TCP for a device whose `answer` executes a protocol data unit (function code and data)."""
+
+    default_host = LOCALHOST
 
     @abstractmethod
     def answer(self, unit: int, request: bytes) -> bytes | None:
@@ -53,14 +55,9 @@ class ModbusRtuServer(Server, ABC):
 
     The server does not answer damaged messages or messages for other units. A broadcast is executed without
     an answer.
-
-    Attributes
-    ----------
-    unit : int
-        The address of the device on the serial line.
     """
 
-    unit: int
+    unit: int  # the address of the device on the serial line
 
     @abstractmethod
     def answer(self, unit: int, request: bytes) -> bytes | None:
@@ -90,10 +87,7 @@ class ModbusRtuServer(Server, ABC):
 def cut_tcp(buffer: bytes) -> tuple[list[bytes], bytes]:
     """Return the complete messages in a buffer, and the remaining bytes.
 
-    Raises
-    ------
-    ConnectionError
-        If the bytes have no Modbus header. The connection must then be closed.
+    Raise `ConnectionError` if the bytes have no Modbus header. The connection must then be closed.
     """
     messages = []
     while len(buffer) >= HEADER:

@@ -3,13 +3,16 @@
 import contextlib
 import functools
 import os
+import re
 import select
 import shutil
 import socket
 import tempfile
 import threading
 import tty
+from abc import ABC, abstractmethod
 from pathlib import Path
+from typing import ClassVar
 
 from simulators.wire.line import Line, WireProtocol
 from simulators.wire.tcp_server import TcpServer
@@ -31,12 +34,9 @@ def _sweep() -> None:
 class PtyPort:
     """A pseudo-terminal through which a client reaches a device.
 
-    Attributes
-    ----------
-    address : str
-        The path for the client: a link to the terminal, like the links in /dev/serial/by-id. While the
-        terminal is unplugged, the link is missing. When the terminal is plugged in again, the link has the
-        same path as before.
+    `address` is the path for the client: a link to the terminal, like the links in /dev/serial/by-id. While
+    the terminal is unplugged, the link is missing. When the terminal is plugged in again, the link has the
+    same path as before.
     """
 
     def __init__(self, wire: WireProtocol) -> None:
@@ -97,10 +97,7 @@ class PtyPort:
 class TcpPort:
     """A TCP port through which any number of clients reach a device.
 
-    Attributes
-    ----------
-    address : str
-        The address ``host:port``, which does not change when the port is unplugged and plugged in.
+    `address` is the address ``host:port``, which does not change when the port is unplugged and plugged in.
     """
 
     def __init__(self, wire: WireProtocol, host: str, port: int) -> None:
@@ -141,15 +138,11 @@ class TcpPort:
     close = unplug
 
 
-class Server:
-    """A device with its own port. A subclass defines how to split, answer and damage messages.
+class Server(WireProtocol):
+    """A device with its own port. A subclass defines how to split, answer and damage messages."""
 
-    Attributes
-    ----------
-    address : str
-        The path of a pseudo-terminal, or ``host:port``.
-    """
-
+    default_host: ClassVar[str | None] = None
+    """The address of the server's TCP port, or None for a pseudo-terminal, if no address is given."""
     _port: PtyPort | TcpPort
 
     @property
@@ -165,6 +158,29 @@ class Server:
     def close(self) -> None:
         """Close the port and end its threads; a repeated call does nothing."""
         self._port.close()
+
+
+class LineServer(Server, ABC):
+    """A device whose messages are lines of text, of at most `line_max` bytes."""
+
+    line_max: ClassVar[int]
+
+    def __init__(self) -> None:
+        self._turn = threading.Lock()
+
+    def cut(self, buffer: bytes) -> tuple[list[bytes], bytes]:
+        """Return the complete lines in a buffer, and the remaining bytes."""
+        *lines, rest = re.split(rb"[\r\n]", buffer)
+        return [line for line in lines if line], rest[-self.line_max :]
+
+    def respond(self, message: bytes) -> bytes:
+        """Execute one line and return the answer. Only one client's line is executed at a time."""
+        with self._turn:
+            return self.answer(message)
+
+    @abstractmethod
+    def answer(self, line: bytes) -> bytes:
+        """Execute one line and return the answer, which may be empty."""
 
 
 def port_of(wire: WireProtocol, host: str | None, port: int) -> PtyPort | TcpPort:

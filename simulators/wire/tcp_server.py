@@ -11,19 +11,9 @@ RETRY_S = 0.05
 class TcpServer:
     """A server that accepts connections and serves each connection in its own daemon thread.
 
-    Parameters
-    ----------
-    converse : callable
-        ``converse(connection)`` serves one client. The function must return when `recv` returns no bytes, and
-        may raise `OSError`. The server then closes the connection.
-    host : str
-    port : int
-        The TCP port; 0 takes any free port.
-
-    Raises
-    ------
-    OSError
-        If the port is in use.
+    ``converse(connection)`` serves one client. The function must return when `recv` returns no bytes, and may
+    raise `OSError`. The server then closes the connection. `port` is the TCP port; 0 takes any free port.
+    Raise `OSError` if the port is in use.
     """
 
     def __init__(self, converse: Callable[[socket.socket], None], host: str, port: int) -> None:

@@ -3,6 +3,8 @@
 import contextlib
 import threading
 from collections.abc import Callable
+from concurrent.futures import Future, wait
+from typing import Any, TypeVar
 
 from drivers.cameras.aravis.find import FINDER
 from drivers.cameras.aravis.library import Aravis, AravisError, load
@@ -13,39 +15,12 @@ from drivers.errors import DeviceError, DeviceTimeout, LinkLost
 from drivers.interfaces import CameraInfo, OpenContext
 from drivers.registry import DriverSpec
 
+T = TypeVar("T")
 GIVING_UP_S = 20.0
 """Longest time, in seconds, that `close` waits for a connection to end.
 
 Aravis needs up to 13 s to close the connection to a camera that is disconnected.
 """
-
-
-class _Aside:
-    """Opens or closes a camera on a separate thread, because Aravis takes seconds if a camera is silent."""
-
-    def __init__(self, name: str, act: Callable[[], AravisSession | None]) -> None:
-        self._act = act
-        self._session: AravisSession | None = None
-        self._error: Exception | None = None
-        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
-        self._thread.start()
-
-    def is_done(self, timeout_s: float) -> bool:
-        """Wait up to `timeout_s` seconds for the end of opening or closing. Return whether it has ended."""
-        self._thread.join(max(0.0, timeout_s))
-        return not self._thread.is_alive()
-
-    def result(self) -> AravisSession | None:
-        """Return the opened session, or None after closing. Raise the exception if the action failed."""
-        if self._error is not None:
-            raise self._error
-        return self._session
-
-    def _run(self) -> None:
-        try:
-            self._session = self._act()
-        except Exception as error:  # keep the exception, which the method `result` raises again
-            self._error = error
 
 
 class AravisCamera(FilmingCamera[AravisSession]):
@@ -62,7 +37,7 @@ class AravisCamera(FilmingCamera[AravisSession]):
         super().__init__(f"{context.name} ({settings.camera})", context.clock)
         self._settings = settings
         self._library = library
-        self._aside: _Aside | None = None
+        self._aside: Future[AravisSession | None] | None = None
         self._serial: str | None = None
         self._session = session = self._open()
         self._serial = session.serial
@@ -83,7 +58,7 @@ class AravisCamera(FilmingCamera[AravisSession]):
         super().close()
         with self._lock:
             aside, self._aside = self._aside, None
-        if aside is not None and aside.is_done(GIVING_UP_S):
+        if aside is not None and _is_done(aside, GIVING_UP_S):
             with contextlib.suppress(DeviceError):  # a camera that could not be reopened needs no closing
                 if (session := aside.result()) is not None:
                     session.close()
@@ -92,8 +67,8 @@ class AravisCamera(FilmingCamera[AravisSession]):
         session: AravisSession | None = None
         while session is None:
             if self._aside is None:
-                self._aside = _Aside(f"open {self._name}", self._open)
-            if not self._aside.is_done(deadline_s - self._clock.now_s()):
+                self._aside = _aside(f"open {self._name}", self._open)
+            if not _is_done(self._aside, deadline_s - self._clock.now_s()):
                 raise DeviceTimeout(
                     self._name,
                     step,
@@ -128,16 +103,32 @@ class AravisCamera(FilmingCamera[AravisSession]):
     def _give_up(self) -> None:
         session, self._session = self._session, None
         if session is not None:
-            self._aside = _Aside(f"close {self._name}", session.close)
+            self._aside = _aside(f"close {self._name}", session.close)
+
+
+def _aside(name: str, act: Callable[[], T]) -> "Future[T]":
+    """Open or close a camera on a separate thread, because Aravis takes seconds if a camera is silent."""
+    done: Future[T] = Future()
+
+    def run() -> None:
+        try:
+            done.set_result(act())
+        except Exception as error:  # `result` raises the exception again
+            done.set_exception(error)
+
+    threading.Thread(target=run, name=name, daemon=True).start()
+    return done
+
+
+def _is_done(aside: "Future[Any]", timeout_s: float) -> bool:
+    return bool(wait([aside], max(0.0, timeout_s)).done)
 
 
 def open_camera(settings: AravisSettings, context: OpenContext) -> AravisCamera:
     """Open a camera, write its settings, read the settings back and start filming.
 
-    Raises
-    ------
-    DeviceError
-        If the library is missing, the camera cannot be opened, or a setting reads back differently.
+    Raise `DeviceError` if the library is missing, the camera cannot be opened, or a setting reads back
+    differently.
     """
     name = f"{context.name} ({settings.camera})"
     refuse_simulated_time(name, context)

@@ -22,19 +22,9 @@ ANOTHER = "choose a value that the camera takes"
 class Features:
     """The settings (GenICam features) of an opened camera.
 
-    Parameters
-    ----------
-    library : Aravis
-    camera : int
-        Pointer to the library's camera object.
-    device : str
-        Name of the camera, used in error messages.
-
-    Attributes
-    ----------
-    numbers : dict of str to float
-        Values of ``frame_rate``, ``exposure_time`` and ``gain``, as read back from the camera. There is no
-        ``gain`` if the camera has no gain.
+    `camera` is the pointer to the library's camera object. `numbers` has the values of ``frame_rate``,
+    ``exposure_time`` and ``gain``, as read back from the camera. There is no ``gain`` if the camera has no
+    gain.
     """
 
     def __init__(self, library: Aravis, camera: int, device: str) -> None:
@@ -47,12 +37,8 @@ class Features:
     def write(self, settings: AravisSettings) -> None:
         """Switch the automatic controls off and write all settings.
 
-        Raises
-        ------
-        DeviceFault
-            If the camera does not accept a setting.
-        AravisError
-            If the camera does not answer.
+        Raise `DeviceFault` if the camera does not accept a setting, and `AravisError` if the camera does not
+        answer.
         """
         for name in AUTOMATICS:
             if name not in settings.features and self._has(name):
@@ -78,12 +64,8 @@ class Features:
     def verify(self) -> None:
         """Read frame rate, exposure time and gain back, and compare them with the values read after opening.
 
-        Raises
-        ------
-        DeviceFault
-            If a value has changed, for example because another feature was written.
-        LinkLost
-            If the camera does not answer.
+        Raise `DeviceFault` if a value has changed, for example because another feature was written, and
+        `LinkLost` if the camera does not answer.
         """
         for name, wanted in self.numbers.items():
             step = f"verify {name}"
@@ -97,10 +79,7 @@ class Features:
     def read(self, settings: AravisSettings) -> dict[str, Setting]:
         """Read back the settings that `write` has written, the transfer sizes and the camera's versions.
 
-        Raises
-        ------
-        LinkLost
-            If the camera does not answer.
+        Raise `LinkLost` if the camera does not answer.
         """
         try:
             return self._read_picture() | self._read_transfer() | self._read_texts(settings)

@@ -9,15 +9,8 @@ PROTOCOLS = ("GigEVision", "USB3Vision")
 def vision_cameras(library: Aravis | None = None) -> list[Found]:
     """Return the cameras that answer within one second (Aravis' timeout). No setting is changed.
 
-    Parameters
-    ----------
-    library : Aravis, optional
-        The Aravis library. The default is the library that is installed on this computer.
-
-    Raises
-    ------
-    OSError
-        If the Aravis library is not installed.
+    `library` is the Aravis library. The default is the library that is installed on this computer. Raise
+    `OSError` if the Aravis library is not installed.
     """
     library = _installed() if library is None else library
     library.call("update_device_list")

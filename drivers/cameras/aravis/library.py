@@ -72,12 +72,7 @@ _SAFE: dict[str, tuple[Any, tuple[Any, ...]]] = {
 
 
 class Aravis:
-    """Calls functions of the Aravis library by name. Functions that can fail raise `AravisError`.
-
-    Parameters
-    ----------
-    library, gobject, glib : ctypes.CDLL
-    """
+    """Calls functions of the Aravis library by name. Functions that can fail raise `AravisError`."""
 
     def __init__(self, library: Any, gobject: Any, glib: Any) -> None:
         self._library = library
@@ -95,10 +90,7 @@ class Aravis:
     def call(self, name: str, *arguments: Any) -> Any:
         """Call the function of the library that has the prefix ``arv_`` before `name`.
 
-        Raises
-        ------
-        AravisError
-            If the function reports an error. The exception has the library's message.
+        Raise `AravisError` if the function reports an error. The exception has the library's message.
         """
         name = f"arv_{name}"
         function = getattr(self._library, name)

@@ -31,20 +31,8 @@ OTHER_SIZE = 1 << 8
 class AravisSession:
     """An opened camera that films; its settings were written and read back.
 
-    Parameters
-    ----------
-    library : Aravis
-    settings : AravisSettings
-    device : str
-        Name of the camera, used in error messages.
-    clock : Clock
-
-    Raises
-    ------
-    AravisError
-        If the camera cannot be opened.
-    DeviceFault
-        If the camera does not accept a setting.
+    Raise `AravisError` if the camera cannot be opened, and `DeviceFault` if the camera does not accept a
+    setting.
     """
 
     def __init__(self, library: Aravis, settings: AravisSettings, device: str, clock: Clock) -> None:

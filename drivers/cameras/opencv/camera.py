@@ -32,12 +32,7 @@ _NAMES = {"FRAME_WIDTH": "width_px", "FRAME_HEIGHT": "height_px", "FPS": "rate_h
 class OpencvCamera:
     """A `Camera` through OpenCV. To construct this class, call `open_camera`.
 
-    Parameters
-    ----------
-    settings : OpencvCameraSettings
-    context : OpenContext
-    capture : cv2.VideoCapture
-        An opened ``VideoCapture``, or a test's object with the same methods.
+    `capture` is an opened ``VideoCapture``, or a test's object with the same methods.
     """
 
     info: CameraInfo
@@ -66,12 +61,8 @@ class OpencvCamera:
         `exposed_s` is the time of the call, because the exposure did not begin earlier. The exact start of
         exposure is unknown. The sequence number counts the frames that the program read.
 
-        Raises
-        ------
-        DeviceTimeout
-            If reading takes longer than `timeout_s`. OpenCV itself may wait up to 10 s for one frame.
-        LinkLost
-            If OpenCV returns no frame.
+        Raise `DeviceTimeout` if reading takes longer than `timeout_s`. OpenCV itself may wait up to 10 s for
+        one frame. Raise `LinkLost` if OpenCV returns no frame.
         """
         asked_s, utc = self._clock.now_s(), self._clock.utc()
         with to_itself(self._lock, self._name, "grab", timeout_s):
@@ -93,10 +84,7 @@ class OpencvCamera:
     def read_settings(self) -> dict[str, Setting]:
         """Read all properties that the driver has written back from OpenCV, by their names in OpenCV.
 
-        Raises
-        ------
-        DeviceFault
-            If the camera is closed.
+        Raise `DeviceFault` if the camera is closed.
         """
         with to_itself(self._lock, self._name, "read settings", READING_S):
             self._require_open("read settings")
@@ -193,10 +181,7 @@ class OpencvCamera:
 def open_camera(settings: OpencvCameraSettings, context: OpenContext) -> OpencvCamera:
     """Open a camera through OpenCV, write its settings and compare the values read back.
 
-    Raises
-    ------
-    DeviceError
-        If OpenCV cannot open the camera, or the camera does not accept a property.
+    Raise `DeviceError` if OpenCV cannot open the camera, or the camera does not accept a property.
     """
     import cv2
 

@@ -19,29 +19,19 @@ OWN_SETTINGS = {
 
 
 class OpencvCameraSettings(FrameSettings):
-    """Settings of a camera that is opened through OpenCV, as given in the rig file.
+    """Settings of a camera that is opened through OpenCV, as given in the rig file."""
 
-    Attributes
-    ----------
-    source : int or str
-        OpenCV's number of the camera, or the address of a stream.
-    exposure, gain : float, optional
-        Exposure and gain in the unit of OpenCV's backend. If given, the driver writes each value and reads it
-        back.
-    properties : dict of str to float
-        Further OpenCV properties, named without ``CAP_PROP_``, for example ``AUTO_EXPOSURE``.
-    channel : str
-        Source of the grey levels in a colour picture: ``grey`` weights all channels, ``green`` takes the
-        green channel only.
-    buffered_frames : int
-        Number of frames that camera, kernel and OpenCV may buffer. `grab` discards this number plus one.
-    """
-
-    source: int | str
+    source: int | str  # OpenCV's number of the camera, or the address of a stream
+    # exposure and gain in the unit of OpenCV's backend. If given, the driver writes each value and reads it
+    # back.
     exposure: float | None = None
     gain: float | None = None
+    # further OpenCV properties, named without ``CAP_PROP_``, for example ``AUTO_EXPOSURE``
     properties: dict[str, float] = Field(default_factory=dict)
+    # source of the grey levels in a colour picture: ``grey`` weights all channels, ``green`` takes the green
+    # channel only
     channel: Literal["grey", "green"] = "grey"
+    # number of frames that camera, kernel and OpenCV may buffer. `grab` discards this number plus one.
     buffered_frames: int = Field(default=5, ge=0, le=64)
 
     @field_validator("source")

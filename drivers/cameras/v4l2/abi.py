@@ -39,10 +39,8 @@ class ControlFlag(IntFlag):
     """Flags that describe a camera control (``V4L2_CTRL_FLAG_…``)."""
 
     DISABLED = 0x1
-    GRABBED = 0x2
     READ_ONLY = 0x4
     INACTIVE = 0x10
-    WRITE_ONLY = 0x40
 
 
 class ControlType(IntEnum):
@@ -51,7 +49,6 @@ class ControlType(IntEnum):
     INTEGER = 1
     BOOLEAN = 2
     MENU = 3
-    BUTTON = 4
     BITMASK = 8
     INTEGER_MENU = 9
 
@@ -79,6 +76,10 @@ class ControlId(IntEnum):
     ANALOGUE_GAIN = 0x9E0903
 
 
+def _words(*names: str) -> tuple[tuple[str, type[ctypes.c_uint32]], ...]:
+    return tuple((name, ctypes.c_uint32) for name in names)
+
+
 class CapabilityInfo(ctypes.Structure):
     """Memory layout of the kernel's ``struct v4l2_capability``."""
 
@@ -86,9 +87,7 @@ class CapabilityInfo(ctypes.Structure):
         ("driver", ctypes.c_char * 16),
         ("card", ctypes.c_char * 32),
         ("bus_info", ctypes.c_char * 32),
-        ("version", ctypes.c_uint32),
-        ("capabilities", ctypes.c_uint32),
-        ("device_caps", ctypes.c_uint32),
+        *_words("version", "capabilities", "device_caps"),
         ("reserved", ctypes.c_uint32 * 3),
     )
 
@@ -96,12 +95,9 @@ class CapabilityInfo(ctypes.Structure):
 class PixelFormat(ctypes.Structure):
     """Memory layout of the kernel's ``struct v4l2_pix_format``."""
 
-    _fields_ = tuple(
-        (name, ctypes.c_uint32)
-        for name in (
-            *("width", "height", "pixelformat", "field", "bytesperline", "sizeimage", "colorspace"),
-            *("priv", "flags", "ycbcr_enc", "quantization", "xfer_func"),
-        )
+    _fields_ = (
+        *_words("width", "height", "pixelformat", "field", "bytesperline", "sizeimage", "colorspace"),
+        *_words("priv", "flags", "ycbcr_enc", "quantization", "xfer_func"),
     )
 
 
@@ -119,13 +115,8 @@ class CaptureParameters(ctypes.Structure):
     """Memory layout of ``struct v4l2_streamparm``. The frame interval in s is numerator / denominator."""
 
     _fields_ = (
-        ("type", ctypes.c_uint32),
-        ("capability", ctypes.c_uint32),
-        ("capturemode", ctypes.c_uint32),
-        ("numerator", ctypes.c_uint32),
-        ("denominator", ctypes.c_uint32),
-        ("extendedmode", ctypes.c_uint32),
-        ("readbuffers", ctypes.c_uint32),
+        *_words("type", "capability", "capturemode", "numerator", "denominator"),
+        *_words("extendedmode", "readbuffers"),
         ("reserved", ctypes.c_uint8 * 176),
     )
 
@@ -133,33 +124,20 @@ class CaptureParameters(ctypes.Structure):
 class BufferRequest(ctypes.Structure):
     """Memory layout of the kernel's ``struct v4l2_requestbuffers``."""
 
-    _fields_ = (
-        ("count", ctypes.c_uint32),
-        ("type", ctypes.c_uint32),
-        ("memory", ctypes.c_uint32),
-        ("capabilities", ctypes.c_uint32),
-        ("reserved", ctypes.c_uint32),
-    )
+    _fields_ = _words("count", "type", "memory", "capabilities", "reserved")
 
 
 class Buffer(ctypes.Structure):
     """Memory layout of the kernel's ``struct v4l2_buffer``."""
 
     _fields_ = (
-        ("index", ctypes.c_uint32),
-        ("type", ctypes.c_uint32),
-        ("bytesused", ctypes.c_uint32),
-        ("flags", ctypes.c_uint32),
-        ("field", ctypes.c_uint32),
+        *_words("index", "type", "bytesused", "flags", "field"),
         ("seconds", ctypes.c_int64),
         ("microseconds", ctypes.c_int64),
         ("timecode", ctypes.c_uint32 * 4),
-        ("sequence", ctypes.c_uint32),
-        ("memory", ctypes.c_uint32),
+        *_words("sequence", "memory"),
         ("offset", ctypes.c_uint64),
-        ("length", ctypes.c_uint32),
-        ("reserved2", ctypes.c_uint32),
-        ("request_fd", ctypes.c_uint32),
+        *_words("length", "reserved2", "request_fd"),
     )
 
 
@@ -167,8 +145,7 @@ class ControlQuery(ctypes.Structure):
     """Memory layout of the kernel's ``struct v4l2_queryctrl``."""
 
     _fields_ = (
-        ("id", ctypes.c_uint32),
-        ("type", ctypes.c_uint32),
+        *_words("id", "type"),
         ("name", ctypes.c_char * CONTROL_NAMES),
         ("minimum", ctypes.c_int32),
         ("maximum", ctypes.c_int32),

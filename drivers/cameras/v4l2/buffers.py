@@ -7,50 +7,28 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers.cameras.v4l2.abi import CAPTURE, MMAP, Buffer, BufferRequest, RequestCode
-from drivers.cameras.v4l2.node import Node, translate
-from drivers.errors import DeviceFault
+from drivers.cameras.v4l2.node import Node, translating
+from drivers.errors import DeviceError, DeviceFault
 
 FEWEST = 2
 
 
 @dataclass(frozen=True)
 class Filled:
-    """A buffer that the camera has filled.
-
-    Attributes
-    ----------
-    index : int
-    bytes_used : int
-    flags : int
-        Flags from the kernel, which include the clock type and the source of the timestamp.
-    stamp_s : float
-        Timestamp from the kernel in seconds, normally on the kernel's monotonic clock.
-    sequence : int
-        Frame number from the kernel's 32-bit counter.
-    """
+    """A buffer that the camera has filled."""
 
     index: int
     bytes_used: int
-    flags: int
-    stamp_s: float
-    sequence: int
+    flags: int  # flags from the kernel, which include the clock type and the source of the timestamp
+    stamp_s: float  # timestamp from the kernel in seconds, normally on the kernel's monotonic clock
+    sequence: int  # frame number from the kernel's 32-bit counter
 
 
 class Buffers:
     """The image buffers of an opened camera, mapped into the memory of the program.
 
-    Parameters
-    ----------
-    node : Node
-    device : str
-        Name of the camera, used in error messages.
-    count : int
-        Requested number of buffers. The kernel may allocate more or fewer.
-
-    Raises
-    ------
-    DeviceFault
-        If another program films with the camera, or the kernel allocates fewer than two buffers.
+    `count` is the requested number of buffers. The kernel may allocate more or fewer. Raise `DeviceFault` if
+    another program films with the camera, or the kernel allocates fewer than two buffers.
     """
 
     def __init__(self, node: Node, device: str, count: int) -> None:
@@ -59,23 +37,16 @@ class Buffers:
         self._owed: set[int] = set()
         request = BufferRequest(count=count, type=CAPTURE, memory=MMAP)
         try:
-            node.ioctl(RequestCode.REQBUFS, request)
-            if request.count < FEWEST:
-                raise DeviceFault(
-                    device,
-                    "get buffers",
-                    f"at least {FEWEST}",
-                    str(request.count),
-                    "free memory, or choose a smaller picture",
-                )
-            for index in range(request.count):
-                buffer = self._buffer(index)
-                node.ioctl(RequestCode.QUERYBUF, buffer)
-                self._maps.append(node.map(buffer.length, buffer.offset))
-        except OSError as error:
-            self.close()
-            raise translate(error, device, "get buffers", f"{count} buffers") from error
-        except DeviceFault:
+            with translating(device, "get buffers", f"{count} buffers"):
+                node.ioctl(RequestCode.REQBUFS, request)
+                if request.count < FEWEST:
+                    remedy = "free memory, or choose a smaller picture"
+                    raise DeviceFault(device, "get buffers", f"at least {FEWEST}", str(request.count), remedy)
+                for index in range(request.count):
+                    buffer = self._buffer(index)
+                    node.ioctl(RequestCode.QUERYBUF, buffer)
+                    self._maps.append(node.map(buffer.length, buffer.offset))
+        except DeviceError:
             self.close()
             raise
 

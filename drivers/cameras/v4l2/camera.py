@@ -6,7 +6,7 @@ as silently changed settings, and the driver's checks against them.
 
 from drivers.cameras.filming import FilmingCamera, refuse_simulated_time
 from drivers.cameras.v4l2.find import FINDER, Identity, open_node
-from drivers.cameras.v4l2.node import KernelSystem, System
+from drivers.cameras.v4l2.node import System
 from drivers.cameras.v4l2.session import V4l2Session
 from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.errors import LinkLost
@@ -63,21 +63,12 @@ class V4l2Camera(FilmingCamera[V4l2Session]):
 def open_camera(settings: V4l2Settings, context: OpenContext, system: System | None = None) -> V4l2Camera:
     """Open a camera, write its settings, read the settings back and start filming.
 
-    Parameters
-    ----------
-    settings : V4l2Settings
-    context : OpenContext
-    system : System, optional
-        The system that provides the device nodes. The default is the kernel of this computer.
-
-    Raises
-    ------
-    DeviceError
-        If the camera cannot be opened, or a setting reads back differently.
+    `system` is the system that provides the device nodes. The default is the kernel of this computer. Raise
+    `DeviceError` if the camera cannot be opened, or a setting reads back differently.
     """
     if system is None:
         refuse_simulated_time(f"{context.name} ({settings.device})", context)
-        system = KernelSystem()
+        system = System()
     return V4l2Camera(settings, context, system)
 
 

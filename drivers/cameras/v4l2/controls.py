@@ -15,7 +15,7 @@ from drivers.cameras.v4l2.abi import (
     ControlValue,
     RequestCode,
 )
-from drivers.cameras.v4l2.node import Node, translate
+from drivers.cameras.v4l2.node import Node, translate, translating
 from drivers.errors import DeviceFault
 
 MANUAL_EXPOSURE = 1
@@ -53,14 +53,7 @@ class CameraControl:
 
 
 class Controls:
-    """The controls of an opened camera, and the values that the driver has set.
-
-    Parameters
-    ----------
-    node : Node
-    device : str
-        Name of the camera, used in error messages.
-    """
+    """The controls of an opened camera, and the values that the driver has set."""
 
     def __init__(self, node: Node, device: str) -> None:
         self._node = node
@@ -72,10 +65,7 @@ class Controls:
     def switch_automatics_off(self, wanted: Mapping[str, int]) -> None:
         """Switch off every automatic control. A control that `wanted` names gets its value from `wanted`.
 
-        Raises
-        ------
-        DeviceFault
-            If an automatic control does not take its new value.
+        Raise `DeviceFault` if an automatic control does not take its new value.
         """
         for id, off in AUTOMATICS.items():
             control = self.known.get(id)
@@ -90,10 +80,8 @@ class Controls:
     def named(self, name: str) -> CameraControl:
         """Return the control called `name`.
 
-        Raises
-        ------
-        DeviceFault
-            If the camera has no control of this name. The message lists all controls of the camera.
+        Raise `DeviceFault` if the camera has no control of this name. The message lists all controls of the
+        camera.
         """
         for control in self.known.values():
             if control.name == name:
@@ -108,10 +96,7 @@ class Controls:
     def set(self, control: CameraControl, value: int) -> None:
         """Write a control and read it back.
 
-        Raises
-        ------
-        DeviceFault
-            If the value is out of range, or another value is read back.
+        Raise `DeviceFault` if the value is out of range, or another value is read back.
         """
         step = f"set {control.name}"
         # check the range here, because the kernel would clip the value without an error
@@ -139,10 +124,8 @@ class Controls:
     def get(self, control: CameraControl) -> int:
         """Return the present value of a control, as read from the camera."""
         request = ControlValue(id=control.id)
-        try:
+        with translating(self._device, f"read {control.name}", "a value"):
             self._node.ioctl(RequestCode.G_CTRL, request)
-        except OSError as error:
-            raise translate(error, self._device, f"read {control.name}", "a value") from error
         return int(request.value)
 
     def hold(self, control: CameraControl) -> int:
@@ -153,20 +136,15 @@ class Controls:
     def is_held(self, control: CameraControl) -> bool:
         """Return whether an automatic control overrides `control`, so that writing a value has no effect."""
         query = ControlQuery(id=control.id)
-        try:
+        with translating(self._device, f"query {control.name}", "its state"):
             self._node.ioctl(RequestCode.QUERYCTRL, query)
-        except OSError as error:
-            raise translate(error, self._device, f"query {control.name}", "its state") from error
         return bool(query.flags & ControlFlag.INACTIVE)
 
     def set_active(self, control: CameraControl, value: int) -> None:
         """Write a control and check that no automatic control overrides the value.
 
-        Raises
-        ------
-        DeviceFault
-            If `set` fails, or if an automatic control overrides the value. Some kernel drivers report no
-            error although the written value has no effect.
+        Raise `DeviceFault` if `set` fails, or if an automatic control overrides the value. Some kernel
+        drivers report no error although the written value has no effect.
         """
         self.set(control, value)
         if self.is_held(control):
@@ -180,10 +158,7 @@ class Controls:
     def verify(self) -> None:
         """Read back all controls that the driver has set, and compare their values.
 
-        Raises
-        ------
-        DeviceFault
-            If a value has changed, for example because of another program or another control.
+        Raise `DeviceFault` if a value has changed, for example because of another program or another control.
         """
         for id, value in self._set.items():
             if (got := self.get(self.known[id])) != value:

@@ -30,12 +30,9 @@ class Exposure:
 def set_exposure(controls: Controls, settings: V4l2Settings, device: str) -> Exposure:
     """Switch the automatic controls off, then set exposure, gain and the other controls.
 
-    Raises
-    ------
-    DeviceFault
-        If the camera does not accept a value, or an accepted value has no effect. If the camera has an
-        exposure control but `exposure_us` is missing. If `exposure_us` is given but the camera has no
-        exposure control. If `controls` names exposure or gain, which have settings of their own.
+    Raise `DeviceFault` if the camera does not accept a value, or an accepted value has no effect; if
+    `exposure_us` is missing although the camera has an exposure control, or given although it has none; or if
+    `controls` names exposure or gain, which have settings of their own.
     """
     controls.switch_automatics_off(settings.controls)
     exposure, unit_us = _exposure_control(controls, settings)

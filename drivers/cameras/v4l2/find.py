@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.cameras.v4l2.abi import Capability, CapabilityInfo, RequestCode
-from drivers.cameras.v4l2.node import Node, System, translate
+from drivers.cameras.v4l2.node import Node, System, translating
 from drivers.errors import DeviceError, DeviceFault, LinkLost
 from drivers.lines.addresses import lasting_names
 from drivers.registry import Finder, Found
@@ -39,12 +39,8 @@ def video_nodes(root: Path = Path("/")) -> list[Found]:
 
     The path of a node names the socket (``/dev/v4l/by-path``) if the system has such a link, otherwise the
     camera (``/dev/v4l/by-id``). Two cameras of the same model can have the same name in ``by-id``, but they
-    are never at the same socket.
-
-    Parameters
-    ----------
-    root : Path
-        Folder that contains the system's folders ``sys`` and ``dev``. Tests give another folder.
+    are never at the same socket. `root` is the folder that contains the system's folders ``sys`` and ``dev``.
+    Tests give another folder.
     """
     lasting = lasting_names(root / "dev/v4l/by-id") | lasting_names(root / "dev/v4l/by-path")
     nodes = []
@@ -59,20 +55,9 @@ def video_nodes(root: Path = Path("/")) -> list[Found]:
 def open_node(wanted: str, system: System, device: str) -> tuple[Node, Identity]:
     """Open the picture node of the camera `wanted`.
 
-    Parameters
-    ----------
-    wanted : str
-        Path of the device node; or ``bus:`` and the camera's bus name; or ``serial:`` and its serial number.
-    system : System
-    device : str
-        Name of the camera, used in error messages.
-
-    Raises
-    ------
-    LinkLost
-        If no camera matches `wanted`.
-    DeviceFault
-        If the device cannot be opened or is not a camera, or if several cameras match `wanted`.
+    `wanted` is the path of the device node; or ``bus:`` and the camera's bus name; or ``serial:`` and its
+    serial number. Raise `LinkLost` if no camera matches `wanted`, and `DeviceFault` if the device cannot be
+    opened or is not a camera, or if several cameras match `wanted`.
     """
     if not wanted.startswith((BUS, SERIAL)):
         return _open_path(wanted, system, device)
@@ -103,10 +88,8 @@ def open_node(wanted: str, system: System, device: str) -> tuple[Node, Identity]
 
 
 def _open_path(path: str, system: System, device: str) -> tuple[Node, Identity]:
-    try:
+    with translating(device, "open camera", f"a camera at {path}"):
         node = system.open(path)
-    except OSError as error:
-        raise translate(error, device, "open camera", f"a camera at {path}") from error
     try:
         return node, _identify(node, path, system, device)
     except BaseException:
@@ -116,10 +99,8 @@ def _open_path(path: str, system: System, device: str) -> tuple[Node, Identity]:
 
 def _identify(node: Node, path: str, system: System, device: str) -> Identity:
     info = CapabilityInfo()
-    try:
+    with translating(device, "identify camera", "a camera"):
         node.ioctl(RequestCode.QUERYCAP, info)
-    except OSError as error:
-        raise translate(error, device, "identify camera", "a camera") from error
     # use `device_caps`, because `capabilities` lists the functions of all nodes of the camera together
     own = info.device_caps if info.capabilities & Capability.DEVICE_CAPS else info.capabilities
     needed = Capability.VIDEO_CAPTURE | Capability.STREAMING

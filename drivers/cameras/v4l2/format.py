@@ -14,8 +14,9 @@ from drivers.cameras.v4l2.abi import (
     code_of,
     fourcc,
 )
-from drivers.cameras.v4l2.node import Node, translate
+from drivers.cameras.v4l2.node import Node, translate, translating
 from drivers.cameras.v4l2.pixels import FORMATS, Grey, bytes_needed
+from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.errors import DeviceFault
 from drivers.interfaces import Setting
 
@@ -40,57 +41,30 @@ class PictureFormat:
         return bytes_needed(self.grey, self.width, self.height, self.stride)
 
 
-def set_picture(
-    node: Node,
-    device: str,
-    *,
-    input: int,
-    code: str,
-    width: int,
-    height: int,
-    rate_hz: float,
-    stride: int = 0,
-) -> PictureFormat:
+def set_picture(node: Node, settings: V4l2Settings, device: str) -> PictureFormat:
     """Set the input, the pixel format, the picture size and the frame rate of a camera.
 
-    Parameters
-    ----------
-    node, device
-        Node of the opened camera, and the camera's name for error messages.
-    input : int
-    code : str
-        Pixel format: a key of `FORMATS`.
-    width, height : int
-        Size of the picture in pixels.
-    rate_hz : float
-    stride : int
-        Requested number of bytes per row. With 0 the camera chooses the number.
-
-    Raises
-    ------
-    DeviceFault
-        If the camera is in use, or returns another format, size, stride or rate.
+    Raise `DeviceFault` if the camera is in use, or returns another format, size, stride or rate.
     """
+    code, width, height = settings.format, settings.width_px, settings.height_px
     try:
-        node.ioctl(RequestCode.S_INPUT, ctypes.c_int(input))
+        node.ioctl(RequestCode.S_INPUT, ctypes.c_int(settings.input))
     except OSError as error:
         # ignore the error for input 0, because a camera with one input may not support this request
-        if input or error.errno not in (errno.EINVAL, errno.ENOTTY):
-            raise translate(error, device, "choose input", f"input {input}") from error
+        if settings.input or error.errno not in (errno.EINVAL, errno.ENOTTY):
+            raise translate(error, device, "choose input", f"input {settings.input}") from error
     wanted = f"{width} x {height} px {code}"
     format = Format(type=CAPTURE)
     pix = format.fmt.pix
     pix.width, pix.height, pix.pixelformat = width, height, fourcc(code)
-    pix.field, pix.bytesperline = PROGRESSIVE, stride
-    try:
+    pix.field, pix.bytesperline = PROGRESSIVE, settings.stride_bytes
+    with translating(device, "set format", wanted):
         node.ioctl(RequestCode.S_FMT, format)
-        _require(device, wanted, pix, stride)
-        rate = _set_rate(node, device, rate_hz)
+        _require(device, wanted, pix, settings.stride_bytes)
+        rate = _set_rate(node, device, settings.rate_hz)
         # read the picture format again, because setting the frame rate may have changed it
         node.ioctl(RequestCode.G_FMT, format)
-        _require(device, wanted, pix, stride)
-    except OSError as error:
-        raise translate(error, device, "set format", wanted) from error
+        _require(device, wanted, pix, settings.stride_bytes)
     grey = FORMATS[code]
     picture = PictureFormat(grey, width, height, pix.bytesperline or width * grey.pixel_bytes, 1 / rate)
     if picture.stride < width * grey.pixel_bytes or pix.sizeimage < picture.whole_bytes:
@@ -107,11 +81,9 @@ def set_picture(
 def read_picture(node: Node, device: str) -> dict[str, Setting]:
     """Return picture format and frame rate, as the kernel reports them. Raise `DeviceError` if this fails."""
     format, parameters = Format(type=CAPTURE), CaptureParameters(type=CAPTURE)
-    try:
+    with translating(device, "read settings", "format and frame rate"):
         node.ioctl(RequestCode.G_FMT, format)
         node.ioctl(RequestCode.G_PARM, parameters)
-    except OSError as error:
-        raise translate(error, device, "read settings", "format and frame rate") from error
     pix = format.fmt.pix
     return {
         "format": code_of(pix.pixelformat),
@@ -140,10 +112,8 @@ def _require(device: str, wanted: str, pix: PixelFormat, stride: int) -> None:
 def _set_rate(node: Node, device: str, rate_hz: float) -> float:
     rate = Fraction(rate_hz).limit_denominator(_LARGEST_DENOMINATOR)
     parameters = CaptureParameters(type=CAPTURE, numerator=rate.denominator, denominator=rate.numerator)
-    try:
+    with translating(device, "set frame rate", f"{rate_hz:g} Hz"):
         node.ioctl(RequestCode.S_PARM, parameters)
-    except OSError as error:
-        raise translate(error, device, "set frame rate", f"{rate_hz:g} Hz") from error
     got = parameters.denominator / parameters.numerator if parameters.numerator else 0.0
     if abs(got - rate_hz) > RATE_TOLERANCE * rate_hz:
         raise DeviceFault(

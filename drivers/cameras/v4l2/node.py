@@ -1,15 +1,16 @@
 """Interface between the camera driver and the kernel: finding, opening and using device nodes.
 
-The other modules of the V4L2 driver use only the interfaces `Node` and `System` of this module. The tests
-implement these two classes with a simulated kernel.
+The other modules of the V4L2 driver reach the kernel only through the classes `Node` and `System` of this
+module. The tests replace both by a simulated kernel.
 """
 
 import ctypes
 import errno
 import os
-from collections.abc import MutableMapping
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 
@@ -17,43 +18,17 @@ LONGEST_WAIT_S = 3600.0
 """Longest single wait in seconds, because the kernel counts the milliseconds of a wait in 32 bits."""
 
 
-class Node(Protocol):
+class Node:
     """An opened device node of a camera."""
-
-    def ioctl(self, request: int, argument: ctypes.Structure | ctypes.c_int | ctypes.c_uint32) -> None:
-        """Send one request. The kernel writes its answer into `argument`. Raise `OSError` if it refuses."""
-
-    def map(self, length: int, offset: int) -> Any:
-        """Return a buffer of the kernel driver as writable memory, which has a method ``close``."""
-
-    def wait(self, timeout_s: float) -> bool:
-        """Wait for a filled buffer or an error. Return False if neither came, perhaps before the timeout."""
-
-    def close(self) -> None:
-        """Release the node. A repeated call has no effect."""
-
-
-class System(Protocol):
-    """The operating system, which provides the device nodes of the cameras."""
-
-    def paths(self) -> list[str]:
-        """Return the paths of all video nodes, sorted by number."""
-
-    def open(self, path: str) -> Node:
-        """Open a node. Raise `OSError` if the node cannot be opened."""
-
-    def usb_facts(self, path: str) -> MutableMapping[str, str]:
-        """Return the known attributes of a node's USB device: ``serial``, ``manufacturer``, ``bcdDevice``."""
-
-
-class KernelNode:
-    """An opened device node of the kernel of this computer."""
 
     def __init__(self, path: str) -> None:
         self._file = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
 
     def ioctl(self, request: int, argument: ctypes.Structure | ctypes.c_int | ctypes.c_uint32) -> None:
-        """Send one request to the kernel, and send it again if a signal interrupts it."""
+        """Send one request, and send it again if a signal interrupts it.
+
+        The kernel writes its answer into `argument`. Raise `OSError` if it refuses.
+        """
         import fcntl
 
         while True:
@@ -64,13 +39,13 @@ class KernelNode:
                 continue
 
     def map(self, length: int, offset: int) -> Any:
-        """Map a buffer of the kernel driver into the memory of the program."""
+        """Return a buffer of the kernel driver as writable memory, which has a method ``close``."""
         import mmap
 
         return mmap.mmap(self._file, length, mmap.MAP_SHARED, offset=offset)
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until the kernel has a filled buffer or an error, or until the timeout."""
+        """Wait for a filled buffer or an error. Return False if neither came, perhaps before the timeout."""
         import select
 
         poll = select.poll()
@@ -78,13 +53,13 @@ class KernelNode:
         return bool(poll.poll(min(max(0.0, timeout_s), LONGEST_WAIT_S) * 1000))
 
     def close(self) -> None:
-        """Close the device file. A repeated call has no effect."""
+        """Release the node. A repeated call has no effect."""
         file, self._file = self._file, -1
         if file >= 0:
             os.close(file)
 
 
-class KernelSystem:
+class System:
     """The device nodes of this computer."""
 
     def paths(self) -> list[str]:
@@ -92,21 +67,19 @@ class KernelSystem:
         found = [path for path in Path("/dev").glob("video*") if path.name[5:].isdigit()]
         return [str(path) for path in sorted(found, key=lambda path: int(path.name[5:]))]
 
-    def open(self, path: str) -> KernelNode:
-        """Open a node in non-blocking mode."""
-        return KernelNode(path)
+    def open(self, path: str) -> Node:
+        """Open a node in non-blocking mode. Raise `OSError` if the node cannot be opened."""
+        return Node(path)
 
-    def usb_facts(self, path: str) -> MutableMapping[str, str]:
-        """Read the sysfs attributes of the USB device behind a node. The result is empty for other buses."""
+    def usb_facts(self, path: str) -> dict[str, str]:
+        """Return the known attributes of a node's USB device: ``serial``, ``manufacturer``, ``bcdDevice``."""
         # take the parent folder, because the folder ``device`` belongs to the USB interface and not to the
         # device
         folder = Path("/sys/class/video4linux") / Path(path).resolve().name / "device" / ".."
         facts = {}
         for name in ("serial", "manufacturer", "bcdDevice"):
-            try:
+            with suppress(OSError):
                 facts[name] = (folder / name).read_text("utf-8", "replace").strip()
-            except OSError:
-                continue
         return facts
 
 
@@ -137,3 +110,12 @@ def translate(error: OSError, device: str, step: str, expected: str) -> DeviceEr
         )
     name = errno.errorcode.get(number, str(number))
     return kind(device, step, expected, f"{got} ({name})", remedy)
+
+
+@contextmanager
+def translating(device: str, step: str, expected: str) -> Iterator[None]:
+    """Within a `with` block, raise the `DeviceError` of `translate` for an `OSError` of the kernel."""
+    try:
+        yield
+    except OSError as error:
+        raise translate(error, device, step, expected) from error

@@ -10,24 +10,12 @@ Image = NDArray[np.uint8] | NDArray[np.uint16]
 
 @dataclass(frozen=True)
 class Grey:
-    """Description of how a pixel format stores grey levels.
+    """Description of how a pixel format stores grey levels."""
 
-    Attributes
-    ----------
-    code : str
-        The format's four-character code.
-    bits : int
-        Number of significant bits per pixel, stored in the lowest bits of a `dtype` number.
-    pixel_bytes : int
-        Number of bytes from one pixel to the next.
-    dtype : str
-        NumPy type of one grey level in the buffer.
-    """
-
-    code: str
-    bits: int
-    pixel_bytes: int
-    dtype: str
+    code: str  # the format's four-character code
+    bits: int  # number of significant bits per pixel, stored in the lowest bits of a `dtype` number
+    pixel_bytes: int  # number of bytes from one pixel to the next
+    dtype: str  # NumPy type of one grey level in the buffer
 
 
 FORMATS = {
@@ -50,18 +38,9 @@ def bytes_needed(grey: Grey, width: int, height: int, stride: int) -> int:
 def grey_levels(memory: memoryview, grey: Grey, width: int, height: int, stride: int) -> Image:
     """Copy the grey levels of one buffer.
 
-    Parameters
-    ----------
-    memory : memoryview of bytes
-        The part of the buffer that the camera has filled. Missing rows become black in the image.
-    grey : Grey
-    width, height : int
-    stride : int
-        Number of bytes from the start of one row to the start of the next row.
-
-    Returns
-    -------
-    ndarray of uint8 or uint16, shape (height, width)
+    `memory` is the part of the buffer that the camera has filled. Missing rows become black in the image,
+    whose shape is (height, width). `stride` is the number of bytes from the start of one row to the start of
+    the next row.
     """
     filled = np.frombuffer(memory[: height * stride], np.uint8)
     if filled.size < height * stride:

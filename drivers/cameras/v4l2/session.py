@@ -1,6 +1,7 @@
 """Connection to one V4L2 camera. Settings are written and read back, then the camera films until `close`."""
 
 import errno
+from contextlib import AbstractContextManager
 from datetime import datetime, timedelta
 from functools import partial
 
@@ -10,12 +11,12 @@ from drivers.cameras.v4l2.controls import Controls
 from drivers.cameras.v4l2.exposure import read_exposure, set_exposure
 from drivers.cameras.v4l2.find import Identity
 from drivers.cameras.v4l2.format import read_picture, set_picture
-from drivers.cameras.v4l2.node import Node, translate
+from drivers.cameras.v4l2.node import Node, translate, translating
 from drivers.cameras.v4l2.pixels import Image, grey_levels
 from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.cameras.v4l2.stamps import FrameNumbers, StampRule, require_monotonic
 from drivers.clock import Clock
-from drivers.errors import DeviceError, DeviceFault
+from drivers.errors import DeviceFault
 from drivers.interfaces import Frame, Setting
 
 UNSETTLED_FRAMES = 2
@@ -27,20 +28,8 @@ SHORT = 1 << 32
 class V4l2Session:
     """An opened camera that films; its settings were written and read back.
 
-    Parameters
-    ----------
-    node : Node
-        Node of the opened camera. `close` closes the node, and so does a failed configuration.
-    identity : Identity
-    settings : V4l2Settings
-    device : str
-        Name of the camera, used in error messages.
-    clock : Clock
-
-    Raises
-    ------
-    DeviceError
-        If the camera does not accept a setting.
+    `node` is the node of the opened camera. `close` closes the node, and so does a failed configuration.
+    Raise `DeviceError` if the camera does not accept a setting.
     """
 
     def __init__(
@@ -58,16 +47,7 @@ class V4l2Session:
         self.seen = 0
         try:
             self._claim()
-            self._picture = set_picture(
-                node,
-                device,
-                input=settings.input,
-                code=settings.format,
-                width=settings.width_px,
-                height=settings.height_px,
-                rate_hz=settings.rate_hz,
-                stride=settings.stride_bytes,
-            )
+            self._picture = set_picture(node, settings, device)
             self._controls = Controls(node, device)
             self.exposure = set_exposure(self._controls, settings, device)
             self._controls.verify()
@@ -76,10 +56,8 @@ class V4l2Session:
             )
             self._numbers = FrameNumbers(self.interval_s)
             self._buffers = Buffers(node, device, settings.buffers)
-            try:
+            with translating(device, "start", "a filming camera"):
                 self._buffers.start()
-            except OSError as error:
-                raise translate(error, device, "start", "a filming camera") from error
         except BaseException:
             self.close()
             raise
@@ -105,12 +83,8 @@ class V4l2Session:
 
         Incomplete frames, and frames that the kernel flags as damaged, are also returned, with `flags` set.
 
-        Raises
-        ------
-        LinkLost
-            If the camera was unplugged.
-        DeviceFault
-            If the camera reports errors repeatedly, or delivers impossible timestamps or grey levels.
+        Raise `LinkLost` if the camera was unplugged, and `DeviceFault` if the camera reports errors
+        repeatedly, or delivers impossible timestamps or grey levels.
         """
         deadline_s = self._clock.now_s() + timeout_s
         while True:
@@ -119,12 +93,14 @@ class V4l2Session:
                 left_s = deadline_s - self._clock.now_s()
                 if not left_s > 0:
                     return None
-                self._wait(left_s)
+                with self._translating():
+                    self._node.wait(left_s)
                 continue
             try:
                 frame = self._frame(filled, after_s)
             finally:
-                self._give_back(filled)
+                with self._translating():
+                    self._ring.give_back(filled)
             if frame is not None:
                 return frame
             if not self._clock.now_s() <= deadline_s:
@@ -149,38 +125,29 @@ class V4l2Session:
 
     def _take(self) -> Filled | None:
         """Dequeue a buffer. After an error, restart filming once; raise a second error in a row."""
-        assert self._buffers is not None
-        try:
-            return self._buffers.take()
-        except OSError as error:
-            if self._healing or error.errno not in (errno.EIO, errno.EPIPE, errno.EINVAL):
+        with self._translating():
+            try:
+                try:
+                    return self._ring.take()
+                except OSError as error:
+                    if self._healing or error.errno not in (errno.EIO, errno.EPIPE, errno.EINVAL):
+                        raise
+                self._healing = True
+                self._ring.stop()
+                self._ring.start()
+                self._numbers.restarted()
+                return self._ring.take()
+            except OSError:
                 self._healing = False  # the next call may restart filming again
-                raise self._translated(error) from error
-        self._healing = True
-        try:
-            self._buffers.stop()
-            self._buffers.start()
-            self._numbers.restarted()
-            return self._buffers.take()
-        except OSError as error:
-            self._healing = False
-            raise self._translated(error) from error
+                raise
 
-    def _wait(self, timeout_s: float) -> None:
-        try:
-            self._node.wait(timeout_s)
-        except OSError as error:
-            raise self._translated(error) from error
+    def _translating(self) -> AbstractContextManager[None]:
+        return translating(self._device, "get frame", "a frame")
 
-    def _give_back(self, filled: Filled) -> None:
+    @property
+    def _ring(self) -> Buffers:
         assert self._buffers is not None
-        try:
-            self._buffers.give_back(filled)
-        except OSError as error:
-            raise self._translated(error) from error
-
-    def _translated(self, error: OSError) -> DeviceError:
-        return translate(error, self._device, "get frame", "a frame")
+        return self._buffers
 
     def _frame(self, filled: Filled, after_s: float) -> Frame | None:
         self._healing = False
@@ -216,9 +183,8 @@ class V4l2Session:
         )
 
     def _image(self, filled: Filled, *, damaged: bool) -> Image:
-        assert self._buffers is not None
         picture = self._picture
-        with self._buffers.memory(filled) as memory:
+        with self._ring.memory(filled) as memory:
             image = grey_levels(memory, picture.grey, picture.width, picture.height, picture.stride)
         highest = int(image.max())
         if highest >> picture.grey.bits and not damaged:

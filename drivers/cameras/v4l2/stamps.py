@@ -29,32 +29,20 @@ class StampRule:
     """Converts the timestamp of a frame to the earliest possible start of its exposure.
 
     An unknown delay counts as one frame time, so that the age of a frame is never underestimated.
-
-    Attributes
-    ----------
-    started_s : float
-        Longest time from the start of exposure to a timestamp that marks the start of the frame.
-    ended_s : float
-        Longest time from the start of exposure to a timestamp that marks the end of the frame.
     """
 
+    # longest time from the start of exposure to a timestamp that marks the start of the frame
     started_s: float
-    ended_s: float
+    ended_s: float  # longest time from the start of exposure to a timestamp that marks the end of the frame
 
     @classmethod
     def of(cls, driver: str, exposure_us: float, transfer_us: float | None, interval_s: float) -> "StampRule":
         """Return the rule for a camera.
 
-        Parameters
-        ----------
-        driver : str
-            Name of the kernel driver.
-        exposure_us : float
-            Exposure time in µs. For NaN (unknown), one frame interval is assumed.
-        transfer_us : float, optional
-            Longest time, in µs, from the end of exposure to the timestamp. The default is one frame interval.
-        interval_s : float
-            Time between two frames, in seconds.
+        `driver` is the name of the kernel driver. `exposure_us` is the exposure time in µs. For NaN
+        (unknown), one frame interval is assumed. `transfer_us` is the longest time, in µs, from the end of
+        exposure to the timestamp. The default is one frame interval. `interval_s` is the time between two
+        frames, in seconds.
         """
         exposure_s = interval_s if math.isnan(exposure_us) else exposure_us * 1e-6
         readout_s = interval_s if transfer_us is None else transfer_us * 1e-6
@@ -71,11 +59,8 @@ class StampRule:
 class FrameNumbers:
     """Frame numbers that continue when the kernel's 32-bit counter overflows, and after `restarted`.
 
-    Parameters
-    ----------
-    interval_s : float
-        Time between two frames, in seconds. After a restart of filming, this time gives the number of missing
-        frames.
+    `interval_s` is the time between two frames, in seconds. After a restart of filming, this time gives the
+    number of missing frames.
     """
 
     def __init__(self, interval_s: float) -> None:

@@ -21,12 +21,8 @@ class CommandSequence:
     command the same machine hardly ever use the same numbers. So each program notices the commands of the
     other.
 
-    Parameters
-    ----------
-    executed : int
-        Sequence number of the last command that the machine executed.
-    leap : int, optional
-        Distance of the first number from the number `executed`. By default it is random.
+    `executed` is the sequence number of the last command that the machine executed. `leap` is the distance of
+    the first number from the number `executed`. By default it is random.
     """
 
     def __init__(self, executed: int, leap: int | None = None) -> None:
@@ -75,11 +71,8 @@ class CommandSequence:
         A decreased number means that the machine has restarted, and has lost the limits that this program
         wrote. A 16-bit sample counter may not show a restart.
 
-        Raises
-        ------
-        ValueError
-            If the number has decreased, or is not a number of this program, because another program commands
-            the machine. Every later check then fails too.
+        Raise `ValueError` if the number has decreased, or is not a number of this program, because another
+        program commands the machine. Every later check then fails too.
         """
         with self._lock:
             self._notice_foreign(executed)

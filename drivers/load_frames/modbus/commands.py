@@ -27,16 +27,9 @@ class LoadFrameCommands:
 
     If the state of the machine is uncertain, every motion command is refused until a hold is confirmed.
 
-    Parameters
-    ----------
-    settings : ModbusLoadFrameSettings
-    clock : Clock
-        The rig's clock.
-    register_map : RegisterMap
-    work, safety : MappedDevice
-        Two ways to the registers of the machine. Only `hold` uses `safety`, so that no other request delays a
-        hold. `safety` has a connection of its own, or its requests go first on the shared connection.
-    hold_times : StopTimes
+    `clock` is the rig's clock. `work` and `safety` are two ways to the registers of the machine. Only `hold`
+    uses `safety`, so that no other request delays a hold. `safety` has a connection of its own, or its
+    requests go first on the shared connection.
     """
 
     def __init__(

@@ -22,12 +22,8 @@ COMMON_TCP_UNITS = (1, 255, 0)
 def modbus_at_port(path: str) -> list[Found]:
     """Return the Modbus RTU devices at a serial port. Try the usual unit numbers, baud rates and parities.
 
-    An address ``socket://host:port`` is not searched, because Modbus has its own form of TCP addresses.
-
-    Raises
-    ------
-    OSError
-        If the port cannot be opened, for example because another program uses the port.
+    An address ``socket://host:port`` is not searched, because Modbus has its own form of TCP addresses. Raise
+    `OSError` if the port cannot be opened, for example because another program uses the port.
     """
     if path.startswith(TCP_PREFIX):
         return []

@@ -27,18 +27,7 @@ class ModbusGuard:
 
     Over Modbus TCP, the guard has its own connection if the machine accepts more than one connection. On
     Modbus RTU, or if the machine accepts only one connection, the guard owns the only line and passes the
-    driver's requests to the machine.
-
-    Parameters
-    ----------
-    settings : ModbusLoadFrameSettings
-    context : OpenContext
-    times : StopTimes
-
-    Raises
-    ------
-    DeviceError
-        If the machine does not answer.
+    driver's requests to the machine. Raise `DeviceError` if the machine does not answer.
     """
 
     def __init__(

@@ -13,20 +13,9 @@ def hold_until_confirmed(
 ) -> None:
     """Repeat the hold command until the machine has executed the command and stands still.
 
-    Parameters
-    ----------
-    device : MappedDevice
-        Access to the machine with urgent requests, which no other request delays.
-    register_map : RegisterMap
-    sequence : CommandSequence
-        Source of the sequence numbers. Each attempt gets a new number.
-    times : StopTimes
-    clock : Clock
-
-    Raises
-    ------
-    DeviceTimeout
-        If the machine does not confirm the hold before the deadline.
+    `device` gives access to the machine with urgent requests, which no other request delays. `sequence` gives
+    each attempt a new number. Raise `DeviceTimeout` if the machine does not confirm the hold before the
+    deadline.
     """
     deadline = StopDeadline(clock, times.deadline_s)
     status, command = register_map.status, register_map.commands.hold

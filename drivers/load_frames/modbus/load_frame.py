@@ -21,17 +21,8 @@ from drivers.registry import DriverSpec
 class ModbusLoadFrame:
     """A `LoadFrame` on Modbus. To construct this class, call `open_frame`.
 
-    Parameters
-    ----------
-    settings : ModbusLoadFrameSettings
-    context : OpenContext
-    register_map : RegisterMap
-    work, safety : MappedDevice
-        Two ways to the registers of the machine. Only `hold` uses `safety`, so that no other request delays a
-        hold. `safety` has a connection of its own, or its requests go first on the shared connection.
-    hold_times : StopTimes
-    call_time : CallTime
-        The time left in the present call. The links use the same object.
+    `work` and `safety` are described for `LoadFrameCommands`. `call_time` is the time left in the present
+    call. The links use the same object.
     """
 
     info: DeviceInfo
@@ -70,13 +61,9 @@ class ModbusLoadFrame:
     def read(self) -> LoadFrameState:
         """Read the state of the machine, then reset the machine's watchdog.
 
-        Raises
-        ------
-        DeviceFault
-            If the sample counter does not increase, a value is impossible, the revision of the machine's
-            register map is different, or the machine was restarted.
-        DeviceTimeout, LinkLost
-            If no answer came. Every later motion is refused until a `hold` is confirmed.
+        Raise `DeviceFault` if the sample counter does not increase, a value is impossible, the revision of
+        the machine's register map is different, or the machine was restarted, and `DeviceTimeout` or
+        `LinkLost` if no answer came. Every later motion is refused until a `hold` is confirmed.
         """
         values = self._commands.state("read")
         read_s = self._clock.now_s()
@@ -101,11 +88,8 @@ class ModbusLoadFrame:
     def read_settings(self) -> dict[str, Setting]:
         """Read back from the machine all registers of the register map's blocks `limits` and `watchdog`.
 
-        Raises
-        ------
-        DeviceFault
-            If a limit or the watchdog time has no valid value.
-        DeviceTimeout, LinkLost
+        Raise `DeviceFault` if a limit or the watchdog time has no valid value. May also raise `DeviceTimeout`
+        or `LinkLost`.
         """
         return {**self._commands.read_settings("read settings"), "firmware": self.info.firmware}
 
@@ -139,12 +123,8 @@ class ModbusLoadFrame:
         """Send the hold command ahead of all other requests, and repeat it until the machine confirms it.
 
         A motion command that another thread has not yet sent is cancelled. The machine ignores an older
-        motion command that arrives after the hold.
-
-        Raises
-        ------
-        DeviceTimeout
-            If the machine does not confirm the hold before the deadline of the hold.
+        motion command that arrives after the hold. Raise `DeviceTimeout` if the machine does not confirm the
+        hold before the deadline of the hold.
         """
         self._commands.hold()
 
@@ -181,12 +161,8 @@ def open_frame(
 ) -> ModbusLoadFrame:
     """Connect, identify the machine, write its limits and read them back. No motion is started.
 
-    Raises
-    ------
-    DeviceError
-        If the machine does not answer, or does not accept a limit.
-    ConfigurationError
-        If the register map has mistakes.
+    Raise `DeviceError` if the machine does not answer, or does not accept a limit, and `ConfigurationError`
+    if the register map has mistakes.
     """
     register_map = load_map(settings.map)
     place = settings.place(resolve_address(settings.address, context), context.relay)

@@ -11,12 +11,8 @@ A machine with 3000 samples per second counts about half of the 16-bit range in 
 class Freshness:
     """Check that the machine's sample counter increases from reading to reading.
 
-    Parameters
-    ----------
-    stale_after_s : float
-        Longest time, in seconds, for which the counter may have the same value.
-    modulus : int
-        Number of values of the counter. After the largest value the counter continues at 0.
+    `stale_after_s` is the longest time, in seconds, for which the counter may have the same value. `modulus`
+    is the number of values of the counter. After the largest value the counter continues at 0.
     """
 
     def __init__(self, stale_after_s: float, modulus: int) -> None:
@@ -30,11 +26,8 @@ class Freshness:
     def check(self, sample: int, now_s: float) -> None:
         """Compare the sample counter of a reading with the counter of the previous reading.
 
-        Raises
-        ------
-        ValueError
-            If the counter has the same value for too long, or has decreased. A decrease means that the
-            machine was restarted. Every later check then fails too.
+        Raise `ValueError` if the counter has the same value for too long, or has decreased. A decrease means
+        that the machine was restarted. Every later check then fails too.
         """
         # While the operator attaches the grid, nothing is read, and a 16-bit counter can overflow.
         unread = self._modulus < WIDE and now_s - self._checked_s > GOES_ROUND_S

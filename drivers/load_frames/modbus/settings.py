@@ -1,35 +1,26 @@
 """Rig-file settings of a load frame on Modbus."""
 
+from dataclasses import astuple, fields
 from typing import Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
 from drivers.errors import ConfigurationError
 from drivers.interfaces import LoadFrameLimits
-from drivers.load_frames.modbus.bus.address import SERIAL_UNITS, ModbusAddress, address_mistake
+from drivers.load_frames.modbus.bus.address import ModbusAddress, ModbusPlaceSettings
 from drivers.load_frames.modbus.registers.map import load_map
-from drivers.settings import LONGEST_PATH, Settings
+from drivers.load_frames.modbus.registers.map_mistakes import NEEDED
 
 
-class ModbusLoadFrameSettings(Settings):
+class ModbusLoadFrameSettings(ModbusPlaceSettings):
     """Address, limits and times of a load frame, as given in the rig file.
 
     Attributes
     ----------
-    address : str
-        Address of the machine: ``host:port`` for Modbus TCP, ``rtu://host:port`` for a gateway that passes
-        RTU frames over TCP, the path of a serial port for Modbus RTU, or ``@name`` for a server of the
-        simulated rig.
-    baud : int
-    parity : str
-    stop_bits : int
-        Settings of a serial port. The defaults are the defaults of the Modbus specification.
     echo : bool
         True if the RS-485 adapter of a two-wire RTU line also receives what it sends.
     map : str
         Name of a register map in this package, or path of a register map.
-    unit : int
-        Modbus unit identifier of the machine.
     connections : int
         Number of Modbus TCP connections that the machine accepts. With 3, ordinary requests, hold commands
         and the guardian process each have a connection. With 2 and a guardian, ordinary requests and hold
@@ -48,14 +39,9 @@ class ModbusLoadFrameSettings(Settings):
         Longest wait for an answer, in seconds. For a hold command the wait is 1 s at most.
     """
 
-    address: str = Field(max_length=LONGEST_PATH)
-    baud: int = Field(default=19_200, ge=300, le=4_000_000)
-    parity: Literal["N", "E", "O"] = "E"
-    stop_bits: Literal[1, 2] = 1
     echo: bool = False
     connections: Literal[1, 2, 3] = 3
     map: str = "generic"
-    unit: int = Field(default=1, ge=0, le=255)
     load_min_n: float = -100.0
     load_max_n: float = Field(gt=0)
     displacement_min_mm: float = -1.0
@@ -66,13 +52,6 @@ class ModbusLoadFrameSettings(Settings):
     watchdog: str | None = None
     stale_after_s: float = Field(default=0.5, gt=0)
     reply_timeout_s: float = Field(default=0.25, gt=0, le=60)
-
-    @field_validator("address")
-    @classmethod
-    def _reachable(cls, address: str) -> str:
-        if not address.startswith("@") and (mistake := address_mistake(address)):
-            raise ValueError(mistake)
-        return address
 
     @field_validator("map")
     @classmethod
@@ -96,8 +75,6 @@ class ModbusLoadFrameSettings(Settings):
             raise ValueError(
                 "`connections` is for Modbus TCP only; remove it: on a serial line a hold goes first anyway"
             )
-        if place.rtu and self.unit not in SERIAL_UNITS:
-            raise ValueError("a unit from 1 to 247 is expected on a serial line: broadcasts have no answer")
         return self
 
     @model_validator(mode="after")
@@ -141,26 +118,13 @@ class ModbusLoadFrameSettings(Settings):
     @property
     def limits(self) -> LoadFrameLimits:
         """All limits of the machine in one object."""
-        return LoadFrameLimits(
-            load_min_n=self.load_min_n,
-            load_max_n=self.load_max_n,
-            displacement_min_mm=self.displacement_min_mm,
-            displacement_max_mm=self.displacement_max_mm,
-            speed_max_mm_s=self.speed_max_mm_s,
-            load_rate_max_n_s=self.load_rate_max_n_s,
-        )
+        return LoadFrameLimits(**{each.name: getattr(self, each.name) for each in fields(LoadFrameLimits)})
 
     @property
     def limits_by_register(self) -> dict[str, float]:
         """All limits of the machine, keyed by their names in a register map."""
-        return {
-            "load_min": self.load_min_n,
-            "load_max": self.load_max_n,
-            "displacement_min": self.displacement_min_mm,
-            "displacement_max": self.displacement_max_mm,
-            "speed_max": self.speed_max_mm_s,
-            "load_rate_max": self.load_rate_max_n_s,
-        }
+        # the registers are named in the order of the attributes of `LoadFrameLimits`
+        return dict(zip(NEEDED["limits"], astuple(self.limits), strict=True))
 
 
 def cautions(settings: ModbusLoadFrameSettings) -> list[str]:

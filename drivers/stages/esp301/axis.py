@@ -14,13 +14,8 @@ T = TypeVar("T")
 class EspAxis:
     """One axis of the controller, whose errors are recorded, because an error can make the reference invalid.
 
-    Parameters
-    ----------
-    port : EspPort
-    number : int
-        Number of the axis on the controller, 1 to 3.
-    reference : HomeReference
-        Object that records every error that means a failed motion.
+    `number` is the number of the axis on the controller, 1 to 3. `reference` is the object that records every
+    error that means a failed motion.
     """
 
     def __init__(self, port: EspPort, number: int, reference: HomeReference) -> None:

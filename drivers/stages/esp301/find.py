@@ -10,10 +10,7 @@ BAUDS = (921_600, 19_200)
 def newport_stages(url: str) -> list[Found]:
     """Return the Newport controller at a serial port or behind ``socket://host:port``.
 
-    Raises
-    ------
-    OSError
-        If the port cannot be opened or used.
+    Raise `OSError` if the port cannot be opened or used.
     """
     for baud in BAUDS:
         for line in lines_answered(url, baud, b"VE?" + END):

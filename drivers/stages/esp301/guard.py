@@ -12,12 +12,8 @@ from drivers.stages.settings import StageSettings
 def stop_once(axis: int, port: EspPort, answer_s: float) -> str:
     """Command a stop once. Return an empty text if the stage stands still, otherwise what the stage does.
 
-    Raises
-    ------
-    DeviceTimeout
-        If no answer came in time, or the answer may belong to an earlier question.
-    LinkLost
-        If the connection to the controller is lost.
+    Raise `DeviceTimeout` if no answer came in time, or the answer may belong to an earlier question, and
+    `LinkLost` if the connection to the controller is lost.
     """
     port.send(f"{axis}ST")
     stands = port.ask_first(f"{axis}MD?", read_switch, answer_s)

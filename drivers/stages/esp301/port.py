@@ -39,16 +39,8 @@ class EspPort(StagePort):
     def send(self, command: str, permit: Callable[[], None] | None = None) -> None:
         """Send a command that has no answer.
 
-        Parameters
-        ----------
-        command : str
-        permit : callable, optional
-            Function that is called just before the bytes are sent. If the function raises, nothing is sent.
-
-        Raises
-        ------
-        LinkLost
-            If the connection to the controller is lost.
+        `permit` is a function that is called just before the bytes are sent. If the function raises, nothing
+        is sent. Raise `LinkLost` if the connection to the controller is lost.
         """
         with self._write_lock:
             self._write(command.encode("ascii") + END, command, permit)
@@ -56,17 +48,9 @@ class EspPort(StagePort):
     def ask(self, question: str, read: Callable[[str], T], attempts: int = ATTEMPTS) -> T:
         """Ask a question and return the answer. Repeat the question if no valid answer comes.
 
-        Parameters
-        ----------
-        question : str
-        read : callable
-            ``read(line)`` returns the value in a line, or raises `ValueError` if the line is not the answer.
-        attempts : int
-            Largest number of attempts. A question that a stop interrupted is repeated in any case.
-
-        Raises
-        ------
-        DeviceTimeout, LinkLost
+        ``read(line)`` returns the value in a line, or raises `ValueError` if the line is not the answer.
+        `attempts` is the largest number of attempts. A question that a stop interrupted is repeated in any
+        case. May raise `DeviceTimeout` or `LinkLost`.
         """
         attempt = 0
         while True:
@@ -110,17 +94,9 @@ class EspPort(StagePort):
     def ask_first(self, question: str, read: Callable[[str], T], at_most_s: float) -> T:
         """Ask a question ahead of all waiting questions, and check that the answer belongs to this question.
 
-        Parameters
-        ----------
-        question : str
-        read : callable
-            ``read(line)`` returns the value in a line, or raises `ValueError` if the line is not the answer.
-        at_most_s : float
-            Upper limit of the wait for an answer, in seconds, even if the reply timeout is longer.
-
-        Raises
-        ------
-        DeviceTimeout, LinkLost
+        ``read(line)`` returns the value in a line, or raises `ValueError` if the line is not the answer.
+        `at_most_s` is the upper limit of the wait for an answer, in seconds, even if the reply timeout is
+        longer. May raise `DeviceTimeout` or `LinkLost`.
         """
         timeout_s = min(self._reply_timeout_s, at_most_s)
         with self._turn.urgent():

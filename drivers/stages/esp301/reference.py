@@ -58,20 +58,9 @@ class HomeReference:
     def see(self, *, on: bool, ended: bool) -> tuple[bool, str]:
         """Record a reading of the stage, and return whether the stage has a reference.
 
-        Parameters
-        ----------
-        on : bool
-            True if the motor is on.
-        ended : bool
-            True if a home search was under way before the reading, and the stage now stands still.
-
-        Returns
-        -------
-        referenced : bool
-            True if the stage has a valid reference.
-        failure : str
-            Causes of all failed motions since the last call of `acknowledge`, or an empty text without a
-            failure.
+        `on` is True if the motor is on. `ended` is True if a home search was under way before the reading,
+        and the stage now stands still. The returned text has the causes of all failed motions since the last
+        call of `acknowledge`. It is empty without a failure.
         """
         with self._lock:
             if self._on and not on:

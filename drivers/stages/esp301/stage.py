@@ -23,7 +23,7 @@ from drivers.stages.esp301.protocol import (
 )
 from drivers.stages.esp301.reference import MOTOR_OFF, HomeReference
 from drivers.stages.esp301.settings import EspSettings
-from drivers.stages.guarded import GuardedStage, set_up
+from drivers.stages.guarded import GuardedStage
 
 POLL_S = 0.02
 START_POLLS = 5
@@ -66,11 +66,8 @@ class EspStage(GuardedStage[EspPort]):
     def read(self) -> StageState:
         """Return position and status of the stage.
 
-        Raises
-        ------
-        DeviceFault
-            If a motion failed or the motor was switched off. The fault remains until `home` is called.
-        DeviceTimeout, LinkLost
+        Raise `DeviceFault` if a motion failed or the motor was switched off. The fault remains until `home`
+        is called. May also raise `DeviceTimeout` or `LinkLost`.
         """
         sought = self._reference.seeking
         angle_deg, moving = self._position()
@@ -279,12 +276,10 @@ class EspStage(GuardedStage[EspPort]):
 def open_stage(settings: EspSettings, context: OpenContext, stop_times: StopTimes = STOP_TIMES) -> EspStage:
     """Open the port, identify controller and stage, and write the limits. No motion is started.
 
-    Raises
-    ------
-    DeviceError
-        If the port cannot be opened, no device answers, or the stage does not accept a setting.
+    Raise `DeviceError` if the port cannot be opened, no device answers, or the stage does not accept a
+    setting.
     """
-    return set_up(EspStage(settings, context, stop_times))
+    return EspStage(settings, context, stop_times).opened()
 
 
 SPEC = DriverSpec(kind="stage", settings=EspSettings, open=open_stage, find=FINDER, guard=GUARD)

@@ -9,10 +9,7 @@ from drivers.stages.zaber.protocol import DamagedLineError, decode, encode
 def zaber_stages(url: str) -> list[Found]:
     """Return the Zaber devices at a serial port or behind ``socket://host:port``.
 
-    Raises
-    ------
-    OSError
-        If the port cannot be opened or used.
+    Raise `OSError` if the port cannot be opened or used.
     """
     found = []
     for line in lines_answered(url, BAUD, encode(0, 0, 1, "get system.serial")):

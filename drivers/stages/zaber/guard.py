@@ -14,12 +14,8 @@ ENDS = b"\n\r"
 def stop_once(settings: ZaberSettings, port: ZaberPort, answer_s: float) -> str:
     """Send the stop command once. Return an empty text if the stage stands still, otherwise what happened.
 
-    Raises
-    ------
-    DeviceTimeout
-        If no complete answer came in time.
-    LinkLost
-        If the connection to the device is lost.
+    Raise `DeviceTimeout` if no complete answer came in time, and `LinkLost` if the connection to the device
+    is lost.
     """
     reply = port.ask(settings.address, settings.axis, "stop", at_most_s=answer_s)
     if reply.address != settings.address:

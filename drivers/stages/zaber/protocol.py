@@ -63,29 +63,17 @@ class DamagedLineError(ValueError):
 
 @dataclass(frozen=True)
 class Reply:
-    """An answer of a Zaber device.
+    """An answer of a Zaber device."""
 
-    Attributes
-    ----------
-    address, axis, id : int
-        Address of the device, number of the axis, and id of the request.
-    accepted : bool
-        True if the device accepted the request (``OK``), False if the device rejected it (``RJ``).
-    busy : bool
-        True while the axis moves.
-    flag : str
-        The most severe warning flag of the stage, or ``--`` without a warning.
-    data : str
-        The requested value, or the reason of a rejection.
-    """
-
+    # address of the device, number of the axis, and id of the request
     address: int
     axis: int
     id: int
+    # True if the device accepted the request (``OK``), False if the device rejected it (``RJ``)
     accepted: bool
-    busy: bool
-    flag: str
-    data: str
+    busy: bool  # True while the axis moves
+    flag: str  # the most severe warning flag of the stage, or ``--`` without a warning
+    data: str  # the requested value, or the reason of a rejection
 
 
 def is_fault(flag: str) -> bool:
@@ -96,10 +84,7 @@ def is_fault(flag: str) -> bool:
 def lrc(text: str) -> str:
     """Return the checksum of a message: the longitudinal redundancy check, as two hexadecimal digits.
 
-    Parameters
-    ----------
-    text : str
-        Text of the message between its first character and the colon.
+    `text` is the text of the message between its first character and the colon.
     """
     return f"{-sum(text.encode('ascii')) & 0xFF:02X}"
 
@@ -115,15 +100,8 @@ def encode(address: int, axis: int, id: int, command: str) -> bytes:
 def decode(line: bytes) -> Reply | None:
     """Return the reply in one line from the stage. The line must not contain its line end.
 
-    Returns
-    -------
-    Reply or None
-        None for alerts (``!``) and information (``#``), which are not answers to a request.
-
-    Raises
-    ------
-    DamagedLineError
-        If the line is not a reply, or its checksum is missing or wrong.
+    Return None for alerts (``!``) and information (``#``), which are not answers to a request. Raise
+    `DamagedLineError` if the line is not a reply, or its checksum is missing or wrong.
     """
     text = line.decode("ascii", "backslashreplace")
     if re.match(r"[!#]\d\d ", text):

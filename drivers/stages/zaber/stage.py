@@ -7,7 +7,7 @@ from drivers.interfaces import DeviceInfo, OpenContext, Setting, StageState
 from drivers.lines.call_time import one_call
 from drivers.lines.stop_deadline import STOP_TIMES, StopTimes
 from drivers.registry import DriverSpec
-from drivers.stages.guarded import GuardedStage, set_up
+from drivers.stages.guarded import GuardedStage
 from drivers.stages.zaber.find import FINDER
 from drivers.stages.zaber.guard import GUARD, foreign, serial_number, stop_once
 from drivers.stages.zaber.port import BAUD, ZaberPort
@@ -54,10 +54,7 @@ class ZaberStage(GuardedStage[ZaberPort]):
     def read(self) -> StageState:
         """Return position and status of the stage.
 
-        Raises
-        ------
-        DeviceFault
-            If a flag reports that a motion failed. The flag remains until `home` is called.
+        Raise `DeviceFault` if a flag reports that a motion failed. The flag remains until `home` is called.
         """
         seeking = self._seeking
         reply = self._query("get pos", "read position")
@@ -252,12 +249,10 @@ def open_stage(
 ) -> ZaberStage:
     """Open the port, identify the stage and write its limits. No motion is started.
 
-    Raises
-    ------
-    DeviceError
-        If the port cannot be opened, no device answers, or the stage does not accept a setting.
+    Raise `DeviceError` if the port cannot be opened, no device answers, or the stage does not accept a
+    setting.
     """
-    return set_up(ZaberStage(settings, context, stop_times))
+    return ZaberStage(settings, context, stop_times).opened()
 
 
 SPEC = DriverSpec(kind="stage", settings=ZaberSettings, open=open_stage, find=FINDER, guard=GUARD)

@@ -86,25 +86,16 @@ class Cycles(Phase):
 
 @dataclass(frozen=True)
 class Cycling:
-    """The part of a course that cycles between two ends. The first motion goes to the higher end.
-
-    Attributes
-    ----------
-    move : Move
-    low, high : float
-    count : int
-    every_cycles : int
-        Images are taken in every cycle whose number is a multiple of this value, and in the first and last
-        cycle.
-    ending : Ending or None
-        The event that ends the cycles. The event is checked at the higher end of every cycle.
-    """
+    """The part of a course that cycles between two ends. The first motion goes to the higher end."""
 
     move: Move
     low: float
     high: float
     count: int
+    # images are taken in every cycle whose number is a multiple of this value, and in the first and last
+    # cycle
     every_cycles: int = 1
+    # the event that ends the cycles. The event is checked at the higher end of every cycle.
     ending: Ending | None = None
 
     def steps(self, index: int, place: Positions) -> list[ProtocolStep]:

@@ -60,18 +60,12 @@ class Hold(Phase):
 
 @dataclass(frozen=True)
 class Holding:
-    """The part of a course that holds a load, a displacement or an angle for a time.
+    """The part of a course that holds a load, a displacement or an angle for a time."""
 
-    Attributes
-    ----------
-    move : Move or None
-        The held quantity, or None for a rest. A load that leaves its tolerance is commanded again at the rate
-        of `move`.
-    duration_s, every_s : float
-        Duration of the hold, and time between images, in s. The last images are taken at the end of the hold.
-    """
-
+    # the held quantity, or None for a rest. A load that leaves its tolerance is commanded again at the rate
+    # of `move`.
     move: Move | None
+    # duration of the hold, and time between images, in s. The last images are taken at the end of the hold.
     duration_s: float
     every_s: float = math.inf
 

@@ -52,20 +52,10 @@ class Overtaken(DeviceTimeout):
 class ModbusLink:
     """A connection that carries one request at a time. The first request after a lost connection reconnects.
 
-    Parameters
-    ----------
-    name : str
-        The device's name and address, used in error messages.
-    address : Address
-    unit : int
-        Modbus unit identifier of the device at this address.
-    reply_timeout_s : float
-        Longest wait for an answer, in seconds of real time.
-    urgent_timeout_s : float
-        Longest time, in seconds, for connecting, and for the answer to an urgent request. Keep this time
-        short, because an urgent request must wait for the end of an attempt to connect.
-    call_time : CallTime, optional
-        The time left in the present call of the driver.
+    `unit` is the Modbus unit identifier of the device at this address. `reply_timeout_s` is the longest wait
+    for an answer, in seconds of real time. `urgent_timeout_s` is the longest time, in seconds, for
+    connecting, and for the answer to an urgent request. Keep this time short, because an urgent request must
+    wait for the end of an attempt to connect. `call_time` is the time left in the present call of the driver.
     """
 
     def __init__(
@@ -98,17 +88,9 @@ class ModbusLink:
     def read(self, table: str, address: int, count: int, *, urgent: bool = False) -> list[int]:
         """Return `count` registers of the `input` or `holding` table. Repeat a failed read once.
 
-        Parameters
-        ----------
-        urgent : bool
-            True to send the request before all others, and to interrupt other waits on this link.
-
-        Raises
-        ------
-        DeviceTimeout, LinkLost
-            If no answer came, or the answer does not belong to the request.
-        DeviceFault
-            If the device answered with a Modbus exception.
+        `urgent` is True to send the request before all others, and to interrupt other waits on this link.
+        Raise `DeviceTimeout` or `LinkLost` if no answer came, or the answer does not belong to the request,
+        and `DeviceFault` if the device answered with a Modbus exception.
         """
         request = read_request(table, address, count)
         while True:
@@ -126,23 +108,12 @@ class ModbusLink:
     ) -> None:
         """Write holding registers in one request.
 
-        Parameters
-        ----------
-        urgent : bool
-            True to send the request before all others, and to interrupt other waits on this link.
-        single : bool
-            True to write a single register with Modbus function 6 instead of function 16.
-        harmless : bool
-            True if the request may be repeated after a missing answer, because a second execution has no
-            effect. A request that is not harmless is never repeated.
-
-        Raises
-        ------
-        DeviceTimeout, LinkLost
-            If the device did not acknowledge the request. The device may still have executed the request, so
-            the caller must read the registers back.
-        DeviceFault
-            If the device answered with a Modbus exception.
+        `urgent` is True to send the request before all others, and to interrupt other waits on this link.
+        `single` is True to write a single register with Modbus function 6 instead of function 16. `harmless`
+        is True if the request may be repeated after a missing answer, because a second execution has no
+        effect. A request that is not harmless is never repeated. Raise `DeviceTimeout` or `LinkLost` if the
+        device did not acknowledge the request. The device may still have executed the request, so the caller
+        must read the registers back. Raise `DeviceFault` if the device answered with a Modbus exception.
         """
         request = write_one_request(address, words[0]) if single else write_request(address, words)
         if harmless:
@@ -225,7 +196,7 @@ class ModbusLink:
 
     def _resynchronise(self) -> None:
         """Wait until no late answer can come any more, then check the registers that identify the machine."""
-        quiet_s = min(self._reply_timeout_s, self._call_time.half_s)
+        quiet_s = min(self._reply_timeout_s, self._call_time.left_s / 2)
         self._connected().quieten(quiet_s, self._turn.wake)
         if self._proof is not None:
             request, known = self._proof

@@ -43,12 +43,7 @@ EXCEPTIONS = {
 
 
 class ForeignAnswerError(ValueError):
-    """An answer that does not belong to the request.
-
-    Parameters
-    ----------
-    expected, got : str
-    """
+    """An answer that does not belong to the request."""
 
     def __init__(self, expected: str, got: str) -> None:
         self.expected = expected
@@ -66,18 +61,10 @@ class ExceptionAnswerError(Exception):
 
 @dataclass(frozen=True)
 class Request:
-    """A request to a device.
+    """A request to a device."""
 
-    Attributes
-    ----------
-    pdu : bytes
-        Protocol data unit: function code and data.
-    step : str
-        Description of the request, used in error messages.
-    """
-
-    pdu: bytes
-    step: str
+    pdu: bytes  # protocol data unit: function code and data
+    step: str  # description of the request, used in error messages
 
     @property
     def function(self) -> int:
@@ -87,12 +74,8 @@ class Request:
     def registers(self, answer: bytes) -> list[int]:
         """Check an answer and return its registers. The answer to a write request has no registers.
 
-        Raises
-        ------
-        ExceptionAnswerError
-            If the device refused the request.
-        ForeignAnswerError
-            If the function, the length or the echoed data do not match the request.
+        Raise `ExceptionAnswerError` if the device refused the request, and `ForeignAnswerError` if the
+        function, the length or the echoed data do not match the request.
         """
         if len(answer) == 2 and answer[0] == self.function | EXCEPTION_BIT:
             raise ExceptionAnswerError(answer[1])

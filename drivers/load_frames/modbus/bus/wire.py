@@ -50,15 +50,9 @@ class DamagedError(SilenceError):
 
 
 class Wire(Protocol):
-    """Interface of a connection over which requests are sent to a device.
+    """Interface of a connection over which requests are sent to a device."""
 
-    Attributes
-    ----------
-    numbered : bool
-        True if each answer contains the number of its request.
-    """
-
-    numbered: bool
+    numbered: bool  # True if each answer contains the number of its request
 
     def ask(
         self, unit: int, pdu: bytes, timeout_s: float, wake: int | None, again_s: float = math.inf
@@ -92,11 +86,7 @@ class TcpWire:
         """Send a request and return the answer's protocol data unit.
 
         If no answer comes for `again_s` seconds, the request is sent again. Then the answer to either of the
-        two requests is returned.
-
-        Raises
-        ------
-        SilenceError, OvertakenError, ForeignAnswerError
+        two requests is returned. May raise `SilenceError`, `OvertakenError` or `ForeignAnswerError`.
         """
         begun_s = self._clock.now_s()
         deadline_s, repeat_s = begun_s + timeout_s, begun_s + again_s
@@ -154,14 +144,9 @@ def silent_interval_s(baud: int) -> float:
 class RtuWire:
     """Connection for Modbus RTU, on a serial port or through a gateway that passes the frames over TCP.
 
-    Parameters
-    ----------
-    channel : Channel
-    baud : int, optional
-        Baud rate, from which the silent interval between frames is computed. None if a gateway inserts the
-        silent interval.
-    clock : Clock, optional
-        Clock for deadlines and silent intervals. The default is the system's clock.
+    `baud` is the baud rate, from which the silent interval between frames is computed. None if a gateway
+    inserts the silent interval. `clock` is the clock for deadlines and silent intervals. The default is the
+    system's clock.
     """
 
     numbered = False
@@ -179,9 +164,7 @@ class RtuWire:
     ) -> bytes:
         """Send a request once, even if `again_s` is given, and return the answer's protocol data unit.
 
-        Raises
-        ------
-        SilenceError, OvertakenError, ForeignAnswerError
+        May raise `SilenceError`, `OvertakenError` or `ForeignAnswerError`.
         """
         del again_s
         self._channel.discard()
@@ -199,17 +182,8 @@ class RtuWire:
         `proofs` is sent, whose answer must differ from the answer to the first one. Otherwise a device whose
         answers always come one request late would not be noticed.
 
-        Parameters
-        ----------
-        unit : int
-        proofs : sequence of (bytes, bytes)
-            One or two requests and their known answers, as protocol data units.
-        timeout_s : float
-        wake : int or None
-
-        Raises
-        ------
-        SilenceError, OvertakenError, ForeignAnswerError
+        `proofs` has one or two requests and their known answers, as protocol data units. May raise
+        `SilenceError`, `OvertakenError` or `ForeignAnswerError`.
         """
         left = list(proofs)
         request, known = left.pop(0)
@@ -275,11 +249,7 @@ class RtuWire:
     def quieten(self, silence_s: float, wake: int | None) -> None:
         """Discard received bytes until the line has been silent for `silence_s` seconds.
 
-        Raises
-        ------
-        SilenceError
-            If the line does not become silent.
-        OvertakenError
+        Raise `SilenceError` if the line does not become silent. May also raise `OvertakenError`.
         """
         end_s = self._clock.now_s() + QUIET_ATTEMPTS * silence_s
         while self._channel.receive(self._clock.now_s() + silence_s, wake):

@@ -18,19 +18,7 @@ from drivers.settings import Settings, mistakes_in, read_toml
 
 
 class Blocks(Settings):
-    """The six blocks that every register map must have, and two optional blocks.
-
-    Attributes
-    ----------
-    state, identity, command, limits, watchdog, heartbeat : Block
-    status : Block, optional
-        Block with the status word, the fault, and the number and the result of the executed command. It is
-        left out if the block `state` has these registers.
-    setpoints : Block, optional
-        Block with targets and rates. It is left out if the block `command` has these registers. Before a
-        command with a target, the driver reads the block `setpoints`. If the values differ, it writes the
-        block and reads it back.
-    """
+    """The six blocks that every register map must have, and two optional blocks."""
 
     state: Block
     identity: Block
@@ -38,7 +26,12 @@ class Blocks(Settings):
     limits: Block
     watchdog: Block
     heartbeat: Block
+    # block with the status word, the fault, and the number and the result of the executed command. It is left
+    # out if the block `state` has these registers.
     status: Block | None = None
+    # block with targets and rates. It is left out if the block `command` has these registers. Before a
+    # command with a target, the driver reads the block `setpoints`. If the values differ, it writes the block
+    # and reads it back.
     setpoints: Block | None = None
 
 
@@ -76,31 +69,20 @@ class Commands(Settings):
 
 
 class RegisterMap(Settings):
-    """Description of the registers of a load frame.
-
-    Attributes
-    ----------
-    vendor, model : str
-    revision : int
-        Value that the register `revision` of the machine must have.
-    word_order : str
-        Order of the four bytes of a 32-bit value in its two registers; A is the most significant byte.
-    request_max : int
-        Largest number of registers that the device accepts in one request.
-    blocks, status, commands
-    fault_codes, results : dict
-        Meanings of the values of the registers `fault` and `result`. The value 0 always means "no fault" and
-        "accepted".
-    """
+    """Description of the registers of a load frame."""
 
     vendor: str
     model: str
-    revision: int
+    revision: int  # value that the register `revision` of the machine must have
+    # order of the four bytes of a 32-bit value in its two registers; A is the most significant byte
     word_order: WordOrder
+    # largest number of registers that the device accepts in one request
     request_max: int = Field(default=READ_MAX, ge=2, le=READ_MAX)
     blocks: Blocks
     status: StatusBits
     commands: Commands
+    # meanings of the values of the registers `fault` and `result`. The value 0 always means "no fault" and
+    # "accepted".
     fault_codes: dict[str, str]
     results: dict[str, str]
 
@@ -121,10 +103,8 @@ def shipped_maps() -> list[str]:
 def load_map(name: str) -> RegisterMap:
     """Read a register map, given by the name of a shipped map or by a path.
 
-    Raises
-    ------
-    ConfigurationError
-        If the register map cannot be read or has mistakes. All mistakes are reported together.
+    Raise `ConfigurationError` if the register map cannot be read or has mistakes. All mistakes are reported
+    together.
     """
     path = Path(__file__).parents[1] / "maps" / f"{name}.toml" if name in shipped_maps() else Path(name)
     if not path.is_file():

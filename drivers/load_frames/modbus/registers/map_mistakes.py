@@ -48,10 +48,7 @@ WRITTEN = ("command", "setpoints", "limits", "watchdog", "heartbeat")
 def mistakes_across(data: Mapping[str, Any]) -> list[str]:
     """Return the mistakes that concern several parts of a register map, one sentence per mistake.
 
-    Parameters
-    ----------
-    data : mapping
-        The register map as read from TOML, not yet validated.
+    `data` is the register map as read from TOML, not yet validated.
     """
     tables = _tables(data.get("blocks"))
     needed = _needed(tables)

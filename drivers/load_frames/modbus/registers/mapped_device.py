@@ -12,12 +12,7 @@ from drivers.load_frames.modbus.registers.registers import Block, Number
 class MappedDevice:
     """A Modbus device whose registers are read and written in whole blocks.
 
-    Parameters
-    ----------
-    link : ModbusLink
-    register_map : RegisterMap
-    urgent : bool
-        True if the requests of this object go before all other requests on the link.
+    `urgent` is True if the requests of this object go before all other requests on the link.
     """
 
     def __init__(self, link: ModbusLink, register_map: RegisterMap, *, urgent: bool = False) -> None:
@@ -29,20 +24,14 @@ class MappedDevice:
     def read(self, block: Block, step: str, names: Collection[str] | None = None) -> dict[str, Number]:
         """Return the values of a block, each in its unit. `names` limits the result to some registers.
 
-        Raises
-        ------
-        DeviceFault
-            If a value is NaN, is out of range, or means "no value".
+        Raise `DeviceFault` if a value is NaN, is out of range, or means "no value".
         """
         return self._decoded(block, self._words(block, step), step, names)
 
     def read_valid(self, block: Block, step: str, names: Collection[str]) -> dict[str, Number]:
         """Return the values of all registers of a block that have a valid value.
 
-        Raises
-        ------
-        DeviceFault
-            If a register in `names` has no valid value.
+        Raise `DeviceFault` if a register in `names` has no valid value.
         """
         words = self._words(block, step)
         found = self._decoded(block, words, step, names)
@@ -79,11 +68,8 @@ class MappedDevice:
 
         The block `status` is read first, so load and displacement are never older than the status.
 
-        Raises
-        ------
-        DeviceFault
-            If a value is NaN, out of range or means "no value", if the machine's register `revision` differs
-            from the map, or if the status says that the load is invalid.
+        Raise `DeviceFault` if a value is NaN, out of range or means "no value", if the machine's register
+        `revision` differs from the map, or if the status says that the load is invalid.
         """
         blocks = self._map.blocks
         values = {} if blocks.status is None else self.read(blocks.status, step)

@@ -28,28 +28,18 @@ NEVER_ROUNDED_TO_0 = ("N/s", "mm/s", "s")
 
 
 class Register(Settings):
-    """Address, encoding and range of one value in a register map.
+    """Address, encoding and range of one value in a register map."""
 
-    Attributes
-    ----------
-    address : int
-        Address as in the Modbus message. The first register has address 0.
-    type : str
-    scale : float
-        Scale factor: the value in `unit` is the raw value times `scale`.
-    unit : str
-    invalid : list of int
-        Raw values that mean "no value", such as 0x7FFFFFFF for a broken wire. The driver never writes these
-        values.
-    valid : list of two floats, optional
-        Smallest and largest possible value, in `unit`.
-    """
-
+    # address as in the Modbus message. The first register has address 0.
     address: int = Field(ge=0, le=0xFFFF)
     type: Literal["u16", "i16", "u32", "i32", "f32"]
+    # scale factor: the value in `unit` is the raw value times `scale`
     scale: float = Field(default=1.0, gt=0)
     unit: Unit = ""
+    # raw values that mean "no value", such as 0x7FFFFFFF for a broken wire. The driver never writes these
+    # values.
     invalid: list[int] = Field(default_factory=list)
+    # smallest and largest possible value, in `unit`
     valid: list[float] | None = Field(default=None, min_length=2, max_length=2)
 
     @model_validator(mode="after")
@@ -89,10 +79,7 @@ class Register(Settings):
     def decode(self, words: Sequence[int], order: WordOrder) -> Number:
         """Return the value in its unit.
 
-        Raises
-        ------
-        ValueError
-            If the raw value is NaN, infinite or out of range, or means "no value".
+        Raise `ValueError` if the raw value is NaN, infinite or out of range, or means "no value".
         """
         raw: Number
         (raw,) = _VALUES[self.type].unpack(_ordered(_WORDS[self.size].pack(*words), order))
@@ -103,11 +90,8 @@ class Register(Settings):
     def encode(self, value: Number, order: WordOrder) -> list[int]:
         """Return the register words that represent a value.
 
-        Raises
-        ------
-        ValueError
-            If the register type cannot hold the value, if `decode` would refuse the value, or if a rate or
-            time would be rounded to 0.
+        Raise `ValueError` if the register type cannot hold the value, if `decode` would refuse the value, or
+        if a rate or time would be rounded to 0.
         """
         encoding = _VALUES[self.type]
         raw = value if self.scale == 1.0 else value / self.scale
@@ -132,20 +116,13 @@ class Register(Settings):
 
 
 class Block(Settings):
-    """Registers that are read or written together, without a gap between them.
+    """Registers that are read or written together, without a gap between them."""
 
-    Attributes
-    ----------
-    table : str
-        Modbus table: `input` is read with function 4; `holding` is read with function 3 and written with
-        function 16.
-    single : bool
-        True to write the block with function 6, for devices without function 16. The block must be a single
-        register.
-    registers : dict of Register
-    """
-
+    # Modbus table: `input` is read with function 4; `holding` is read with function 3 and written with
+    # function 16
     table: Literal["input", "holding"]
+    # True to write the block with function 6, for devices without function 16. The block must be a single
+    # register.
     single: bool = False
     registers: dict[str, Register] = Field(min_length=1)
 

@@ -6,7 +6,7 @@ import os
 import pytest
 
 from drivers.cameras.v4l2.abi import ControlId, RequestCode
-from drivers.cameras.v4l2.node import KernelNode
+from drivers.cameras.v4l2.node import Node
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from tests.drivers.cameras.fake_kernel import FakeNode
 from tests.drivers.cameras.v4l2.opening import opened
@@ -83,7 +83,7 @@ def test_a_deadline_that_is_no_number_is_over_at_once(camera, clock):
 def test_a_wait_may_be_as_long_as_anyone_likes(timeout_s, tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    node = KernelNode(str(pipe))
+    node = Node(str(pipe))
     os.write(node._file, b"x")
     assert node.wait(timeout_s)
     node.close()
