@@ -21,20 +21,15 @@ _SHAPE = (1200, 1200)
 
 @dataclass(frozen=True)
 class ModelRow:
-    """Errors of the bicubic map and of the pinhole model for one simulated camera, px.
-
-    Attributes
-    ----------
-    camera : str
-        Description of the camera, such as "pan 10°".
-    exact_px, noisy_px : dict of str to float
-        Root mean square error over the calibrated area, for a fit to exact grid points and for a fit to grid
-        points with noise. The keys of the dictionaries are "bicubic" and "pinhole".
-    """
+    """Errors of the bicubic map and of the pinhole model for one simulated camera, px."""
 
     camera: str
+    """Description of the camera, such as "pan 10°"."""
     exact_px: dict[str, float]
     noisy_px: dict[str, float]
+    """Root mean square error over the calibrated area, for a fit to exact grid points and for a fit to grid
+    points with noise. The keys of the dictionaries are "bicubic" and "pinhole".
+    """
 
 
 def compare_models() -> list[ModelRow]:

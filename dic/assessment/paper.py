@@ -57,28 +57,19 @@ class ErrorStatistics:
 
 @dataclass(frozen=True)
 class PaperSweep:
-    """A series of simulated cameras in which one angle or distortion coefficient is varied.
-
-    Attributes
-    ----------
-    name : str
-        Name of the sweep in files and tables.
-    title, axis : str
-        The title of plots, and the axis label of the varied value.
-    values : tuple of float
-        The varied angle in degrees, or the distortion coefficient k1 in 1/px².
-    camera : callable
-        A function that takes the varied value and returns the camera.
-    first_figure : int
-        Number of the figure in Helm and Deaner's paper that shows this sweep on the base grid.
-    """
+    """A series of simulated cameras in which one angle or distortion coefficient is varied."""
 
     name: str
+    """Name of the sweep in files and tables."""
     title: str
     axis: str
+    """The title of plots, and the axis label of the varied value."""
     values: tuple[float, ...]
+    """The varied angle in degrees, or the distortion coefficient k1 in 1/px²."""
     camera: Callable[[float], Pinhole]
+    """A function that takes the varied value and returns the camera."""
     first_figure: int
+    """Number of the figure in Helm and Deaner's paper that shows this sweep on the base grid."""
 
     def figure(self, points: PointSet) -> int:
         """Return the number of the figure in Helm and Deaner's paper that shows this sweep for `points`."""

@@ -61,21 +61,14 @@ class SpecimenTest:
 
 @dataclass(frozen=True)
 class Group:
-    """Specimens whose properties are compared: all specimens, or those with the same direction.
-
-    Attributes
-    ----------
-    direction_deg : float or None
-        Direction of the specimens; None for the group of all specimens.
-    scatter : dict of str to Scatter
-        Mean and scatter of each property, keyed by the property's key, such as "E_gpa".
-    names : tuple of str
-        Names of the specimens in the group.
-    """
+    """Specimens whose properties are compared: all specimens, or those with the same direction."""
 
     direction_deg: float | None
+    """Direction of the specimens; None for the group of all specimens."""
     scatter: dict[str, Scatter]
+    """Mean and scatter of each property, keyed by the property's key, such as "E_gpa"."""
     names: tuple[str, ...]
+    """Names of the specimens in the group."""
 
     @property
     def label(self) -> str:

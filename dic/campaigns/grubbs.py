@@ -16,24 +16,16 @@ RULE = "Grubbs, two-sided, 5 % (F. E. Grubbs, Technometrics 11, 1969)"
 
 @dataclass(frozen=True)
 class GrubbsTest:
-    """The value that is farthest from the mean, and whether it is an outlier.
-
-    Attributes
-    ----------
-    place : int or None
-        Index of the value that is farthest from the mean; None if the test was not done.
-    statistic : float or None
-        Distance of this value from the mean, in standard deviations of the values.
-    critical : float or None
-        The statistic above which the value is an outlier.
-    reason : str
-        Why the test was not done; empty if it was done.
-    """
+    """The value that is farthest from the mean, and whether it is an outlier."""
 
     place: int | None
+    """Index of the value that is farthest from the mean; None if the test was not done."""
     statistic: float | None
+    """Distance of this value from the mean, in standard deviations of the values."""
     critical: float | None
+    """The statistic above which the value is an outlier."""
     reason: str = ""
+    """Why the test was not done; empty if it was done."""
 
     @property
     def is_outlier(self) -> bool:

@@ -12,37 +12,27 @@ from dic.properties.value import PropertyValue
 
 @dataclass(frozen=True)
 class Scatter:
-    """One property of several specimens.
-
-    Attributes
-    ----------
-    unit : str
-    names : tuple of str
-        The specimens that have the property.
-    values : tuple of float
-        The property of each of these specimens.
-    mean : float or None
-        Mean of the values; None if no specimen has the property.
-    std_between : float or None
-        Standard deviation between the specimens, with n - 1 in the divisor; None for fewer than two values.
-    standard_error : float or None
-        Standard deviation of the mean, computed from the scatter: `std_between` divided by the square root of
-        n. The standard error does not contain errors that are common to all specimens, such as the error of
-        the load cell.
-    stated_std : float or None
-        Root mean square of the stated standard deviations of the values; None if a value has none. If
-        `std_between` is much larger than `stated_std`, the specimens differ. Otherwise the measurement alone
-        can explain the scatter.
-    outlier : GrubbsTest
-    """
+    """One property of several specimens."""
 
     unit: str
     names: tuple[str, ...]
+    """The specimens that have the property."""
     values: tuple[float, ...]
+    """The property of each of these specimens."""
     mean: float | None
+    """Mean of the values; None if no specimen has the property."""
     std_between: float | None
+    """Standard deviation between the specimens, with n - 1 in the divisor; None for fewer than two values."""
     standard_error: float | None
+    """Standard deviation of the mean, computed from the scatter: `std_between` divided by the square root of
+    n. The standard error does not contain errors that are common to all specimens, such as the error of the
+    load cell.
+    """
     stated_std: float | None
+    """Root mean square of the stated standard deviations of the values; None if a value has none. If
+    `std_between` is much larger than `stated_std`, the specimens differ. Otherwise the measurement alone can
+    explain the scatter.
+    """
     outlier: GrubbsTest
 
     @property

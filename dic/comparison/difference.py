@@ -117,21 +117,14 @@ def compare(measurement: Measurement, peer: PeerField) -> Comparison:
 
 @dataclass(frozen=True)
 class Interpolation:
-    """Bilinear interpolation from a grid of points to other points.
-
-    Attributes
-    ----------
-    corners : ndarray of int, shape (4, 2, n)
-        Row and column indices of the four grid points around each of the n points.
-    weights : ndarray, shape (4, n)
-        Weights of these four grid points.
-    inside : ndarray of bool, shape (n,)
-        True for points within the grid, if the region has no gap between the four grid points.
-    """
+    """Bilinear interpolation from a grid of points to other points."""
 
     corners: Any
+    """Shape (4, 2, n). Row and column indices of the four grid points around each of the n points."""
     weights: Float
+    """Shape (4, n). Weights of these four grid points."""
     inside: Mask
+    """Shape (n,). True for points within the grid, if the region has no gap between the four grid points."""
 
     @classmethod
     def to(cls, points: Float, x_px: Any, y_px: Any, region: Mask | None) -> "Interpolation":

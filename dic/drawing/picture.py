@@ -18,18 +18,12 @@ _PERCENTILES = (0.5, 99.5)
 
 @dataclass(frozen=True)
 class ShownPicture:
-    """A picture for a web page.
-
-    Attributes
-    ----------
-    uri : str
-        PNG file as a data URI.
-    reduction : int
-        Number of image pixels along the side of a pixel of the picture; 1 if the picture has all pixels.
-    """
+    """A picture for a web page."""
 
     uri: str
+    """PNG file as a data URI."""
     reduction: int
+    """Number of image pixels along the side of a pixel of the picture; 1 if the picture has all pixels."""
 
 
 def shown_picture(grey: Grey) -> ShownPicture:

@@ -30,21 +30,14 @@ _READINGS = {"load_n": "N", "displacement_mm": "mm", "angle_deg": "deg", "time_s
 
 @dataclass(frozen=True)
 class ExportSeries:
-    """Properties that all images of an export share.
-
-    Attributes
-    ----------
-    camera : str
-        Name of the camera of a run; "" for a series of images.
-    about : mapping of str to str or float
-        Where the results come from and how they were made.
-    count : int
-        Number of images.
-    """
+    """Properties that all images of an export share."""
 
     camera: str
+    """Name of the camera of a run; "" for a series of images."""
     about: Mapping[str, str | float]
+    """Where the results come from and how they were made."""
     count: int
+    """Number of images."""
 
     @property
     def name(self) -> str:
@@ -54,27 +47,19 @@ class ExportSeries:
 
 @dataclass(frozen=True)
 class ExportImage:
-    """The results of one image, to be exported.
-
-    Attributes
-    ----------
-    number : int
-        Number of the image in the series, from 1. Images that could not be measured are also counted.
-    name : str
-        Name of the image's files, without suffix.
-    points : PointValues
-    known : mapping
-        Known readings: load_n, displacement_mm, angle_deg of a run's step, and time_s.
-    row : mapping
-        The image's row in the table of mean strains, in the form that `write_strain_table` needs. A run's row
-        has the best correction of the step.
-    """
+    """The results of one image, to be exported."""
 
     number: int
+    """Number of the image in the series, from 1. Images that could not be measured are also counted."""
     name: str
+    """Name of the image's files, without suffix."""
     points: PointValues
     known: Mapping[str, float]
+    """Known readings: load_n, displacement_mm, angle_deg of a run's step, and time_s."""
     row: Mapping[str, Any]
+    """The image's row in the table of mean strains, in the form that `write_strain_table` needs. A run's row
+    has the best correction of the step.
+    """
 
 
 class Exporter(ABC):

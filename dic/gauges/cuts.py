@@ -22,26 +22,20 @@ _IN_MEMORY = 4_000_000
 
 @dataclass(frozen=True)
 class PlacedCut:
-    """A line cut, and the measured points around each place of the cut.
-
-    Attributes
-    ----------
-    length, unit : float, str
-        Length of the cut and its unit.
-    rows, columns : ndarray of int, shape (places, m)
-        Row and column indices of the points in the grid of points.
-    member : ndarray of bool, shape (places, m)
-        False where a place has fewer than m points.
-    place : ndarray, shape (places, m)
-        Weights of the points. The weighted sum of the points' positions is the place, in any unit.
-    """
+    """A line cut, and the measured points around each place of the cut."""
 
     length: float
     unit: str
+    """Length of the cut and its unit."""
     rows: Indices
     columns: Indices
+    """Shape (places, m). Row and column indices of the points in the grid of points."""
     member: Mask
+    """Shape (places, m). False where a place has fewer than m points."""
     place: Float
+    """Shape (places, m). Weights of the points. The weighted sum of the points' positions is the place, in
+    any unit.
+    """
 
     @classmethod
     def of(

@@ -16,30 +16,25 @@ _STRAINS = ("exx", "eyy", "exy")
 
 @dataclass(frozen=True)
 class GaugeField:
-    """A displacement field of one kind, with the errors that all points share.
-
-    Attributes
-    ----------
-    displacement : Displacement
-        The displacements. The displacements have the errors that the images cause, if these errors are known.
-    common_noise : ndarray, shape (3, 3)
-        Covariance of errors of exx, eyy, exy that are the same at all points. These errors arise because the
-        noise of this image changes the correction.
-    shared : ndarray, shape (3, 3)
-        Covariance of errors of exx, eyy, exy that are the same at all points and have other causes: the
-        calibration, and motion out of the grid's plane.
-    measure : str
-        The strain measure.
-    mounting : ndarray, shape (3, causes)
-        The part of `shared` that follows the measured motion; see `Correction.mounting`. No causes if it is
-        not known.
-    """
+    """A displacement field of one kind, with the errors that all points share."""
 
     displacement: Displacement
+    """The displacements. The displacements have the errors that the images cause, if these errors are known.
+    """
     common_noise: Float
+    """Shape (3, 3). Covariance of errors of exx, eyy, exy that are the same at all points. These errors arise
+    because the noise of this image changes the correction.
+    """
     shared: Float
+    """Shape (3, 3). Covariance of errors of exx, eyy, exy that are the same at all points and have other
+    causes: the calibration, and motion out of the grid's plane.
+    """
     measure: str
+    """The strain measure."""
     mounting: Float = field(default_factory=lambda: np.zeros((3, 0)))
+    """Shape (3, causes). The part of `shared` that follows the measured motion; see `Correction.mounting`. No
+    causes if it is not known.
+    """
 
 
 def fields_of(

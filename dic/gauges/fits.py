@@ -26,26 +26,19 @@ LEAST_SHARE = 0.5
 
 @dataclass(frozen=True)
 class PlacedFit:
-    """The points of a strain-gauge area or around a point, and the place at which their fit is evaluated.
-
-    Attributes
-    ----------
-    rows, columns : ndarray of int, shape (n,)
-        Row and column indices of the points in the grid of points.
-    place : ndarray, shape (n,)
-        Weights of the points. The weighted sum of the points' positions is the place of the reading, in any
-        unit.
-    direction : ndarray, shape (2,)
-        Unit vector of the engineering strain.
-    reason : str
-        Why the gauge cannot have a reading in any image; "" if it can.
-    """
+    """The points of a strain-gauge area or around a point, and the place at which their fit is evaluated."""
 
     rows: Indices
     columns: Indices
+    """Shape (n,). Row and column indices of the points in the grid of points."""
     place: Float
+    """Shape (n,). Weights of the points. The weighted sum of the points' positions is the place of the
+    reading, in any unit.
+    """
     direction: Float
+    """Shape (2,). Unit vector of the engineering strain."""
     reason: str = ""
+    """Why the gauge cannot have a reading in any image; "" if it can."""
 
     @classmethod
     def of(

@@ -21,26 +21,19 @@ _LEAST_SHARE = 0.5
 
 @dataclass(frozen=True)
 class PlacedLines:
-    """An extensometer, and the points of the measured grid in its patches.
-
-    Attributes
-    ----------
-    rows, columns : ndarray of int, shape (n,)
-        Row and column indices of all points of the patches in the grid of points.
-    members : ndarray of int, shape (2, lines, m)
-        Indices of the points in the patch at the start and at the end of each line.
-    patches : ndarray of bool, shape (2, lines, m)
-        False where a patch has fewer than m points.
-    place : ndarray, shape (2, lines, m)
-        Weights of the points. The weighted sum of the points' positions is the middle of the patch, in any
-        unit.
-    """
+    """An extensometer, and the points of the measured grid in its patches."""
 
     rows: Indices
     columns: Indices
+    """Shape (n,). Row and column indices of all points of the patches in the grid of points."""
     members: Indices
+    """Shape (2, lines, m). Indices of the points in the patch at the start and at the end of each line."""
     patches: Mask
+    """Shape (2, lines, m). False where a patch has fewer than m points."""
     place: Float
+    """Shape (2, lines, m). Weights of the points. The weighted sum of the points' positions is the middle of
+    the patch, in any unit.
+    """
 
     @classmethod
     def of(cls, gauge: Gauge, patch: float, offsets: Float, places: GridPlaces) -> "PlacedLines":

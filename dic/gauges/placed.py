@@ -23,18 +23,11 @@ Readings = Mapping[str, Mapping[str, Reading | Profile]]
 
 @dataclass(frozen=True)
 class PlacedGauges:
-    """Gauges with the measured points that each gauge uses, for all images of a series.
-
-    Attributes
-    ----------
-    gauges : sequence of Gauge
-    placed : sequence
-        The points of each gauge.
-    calibration : Calibration or None
-    """
+    """Gauges with the measured points that each gauge uses, for all images of a series."""
 
     gauges: Sequence[Gauge]
     placed: Sequence[Placed]
+    """The points of each gauge."""
     calibration: Calibration | None
 
     def __repr__(self) -> str:

@@ -21,25 +21,17 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class GridPlaces:
-    """Reference positions of the measured points, in the unit of a gauge.
-
-    Attributes
-    ----------
-    rows, columns : ndarray of int, shape (n,)
-        Row and column indices of the points in the grid of points.
-    position : ndarray, shape (n, 2)
-        Coordinates of the points, the second upwards.
-    spacing : float
-        Distance between neighbouring points.
-    sight : Sight or None
-        Tells which points lie on the same piece of the surface; None if this is not known.
-    """
+    """Reference positions of the measured points, in the unit of a gauge."""
 
     rows: Indices
     columns: Indices
+    """Shape (n,). Row and column indices of the points in the grid of points."""
     position: Float
+    """Shape (n, 2). Coordinates of the points, the second upwards."""
     spacing: float
+    """Distance between neighbouring points."""
     sight: Sight | None = None
+    """Tells which points lie on the same piece of the surface; None if this is not known."""
 
     @classmethod
     def of(cls, position: Float, use: Mask, sight: Sight | None = None) -> "GridPlaces":

@@ -13,22 +13,16 @@ _KEYS = ("strain", "strain_std", "strain_std_images", "extension", "extension_st
 
 @dataclass(frozen=True)
 class SharedPart:
-    """Errors of a gauge's strain from calibration and out-of-plane motion, which are equal at all points.
-
-    Attributes
-    ----------
-    covariance : ndarray, shape (3, 3)
-        Covariance of the errors of exx, eyy, exy.
-    weights : ndarray, shape (3,)
-        Derivatives of the gauge's strain with respect to exx, eyy, exy.
-    mounting : ndarray, shape (3, causes)
-        The errors of exx, eyy, exy in `covariance` that follow the measured motion; see
-        `Correction.mounting`.
-    """
+    """Errors of a gauge's strain from calibration and out-of-plane motion, which are equal at all points."""
 
     covariance: Float
+    """Shape (3, 3). Covariance of the errors of exx, eyy, exy."""
     weights: Float
+    """Shape (3,). Derivatives of the gauge's strain with respect to exx, eyy, exy."""
     mounting: Float
+    """Shape (3, causes). The errors of exx, eyy, exy in `covariance` that follow the measured motion; see
+    `Correction.mounting`.
+    """
 
 
 @dataclass(frozen=True)

@@ -36,32 +36,24 @@ class Damage(Exception):
 
 @dataclass(frozen=True)
 class Container:
-    """An undamaged image file that has not been decoded yet.
-
-    Attributes
-    ----------
-    content : bytes
-        The file's content for the decoder, without colour profiles and without the orientation tag. OpenCV
-        5.0 applies the orientation tag wrongly to TIFF files, and ignores the orientation tag of PNG files.
-    width_px, height_px : int
-        Width and height that the file declares.
-    pixel_bits : int
-        Number of bits of a pixel: the sum over its colour channels.
-    orientation : int
-        The value of the orientation tag, 1 to 8. An image with the value 1 is upright (TIFF 6.0, section 8).
-    pages : int
-        Number of pages in the file.
-    lossy : bool
-        True if the pixels are compressed with losses, as in a JPEG file.
-    """
+    """An undamaged image file that has not been decoded yet."""
 
     content: bytes
+    """The file's content for the decoder, without colour profiles and without the orientation tag. OpenCV 5.0
+    applies the orientation tag wrongly to TIFF files, and ignores the orientation tag of PNG files.
+    """
     width_px: int
     height_px: int
+    """Width and height that the file declares."""
     pixel_bits: int
+    """Number of bits of a pixel: the sum over its colour channels."""
     orientation: int = 1
+    """The value of the orientation tag, 1 to 8. An image with the value 1 is upright (TIFF 6.0, section 8).
+    """
     pages: int = 1
+    """Number of pages in the file."""
     lossy: bool = False
+    """True if the pixels are compressed with losses, as in a JPEG file."""
 
 
 def require_bounded(container: Container, file_bytes: int) -> None:

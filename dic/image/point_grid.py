@@ -27,29 +27,21 @@ _ROWS = 128
 
 @dataclass(frozen=True, eq=False)
 class PointGrid:
-    """The grid of points of interest that covers a region.
-
-    Attributes
-    ----------
-    x, y : ndarray of int, shapes (columns,) and (rows,)
-        Coordinates of the columns and of the rows of points, px.
-    active : ndarray of bool, shape (rows, columns)
-        True for points to be measured.
-    pixels : ndarray of int, shape (rows, columns)
-        Number of usable pixels in the subset of each point.
-    cut : ndarray of bool, shape (rows, columns)
-        True for points whose subset is cut into parts by the region's edge. Only the part of the subset
-        around the point may be used.
-    usable : ndarray of bool, shape (height, width)
-        True for pixels that subsets may use.
-    """
+    """The grid of points of interest that covers a region."""
 
     x: Indices
     y: Indices
+    """Shapes (columns,) and (rows,). Coordinates of the columns and of the rows of points, px."""
     active: Mask
+    """Shape (rows, columns). True for points to be measured."""
     pixels: Indices
+    """Shape (rows, columns). Number of usable pixels in the subset of each point."""
     cut: Mask
+    """Shape (rows, columns). True for points whose subset is cut into parts by the region's edge. Only the
+    part of the subset around the point may be used.
+    """
     usable: Mask
+    """Shape (height, width). True for pixels that subsets may use."""
 
     def points_at(self, indices: Indices) -> Indices:
         """Return the coordinates (x, y) in px of the points at `indices` (row, column), shape (n, 2)."""

@@ -31,24 +31,18 @@ _TAPS = {3: 12, 5: 18}
 
 @dataclass(frozen=True)
 class SplineImage:
-    """An image, or a band of its rows, that is interpolated by a B-spline.
-
-    Attributes
-    ----------
-    order : int
-        Degree of the spline: 3 (cubic) or 5 (quintic).
-    image : StoredImage
-        The whole image.
-    top : int
-        The first row of the band.
-    coefficients : ndarray of float32, shape (height + 2 * MARGIN, width + 2 * MARGIN)
-        The coefficient of the band's pixel (row, column) is at ``[row + MARGIN, column + MARGIN]``.
-    """
+    """An image, or a band of its rows, that is interpolated by a B-spline."""
 
     order: int
+    """Degree of the spline: 3 (cubic) or 5 (quintic)."""
     image: StoredImage
+    """The whole image."""
     top: int
+    """The first row of the band."""
     coefficients: NDArray[np.float32]
+    """Shape (height + 2 * MARGIN, width + 2 * MARGIN). The coefficient of the band's pixel (row, column) is
+    at ``[row + MARGIN, column + MARGIN]``.
+    """
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -32,18 +32,13 @@ def everywhere(shape: tuple[int, ...]) -> Mask:
 
 @dataclass(frozen=True, eq=False)
 class StoredImage:
-    """An image whose rows are converted to float32 and smoothed when they are used.
-
-    Attributes
-    ----------
-    stored : ndarray, shape (height, width)
-        Grey levels as stored.
-    taps : tuple of float
-        Weights of the filter that smooths the image along x and along y. The image is mirrored at its edges.
-    """
+    """An image whose rows are converted to float32 and smoothed when they are used."""
 
     stored: NDArray[Any]
+    """Shape (height, width). Grey levels as stored."""
     taps: tuple[float, ...] = (1.0,)
+    """Weights of the filter that smooths the image along x and along y. The image is mirrored at its edges.
+    """
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -15,22 +15,18 @@ from dic.typing import PathLike
 
 @dataclass(frozen=True)
 class ImageTime:
-    """When an image was taken.
-
-    Attributes
-    ----------
-    time_s : float or None
-        Time since the reference image. For a frame of a video, if the reference is not in the same video:
-        time since the first frame. None if the time is not known, so that two unknown times are equal; NaN
-        would not equal itself.
-    source : str
-        Source of the time. For "video", it is the time that the file gives each frame. For "exif", it is the
-        tag DateTimeOriginal. For "file", it is the last change of the file, which is late by the time of
-        writing. The source is "" if the time is not known.
-    """
+    """When an image was taken."""
 
     time_s: float | None = None
+    """Time since the reference image. For a frame of a video, if the reference is not in the same video: time
+    since the first frame. None if the time is not known, so that two unknown times are equal; NaN would not
+    equal itself.
+    """
     source: str = ""
+    """Source of the time. For "video", it is the time that the file gives each frame. For "exif", it is the
+    tag DateTimeOriginal. For "file", it is the last change of the file, which is late by the time of writing.
+    The source is "" if the time is not known.
+    """
 
     def as_dict(self) -> dict[str, Any]:
         """Return `time_s` and `time_source` for tables and JSON; an empty dict if the time is not known."""

@@ -30,27 +30,18 @@ _REMEDY = "convert it to images, for example with `ffmpeg -i VIDEO img%05d.png`"
 
 @dataclass(frozen=True)
 class Video:
-    """The properties of a video file, after all its frames have been counted.
-
-    Attributes
-    ----------
-    times_s : tuple of float
-        Time of each frame since the first frame, as the file states it; NaN if the file does not state it.
-    declared : int
-        Number of frames that the file declares; 0 if it declares none.
-    codec : str
-        Four letters, such as "FFV1"; "" for uncompressed frames.
-    lossy : bool
-        True if the codec changes grey levels, as JPEG does, or is not known.
-    errors : tuple of str
-        Messages of the decoder about damaged frames.
-    """
+    """The properties of a video file, after all its frames have been counted."""
 
     times_s: tuple[float, ...]
+    """Time of each frame since the first frame, as the file states it; NaN if the file does not state it."""
     declared: int
+    """Number of frames that the file declares; 0 if it declares none."""
     codec: str
+    """Four letters, such as "FFV1"; "" for uncompressed frames."""
     lossy: bool
+    """True if the codec changes grey levels, as JPEG does, or is not known."""
     errors: tuple[str, ...]
+    """Messages of the decoder about damaged frames."""
 
     def __len__(self) -> int:
         return len(self.times_s)

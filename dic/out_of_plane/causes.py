@@ -57,19 +57,13 @@ def places() -> Mapping[str, slice]:
 
 @dataclass(frozen=True)
 class CameraSight:
-    """The positions of a specimen's points as one camera measures them.
-
-    Attributes
-    ----------
-    before_mm, after_mm : ndarray, shape (n, 2)
-        Calibrated positions in the reference and in the deformed image.
-    centre_mm : ndarray, shape (3,)
-        The camera's centre in the grid's axes.
-    """
+    """The positions of a specimen's points as one camera measures them."""
 
     before_mm: Float
     after_mm: Float
+    """Shape (n, 2). Calibrated positions in the reference and in the deformed image."""
     centre_mm: Float
+    """Shape (3,). The camera's centre in the grid's axes."""
 
     def moved(self, plane: Plane) -> Float:
         """Return the displacements (n, 2) if the deformed specimen lies on `plane`."""

@@ -65,14 +65,10 @@ class Harmonics:
 
     The strain is given in the grid's axes, which do not rotate. A wobble of the specimen changes the strain
     once per turn. A grid that is tilted relative to the specimen changes the strain twice per turn.
-
-    Attributes
-    ----------
-    coefficients : ndarray, shape (5, 3)
-        The coefficients c₀, c₁, s₁, c₂, s₂ in the rows, for exx, eyy and exy in the columns.
     """
 
     coefficients: Float
+    """Shape (5, 3). The coefficients c₀, c₁, s₁, c₂, s₂ in the rows, for exx, eyy and exy in the columns."""
 
     @classmethod
     def of(cls, angles_deg: Float, strains: Float) -> "Harmonics | None":

@@ -23,28 +23,20 @@ _IGNORED = float(np.log(1e-4))
 
 @dataclass(frozen=True)
 class Model:
-    """One of the averaged models, with its posterior.
-
-    Attributes
-    ----------
-    index : int
-        Index of the model in the list of prior standard deviations.
-    log_evidence : float
-        Logarithm of (prior probability times evidence), without a constant term. This term is the same for
-        all models with the same data and the same free parameters.
-    estimate : ndarray, shape (k,)
-        Estimate of the parameters; the prior mean for free parameters.
-    gain : ndarray, shape (k, p)
-        Derivative of the estimate with respect to the data y; 0 for free parameters.
-    misfit : float
-        Sum of the squares of the residuals and of the parameters, divided by their standard deviations.
-    """
+    """One of the averaged models, with its posterior."""
 
     index: int
+    """Index of the model in the list of prior standard deviations."""
     log_evidence: float
+    """Logarithm of (prior probability times evidence), without a constant term. This term is the same for all
+    models with the same data and the same free parameters.
+    """
     estimate: Float
+    """Shape (k,). Estimate of the parameters; the prior mean for free parameters."""
     gain: Float
+    """Shape (k, p). Derivative of the estimate with respect to the data y; 0 for free parameters."""
     misfit: float
+    """Sum of the squares of the residuals and of the parameters, divided by their standard deviations."""
 
 
 def weigh(data: Float, columns: Float, prior_std: Float, prior_mean: Float, log_prior: Float) -> list[Model]:

@@ -44,22 +44,17 @@ For a tapered specimen in plane stress, the fraction is (2 + ν)/2 = 1.2; withou
 
 @dataclass(frozen=True)
 class Expectations:
-    """The prior standard deviations of the causes in each model.
-
-    Attributes
-    ----------
-    std : ndarray, shape (models, 19)
-        Prior standard deviations in the order and units of `dic.out_of_plane.causes.fields`.
-    log_prior : ndarray, shape (models,)
-        Logarithms of the prior probabilities of the models.
-    curved, graded : ndarray of bool, shape (models,)
-        True for models with out-of-plane curvature, and with a gradient of the strain.
-    """
+    """The prior standard deviations of the causes in each model."""
 
     std: Float
+    """Shape (models, 19). Prior standard deviations in the order and units of
+    `dic.out_of_plane.causes.fields`.
+    """
     log_prior: Float
+    """Shape (models,). Logarithms of the prior probabilities of the models."""
     curved: Mask
     graded: Mask
+    """Shape (models,). True for models with out-of-plane curvature, and with a gradient of the strain."""
 
     @classmethod
     def of(cls, shift_std_mm: float, half_width_mm: float) -> "Expectations":

@@ -30,17 +30,12 @@ class JointSystem:
     With a wrong distance, the two cameras measure different strains at the same points. So both calibrations
     are adjusted within their uncertainty until the strains are equal. The adjustment changes the map to the
     grid's plane and the camera's centre.
-
-    Attributes
-    ----------
-    pairs : Pairs
-        Points that both cameras see.
-    centres_mm : tuple of ndarray, shape (3,)
-        The adjusted centres of both cameras.
     """
 
     pairs: Pairs
+    """Points that both cameras see."""
     centres_mm: tuple[Float, Float]
+    """Each of shape (3,). The adjusted centres of both cameras."""
 
     @classmethod
     def of(cls, pairs: Pairs) -> "JointSystem":
@@ -154,21 +149,13 @@ class JointSystem:
 
 @dataclass(frozen=True)
 class JointSolution:
-    """The solution for both cameras together, with adjusted calibrations.
-
-    Attributes
-    ----------
-    system : JointSystem
-        Both cameras with adjusted centres.
-    estimates : ndarray, shape (11,)
-        The eleven estimates of `JointSystem`.
-    covariance : ndarray, shape (11, 11)
-        Covariance of the estimates.
-    shift_needed : float
-        Size of the adjustment, in standard deviations of the calibrations.
-    """
+    """The solution for both cameras together, with adjusted calibrations."""
 
     system: JointSystem
+    """Both cameras with adjusted centres."""
     estimates: Float
+    """Shape (11,). The eleven estimates of `JointSystem`."""
     covariance: Float
+    """Shape (11, 11). Covariance of the estimates."""
     shift_needed: float
+    """Size of the adjustment, in standard deviations of the calibrations."""

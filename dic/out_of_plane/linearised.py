@@ -24,42 +24,31 @@ PARTS = {
 
 @dataclass(frozen=True)
 class ModelOutcome:
-    """The result of one model for a displacement field.
-
-    Attributes
-    ----------
-    log_evidence : float
-        Logarithm of the model's evidence, up to a constant.
-    curved, graded : bool
-        True if the model allows a curvature out of the plane, and a gradient of the strain.
-    misfit : float
-        Misfit of the model; its expected value for a correct model is 14.
-    slopes, slope_std : ndarray, shape (2,)
-        Slopes of the specimen's plane since the reference.
-    curvatures : ndarray, shape (3,)
-        Curvatures of the surface since the reference: along X, mixed, along Y; 1/mm.
-    gradient : ndarray, shape (4,)
-        Corrected mean displacement gradient, elements xx, xy, yx, yy.
-    parts : mapping of str to ndarray, shape (4, 4)
-        Covariances of the gradient by their cause: "images" and the names in `PARTS`.
-    mounting : ndarray, shape (4, 3)
-        Errors of the gradient if the two slopes and the distance of the specimen in the reference each differ
-        by one standard deviation from the grid's plane. The part "mounting" is their sum of squares.
-    relative_gradient : float
-        Gradient of the strain as a fraction of the strain, 1/mm.
-    """
+    """The result of one model for a displacement field."""
 
     log_evidence: float
+    """Logarithm of the model's evidence, up to a constant."""
     curved: bool
     graded: bool
+    """True if the model allows a curvature out of the plane, and a gradient of the strain."""
     misfit: float
+    """Misfit of the model; its expected value for a correct model is 14."""
     slopes: Float
     slope_std: Float
+    """Shape (2,). Slopes of the specimen's plane since the reference."""
     curvatures: Float
+    """Shape (3,). Curvatures of the surface since the reference: along X, mixed, along Y; 1/mm."""
     gradient: Float
+    """Shape (4,). Corrected mean displacement gradient, elements xx, xy, yx, yy."""
     parts: Mapping[str, Float]
+    """Each of shape (4, 4). Covariances of the gradient by their cause: "images" and the names in `PARTS`."""
     mounting: Float
+    """Shape (4, 3). Errors of the gradient if the two slopes and the distance of the specimen in the
+    reference each differ by one standard deviation from the grid's plane. The part "mounting" is their sum of
+    squares.
+    """
     relative_gradient: float
+    """Gradient of the strain as a fraction of the strain, 1/mm."""
 
     def stretched_along(self, along: Float) -> bool:
         """Return True if the absolute strain along a direction (2,) is larger than the one across it."""
@@ -69,25 +58,16 @@ class ModelOutcome:
 
 @dataclass(frozen=True)
 class Linearised:
-    """The equations of all causes, linearised about a plane.
-
-    Attributes
-    ----------
-    plane : Plane
-    polynomial : Polynomial
-    data : ndarray, shape (24,)
-        The polynomial of the displacements on the plane.
-    columns : ndarray, shape (24, 19)
-        The polynomials of the causes' fields.
-    strain : float
-        Strain along the direction in which the strain may have a gradient.
-    """
+    """The equations of all causes, linearised about a plane."""
 
     plane: Plane
     polynomial: Polynomial
     data: Float
+    """Shape (24,). The polynomial of the displacements on the plane."""
     columns: Float
+    """Shape (24, 19). The polynomials of the causes' fields."""
     strain: float
+    """Strain along the direction in which the strain may have a gradient."""
 
     @classmethod
     def about(

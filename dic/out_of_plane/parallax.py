@@ -30,22 +30,17 @@ class Pairs:
     are the same material point. If the position of the surface is not known, the surface is assumed to lie in
     the grid's plane. If there is a gap g between the true surface and the assumed plane, the paired points
     are about g tan θ apart, where θ is the angle between the cameras.
-
-    Attributes
-    ----------
-    first, second : Points
-        The points of the two cameras.
-    chosen : ndarray of int, shape (n,)
-        Indices of the first camera's points that the second camera also sees.
-    partner : sparse array, shape (n, points of the second)
-        Matrix that interpolates from the second camera's points (bilinearly) to the chosen points of the
-        first camera.
     """
 
     first: Points
     second: Points
+    """The points of the two cameras."""
     chosen: Indices
+    """Shape (n,). Indices of the first camera's points that the second camera also sees."""
     partner: csr_array
+    """Shape (n, points of the second). Matrix that interpolates from the second camera's points (bilinearly)
+    to the chosen points of the first camera.
+    """
 
     @classmethod
     def of(cls, first: Points, second: Points, field: Field) -> "Pairs":
@@ -113,18 +108,14 @@ def _seen_by(calibration: Calibration, points_mm: Float) -> Float:
 
 @dataclass(frozen=True)
 class Bulge:
-    """The three quadratic terms of a curved surface, each without the plane that fits it best.
-
-    Attributes
-    ----------
-    fitted : ndarray, shape (n, 3)
-        The terms X²/2, X Y and Y²/2 at the points with known heights, minus their best-fitting planes, mm².
-    planes : ndarray, shape (3, 3)
-        Slope x, slope y and height of the three planes, in the columns.
-    """
+    """The three quadratic terms of a curved surface, each without the plane that fits it best."""
 
     fitted: Float
+    """Shape (n, 3). The terms X²/2, X Y and Y²/2 at the points with known heights, minus their best-fitting
+    planes, mm².
+    """
     planes: Float
+    """Shape (3, 3). Slope x, slope y and height of the three planes, in the columns."""
 
     @classmethod
     def of(cls, position_mm: Float) -> "Bulge":
@@ -151,25 +142,18 @@ def _terms(position_mm: Float) -> tuple[Float, Float]:
 
 @dataclass(frozen=True)
 class Heights:
-    """Heights of material points above the grid's plane in the deformed images, relative to the reference.
-
-    Attributes
-    ----------
-    position_mm : ndarray, shape (n, 2)
-        True coordinates X and Y of the points.
-    z_mm : ndarray, shape (n,)
-        Heights of the points.
-    across_mm : ndarray, shape (n,)
-        Component, perpendicular to the parallax, of the difference between both cameras' calibrated
-        positions. This component should contain only noise.
-    parallax : ndarray, shape (n, 2)
-        The parallax vector e of each point.
-    """
+    """Heights of material points above the grid's plane in the deformed images, relative to the reference."""
 
     position_mm: Float
+    """Shape (n, 2). True coordinates X and Y of the points."""
     z_mm: Float
+    """Shape (n,). Heights of the points."""
     across_mm: Float
+    """Shape (n,). Component, perpendicular to the parallax, of the difference between both cameras'
+    calibrated positions. This component should contain only noise.
+    """
     parallax: Float
+    """Shape (n, 2). The parallax vector e of each point."""
 
     @classmethod
     def of(cls, pairs: Pairs, centres_mm: tuple[Float, Float]) -> "Heights":

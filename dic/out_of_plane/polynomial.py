@@ -24,21 +24,16 @@ class Polynomial:
 
     The rows `COEFFICIENTS` are the coefficients, 10 for each component. The rows `GRADIENT` are the elements
     xx, xy, yx, yy of the mean displacement gradient.
-
-    Attributes
-    ----------
-    points : Points
-    weights : ndarray, shape (n, 2, 24)
-        Weights of the displacements in the 24 rows.
-    noise, by_calibration : ndarray, shape (24, 24)
-        Covariance of the 24 rows that the noise of the images causes, and covariance that the calibration
-        causes.
     """
 
     points: Points
     weights: Float
+    """Shape (n, 2, 24). Weights of the displacements in the 24 rows."""
     noise: Float
     by_calibration: Float
+    """Shape (24, 24). Covariance of the 24 rows that the noise of the images causes, and covariance that the
+    calibration causes.
+    """
 
     @classmethod
     def of(cls, points: Points, centre_mm: Float, smooth_px: float | None = None) -> "Polynomial":

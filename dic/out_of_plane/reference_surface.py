@@ -34,21 +34,14 @@ _IMPROBABLE = 6.0
 
 @dataclass(frozen=True)
 class ReferenceSurface:
-    """The plane of a specimen's surface in the reference.
-
-    Attributes
-    ----------
-    plane : Plane or None
-        The plane in the grid's axes, or None if it could not be found.
-    centres_mm : tuple of ndarray, shape (3,)
-        The centres of both cameras in the grid's axes, adjusted to the parallax.
-    problem : str
-        The reason why the plane could not be found, or "".
-    """
+    """The plane of a specimen's surface in the reference."""
 
     plane: Plane | None = None
+    """The plane in the grid's axes, or None if it could not be found."""
     centres_mm: tuple[Float, Float] | None = None
+    """Each of shape (3,). The centres of both cameras in the grid's axes, adjusted to the parallax."""
     problem: str = ""
+    """The reason why the plane could not be found, or ""."""
 
     @property
     def text(self) -> str:
@@ -92,22 +85,15 @@ def reference_surface(field: Field, calibrations: tuple[Calibration, Calibration
 
 @dataclass(frozen=True)
 class _View:
-    """The measurements of n points by one camera.
-
-    Attributes
-    ----------
-    at_mm : ndarray, shape (n, 2)
-        Calibrated positions.
-    centre_mm : ndarray, shape (3,)
-        The camera's centre.
-    of_map, of_centre : ndarray, shapes (n, 2, q) and (3, q)
-        Effect of q independent errors of the calibration, with variance 1.
-    """
+    """The measurements of n points by one camera."""
 
     at_mm: Float
+    """Shape (n, 2). Calibrated positions."""
     centre_mm: Float
+    """Shape (3,). The camera's centre."""
     of_map: Float
     of_centre: Float
+    """Shapes (n, 2, q) and (3, q). Effect of q independent errors of the calibration, with variance 1."""
 
     @classmethod
     def of(cls, calibration: Calibration, px: Float) -> "_View":

@@ -141,22 +141,16 @@ def _not_rigid(solved: "_Solved | None", steps: Steps, centre_mm: Float) -> str 
 
 @dataclass(frozen=True)
 class _Solved:
-    """The alignment of a rotation stage, and the steps of the rotation that are corrected with it.
-
-    Attributes
-    ----------
-    gradients : ndarray, shape (steps, 2, 2)
-        Corrected displacement gradients.
-    covariance : ndarray, shape (steps, 4, 4)
-        Covariance of the elements of each corrected displacement gradient.
-    """
+    """The alignment of a rotation stage, and the steps of the rotation that are corrected with it."""
 
     method: str
     steps: Steps
     centre_mm: Float
     alignment: Alignment
     gradients: Float
+    """Shape (steps, 2, 2). Corrected displacement gradients."""
     covariance: Float
+    """Shape (steps, 4, 4). Covariance of the elements of each corrected displacement gradient."""
 
     @classmethod
     def from_steps(cls, steps: Steps, centre_mm: Float) -> "_Solved | None":
@@ -228,18 +222,12 @@ def _to_strain(gradients: Float) -> Float:
 
 @dataclass(frozen=True)
 class _SlopeErrors:
-    """The effect of errors of the input on the four slopes.
-
-    Attributes
-    ----------
-    by_step : ndarray, shape (steps, 4, 4)
-        Derivative of the slopes with respect to the measured gradient of each step.
-    prior : ndarray, shape (4, 4)
-        Covariance of the slopes that comes from the prior and not from errors of the steps.
-    """
+    """The effect of errors of the input on the four slopes."""
 
     by_step: Float
+    """Shape (steps, 4, 4). Derivative of the slopes with respect to the measured gradient of each step."""
     prior: Float
+    """Shape (4, 4). Covariance of the slopes that comes from the prior and not from errors of the steps."""
 
     def with_gradients(
         self, steps: Steps, slopes: Float, centre_mm: Float, noise: StepErrors, of_centre: Float

@@ -36,33 +36,26 @@ _CLOSE = 1e-9
 
 @dataclass(frozen=True)
 class Steps:
-    """The steps of a rotation, from which the alignment is solved.
-
-    Attributes
-    ----------
-    motions : sequence of (ndarray, ndarray), shapes (n, 2)
-        Calibrated positions of the points of each step before and after the motion, mm. The positions are not
-        kept in memory.
-    noise : ndarray, shape (steps, 4, 4)
-        Covariance of the mean displacement gradient of each step that image noise causes.
-    of_maps, of_centre : ndarray, shapes (steps, 4, q) and (3, q)
-        Effect of q independent calibration errors with variance 1: on the gradients (`of_maps`), and on the
-        camera's centre in mm (`of_centre`).
-    angles_deg : ndarray, shape (steps,)
-        Rotation of the specimen in each step since the reference image.
-    pivot_mm : ndarray, shape (2,)
-        X and Y of the centre of rotation.
-    systematic : float
-        Standard deviation of the systematic strain errors of each step, which are all errors except noise.
-    """
+    """The steps of a rotation, from which the alignment is solved."""
 
     motions: Spool[tuple[Float, Float]]
+    """Shapes (n, 2). Calibrated positions of the points of each step before and after the motion, mm. The
+    positions are not kept in memory.
+    """
     noise: Float
+    """Shape (steps, 4, 4). Covariance of the mean displacement gradient of each step that image noise causes.
+    """
     of_maps: Float
     of_centre: Float
+    """Shapes (steps, 4, q) and (3, q). Effect of q independent calibration errors with variance 1: on the
+    gradients (`of_maps`), and on the camera's centre in mm (`of_centre`).
+    """
     angles_deg: Float
+    """Shape (steps,). Rotation of the specimen in each step since the reference image."""
     pivot_mm: Float
+    """Shape (2,). X and Y of the centre of rotation."""
     systematic: float = _SYSTEMATIC
+    """Standard deviation of the systematic strain errors of each step, which are all errors except noise."""
 
     @classmethod
     def of(cls, points: Iterable[Points], systematic: float = _SYSTEMATIC) -> "Steps | None":
@@ -156,17 +149,13 @@ class StepErrors:
 
     The covariance matrix of all values would grow with the square of the number of steps. The two parts grow
     only in proportion to this number.
-
-    Attributes
-    ----------
-    own : ndarray, shape (steps, m, m)
-        Covariance of the m values of each step, caused by errors that no other step has.
-    shared : ndarray, shape (steps, m, q)
-        Effect of q independent errors of variance 1, which are the same in all steps.
     """
 
     own: Float
+    """Shape (steps, m, m). Covariance of the m values of each step, caused by errors that no other step has.
+    """
     shared: Float
+    """Shape (steps, m, q). Effect of q independent errors of variance 1, which are the same in all steps."""
 
     def mapped(self, by: Float) -> "StepErrors":
         """Return the errors of linear functions of each step's values; `by` has the shape (steps, k, m)."""

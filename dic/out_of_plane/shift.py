@@ -17,20 +17,16 @@ from dic.typing import Float
 
 @dataclass(frozen=True)
 class Shift:
-    """Knowledge about the specimen's shift towards the camera since the reference.
-
-    Attributes
-    ----------
-    std_um : float
-        Standard deviation of the shift. If there is a hinge: standard deviation of the part of the shift that
-        the tilt does not cause.
-    hinge_mm : tuple of float, or None
-        X and Y, in the grid's axes, of a point at which the surface keeps its height. None if such a point is
-        not known.
-    """
+    """Knowledge about the specimen's shift towards the camera since the reference."""
 
     std_um: float = SHIFT_STD_UM
+    """Standard deviation of the shift. If there is a hinge: standard deviation of the part of the shift that
+    the tilt does not cause.
+    """
     hinge_mm: tuple[float, float] | None = None
+    """X and Y, in the grid's axes, of a point at which the surface keeps its height. None if such a point is
+    not known.
+    """
 
     @classmethod
     def of(cls, std_um: float | None, hinge_mm: tuple[float, float] | None) -> "Shift":

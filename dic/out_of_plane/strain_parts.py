@@ -37,19 +37,14 @@ UNCERTAINTY_KEYS = (
 
 @dataclass(frozen=True)
 class StrainParts:
-    """Parts of the standard deviations of the mean strains exx, eyy, exy.
-
-    Attributes
-    ----------
-    parts : mapping of str to ndarray, shape (3,)
-        The standard deviations by their causes, with the keys `PART_NAMES`. The root sum of squares of all
-        parts is the standard deviation of the strain.
-    shared : ndarray, shape (3, 3)
-        Covariance of exx, eyy, exy that all parts except "images" cause.
-    """
+    """Parts of the standard deviations of the mean strains exx, eyy, exy."""
 
     parts: Mapping[str, Float]
+    """Each of shape (3,). The standard deviations by their causes, with the keys `PART_NAMES`. The root sum
+    of squares of all parts is the standard deviation of the strain.
+    """
     shared: Float
+    """Shape (3, 3). Covariance of exx, eyy, exy that all parts except "images" cause."""
 
     def as_dict(self) -> dict[str, float]:
         """Return the values under the names `exx_std_images` …."""

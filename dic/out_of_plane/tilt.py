@@ -37,41 +37,31 @@ _STRANGE = 40.0
 
 @dataclass(frozen=True)
 class TiltFit:
-    """The motion of a specimen in tension, as far as one camera can measure it.
-
-    Attributes
-    ----------
-    plane : Plane
-        Plane of the specimen's surface in the deformed image, relative to the surface in the reference.
-    plane_std : ndarray, shape (3,)
-        Standard deviations of the two slopes and of the shift, mm; NaN for the shift without a known hinge.
-    curvatures : ndarray, shape (3,)
-        Curvatures of the surface since the reference: along X, mixed, along Y; 1/mm.
-    gradient : ndarray, shape (2, 2)
-        Mean displacement gradient of the specimen.
-    parts : mapping of str to ndarray, shape (4, 4)
-        Covariances of the gradient's elements xx, xy, yx, yy by their cause: "images" and the names in
-        `PARTS`.
-    mounting : ndarray, shape (4, 3)
-        Errors of the gradient's elements by the mounting; see `ModelOutcome.mounting`.
-    curved, graded : float
-        Probability that the specimen bent out of its plane, and that its strain has a gradient.
-    misfit : float
-        Misfit of the best model; about 14 if the model is right.
-    residual_mm : ndarray, shape (n, 2)
-        The part of the displacements that a polynomial of third degree does not fit.
-    """
+    """The motion of a specimen in tension, as far as one camera can measure it."""
 
     plane: Plane
+    """Plane of the specimen's surface in the deformed image, relative to the surface in the reference."""
     plane_std: Float
+    """Shape (3,). Standard deviations of the two slopes and of the shift, mm; NaN for the shift without a
+    known hinge.
+    """
     curvatures: Float
+    """Shape (3,). Curvatures of the surface since the reference: along X, mixed, along Y; 1/mm."""
     gradient: Float
+    """Shape (2, 2). Mean displacement gradient of the specimen."""
     parts: Mapping[str, Float]
+    """Each of shape (4, 4). Covariances of the gradient's elements xx, xy, yx, yy by their cause: "images"
+    and the names in `PARTS`.
+    """
     mounting: Float
+    """Shape (4, 3). Errors of the gradient's elements by the mounting; see `ModelOutcome.mounting`."""
     curved: float
     graded: float
+    """Probability that the specimen bent out of its plane, and that its strain has a gradient."""
     misfit: float
+    """Misfit of the best model; about 14 if the model is right."""
     residual_mm: Float
+    """Shape (n, 2). The part of the displacements that a polynomial of third degree does not fit."""
 
     @property
     def slopes(self) -> Float:
@@ -125,22 +115,15 @@ def _fit(
 
 @dataclass(frozen=True)
 class Suspicion:
-    """Fits of strong causes to a field that no model explains; each cause may have any size.
-
-    Attributes
-    ----------
-    misfit_bent, misfit_graded : float
-        Misfit of a model with a curvature of any size, and of a model with a strain gradient of any size.
-    curvature_per_mm : float
-        Largest curvature out of the plane, if curvature is the cause.
-    gradient_per_mm : float
-        Gradient of the strain as a fraction of the strain, if the gradient is the cause.
-    """
+    """Fits of strong causes to a field that no model explains; each cause may have any size."""
 
     misfit_bent: float
     misfit_graded: float
+    """Misfit of a model with a curvature of any size, and of a model with a strain gradient of any size."""
     curvature_per_mm: float
+    """Largest curvature out of the plane, if curvature is the cause."""
     gradient_per_mm: float
+    """Gradient of the strain as a fraction of the strain, if the gradient is the cause."""
 
 
 def suspect(points: Points, centre_mm: Float, poisson_ratio: float, shift: Shift) -> Suspicion:

@@ -36,29 +36,21 @@ _DETERMINED = 1e8
 
 @dataclass(frozen=True)
 class Points:
-    """The usable points of a displacement field, and the errors of weighted sums of their displacements.
-
-    Attributes
-    ----------
-    displacement : Displacement
-        Calibrated displacement, in mm.
-    use : ndarray of bool, shape (rows, columns)
-        True for the n points that are used: converged points inside the calibrated area.
-    px : ndarray, shape (2, n, 2)
-        Image points in the reference and in the deformed image.
-    calibration : Calibration
-    surface : Plane
-        Plane of the specimen's surface in the reference. Displacements are along this plane.
-    seen_from_mm : ndarray, shape (3,), or None
-        The camera's centre in the grid's axes, if it is known better than from the calibration.
-    """
+    """The usable points of a displacement field, and the errors of weighted sums of their displacements."""
 
     displacement: Displacement
+    """Calibrated displacement, in mm."""
     use: Mask
+    """Shape (rows, columns). True for the n points that are used: converged points inside the calibrated
+    area.
+    """
     px: Float
+    """Shape (2, n, 2). Image points in the reference and in the deformed image."""
     calibration: Calibration
     surface: Plane = field(default_factory=Plane)
+    """Plane of the specimen's surface in the reference. Displacements are along this plane."""
     seen_from_mm: Float | None = None
+    """Shape (3,). The camera's centre in the grid's axes, if it is known better than from the calibration."""
 
     @property
     def before_mm(self) -> Float:

@@ -20,18 +20,12 @@ _AROUND_PX = 20
 
 @dataclass(frozen=True)
 class Background:
-    """Grey levels under a map.
-
-    Attributes
-    ----------
-    grey : ndarray, shape (height, width)
-        Grey levels to draw; NaN outside the image.
-    extent : (float, float, float, float)
-        Left, right, lower and upper limit of the axes.
-    """
+    """Grey levels under a map."""
 
     grey: NDArray[Any]
+    """Shape (height, width). Grey levels to draw; NaN outside the image."""
     extent: tuple[float, float, float, float]
+    """Left, right, lower and upper limit of the axes."""
 
     @property
     def aspect(self) -> float:

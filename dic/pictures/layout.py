@@ -26,31 +26,21 @@ a row in any case.
 
 @dataclass(frozen=True)
 class PanelLayout:
-    """The places of panels of equal size, and of their colour bars: one for each panel, or one for all.
-
-    Attributes
-    ----------
-    number, columns : int
-        Number of panels, and of panels in a row.
-    width_mm : float
-        Width of the picture.
-    aspect : float
-        Height of a panel's axes over their width.
-    ticks : bool
-        True if the axes have numbers.
-    title : bool
-        True if the picture has a title.
-    bars : bool
-        True if each panel has its own colour bar; False for a single colour bar beside all panels.
-    """
+    """The places of panels of equal size, and of their colour bars: one for each panel, or one for all."""
 
     number: int
     columns: int
+    """Number of panels, and of panels in a row."""
     width_mm: float
+    """Width of the picture."""
     aspect: float
+    """Height of a panel's axes over their width."""
     ticks: bool
+    """True if the axes have numbers."""
     title: bool
+    """True if the picture has a title."""
     bars: bool = True
+    """True if each panel has its own colour bar; False for a single colour bar beside all panels."""
 
     @classmethod
     def fitting(

@@ -29,29 +29,20 @@ _STRAIN_NAMES = {"exx": "εxx", "eyy": "εyy", "exy": "εxy"}
 
 @dataclass(frozen=True)
 class Panel:
-    """The values of one map.
-
-    Attributes
-    ----------
-    quantity : str
-        One of `QUANTITIES`.
-    name : str
-        Title of the map, without the unit.
-    unit : str
-    values : ndarray, shape (rows, columns)
-        Values at the points; NaN at a point without a value.
-    reach : tuple of float, or None
-        The lowest and the highest value of all images that share the colour bar; None for those of `values`.
-    kind : str
-        Kind of the strain: "raw", "calibrated" or "corrected"; "" for a displacement.
-    """
+    """The values of one map."""
 
     quantity: str
+    """One of `QUANTITIES`."""
     name: str
+    """Title of the map, without the unit."""
     unit: str
     values: Float
+    """Shape (rows, columns). Values at the points; NaN at a point without a value."""
     reach: tuple[float, float] | None = None
+    """The lowest and the highest value of all images that share the colour bar; None for those of `values`.
+    """
     kind: str = ""
+    """Kind of the strain: "raw", "calibrated" or "corrected"; "" for a displacement."""
 
     @property
     def title(self) -> str:

@@ -19,24 +19,19 @@ Points on a line give 1e-16, and a grid of 2 × 1000 points gives 0.1.
 
 @dataclass(frozen=True)
 class PointCells:
-    """Cells around the points of a field, as they are drawn.
-
-    Attributes
-    ----------
-    corners : ndarray, shape (rows + 1, columns + 1, 2)
-        Corners of the cells in the image, px. The cell [i, j] belongs to the point [i, j].
-    to_axes : ndarray, shape (3, 3)
-        Homography from the image's pixels to the axes of the picture.
-    unit : str or None
-        Unit of the axes, "px" or "mm"; None for a picture without axes.
-    view : tuple of float, or None
-        Least and largest x, then least and largest y of a picture. None for limits a little beyond the cells.
-    """
+    """Cells around the points of a field, as they are drawn."""
 
     corners: Float
+    """Shape (rows + 1, columns + 1, 2). Corners of the cells in the image, px. The cell [i, j] belongs to the
+    point [i, j].
+    """
     to_axes: Float
+    """Shape (3, 3). Homography from the image's pixels to the axes of the picture."""
     unit: str | None
+    """Unit of the axes, "px" or "mm"; None for a picture without axes."""
     view: tuple[float, float, float, float] | None = None
+    """Least and largest x, then least and largest y of a picture. None for limits a little beyond the cells.
+    """
 
     def drawn_corners(self) -> Float:
         """Return the corners of the cells in the axes, shape (rows + 1, columns + 1, 2)."""

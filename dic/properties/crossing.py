@@ -13,20 +13,13 @@ _NEAR = 3
 
 @dataclass(frozen=True)
 class Crossing:
-    """The intersection of a curve with a line.
-
-    Attributes
-    ----------
-    stress_mpa : float
-    point : int
-        First point beyond the line.
-    std_mpa : float
-        Standard deviation of the stress. It is not zero because the curve between its points is not known.
-    """
+    """The intersection of a curve with a line."""
 
     stress_mpa: float
     point: int
+    """First point beyond the line."""
     std_mpa: float
+    """Standard deviation of the stress. It is not zero because the curve between its points is not known."""
 
 
 def crossing(strain: Float, stress: Float, slope: float, first: int) -> Crossing | None:

@@ -26,27 +26,18 @@ FEW_POINTS = 50
 
 @dataclass(frozen=True)
 class Elastic:
-    """The elastic line of a test.
-
-    Attributes
-    ----------
-    line : FittedLine
-        Stress in MPa against strain.
-    std_mpa : float
-        Standard deviation of the slope due to noise and the choice of the window, without errors that are
-        common to all points.
-    centre : tuple of float
-        Mean strain and mean stress of the window. Every least squares line passes through this point.
-    window : dict
-        Description of the window for JSON.
-    rule : str
-    flags : tuple of str
-    """
+    """The elastic line of a test."""
 
     line: FittedLine
+    """Stress in MPa against strain."""
     std_mpa: float
+    """Standard deviation of the slope due to noise and the choice of the window, without errors that are
+    common to all points.
+    """
     centre: tuple[float, float]
+    """Mean strain and mean stress of the window. Every least squares line passes through this point."""
     window: dict[str, Any]
+    """Description of the window for JSON."""
     rule: str
     flags: tuple[str, ...]
 

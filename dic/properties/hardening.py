@@ -25,17 +25,12 @@ MOST_FITTED, MOST_TRIALS = 400, 200
 
 @dataclass(frozen=True)
 class TrueCurve:
-    """True stress and true strain, up to the end of uniform elongation or of the valid strain.
-
-    Attributes
-    ----------
-    strain, plastic, stress : ndarray, shape (n,)
-        True total strain, true plastic strain, and true stress in MPa.
-    """
+    """True stress and true strain, up to the end of uniform elongation or of the valid strain."""
 
     strain: Float
     plastic: Float
     stress: Float
+    """Shape (n,). True total strain, true plastic strain, and true stress in MPa."""
 
 
 def true_curve(record: Record, elastic: Elastic, strength_at: int) -> TrueCurve:

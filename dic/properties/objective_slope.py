@@ -36,30 +36,20 @@ MOST_POINTS = 1500
 
 @dataclass(frozen=True)
 class ObjectiveSlope:
-    """The slope of the straightest window of a record, and the checks that it failed.
-
-    Attributes
-    ----------
-    line : FittedLine
-        Fit to all points of the window, in the record's units.
-    cut : int
-        Index of the point at which the record was cut.
-    raised : int
-        How often the start of the tangent line was raised to find the cut.
-    range_share : float
-        Range of y in the window, divided by the range of y up to the cut.
-    spread : float
-        Standard deviation of the slope due to the choice of the window.
-    objections : tuple of str
-        Checks of the rule that failed; empty if the rule accepts the slope.
-    """
+    """The slope of the straightest window of a record, and the checks that it failed."""
 
     line: FittedLine
+    """Fit to all points of the window, in the record's units."""
     cut: int
+    """Index of the point at which the record was cut."""
     raised: int
+    """How often the start of the tangent line was raised to find the cut."""
     range_share: float
+    """Range of y in the window, divided by the range of y up to the cut."""
     spread: float
+    """Standard deviation of the slope due to the choice of the window."""
     objections: tuple[str, ...]
+    """Checks of the rule that failed; empty if the rule accepts the slope."""
 
 
 def objective_slope(x: Float, y: Float) -> ObjectiveSlope | str:

@@ -30,25 +30,16 @@ LADDER_TIMES, LADDER_SHARE, LADDER_STEPS = 5.0, 0.7, 4
 
 @dataclass(frozen=True)
 class Record:
-    """Stress and strain of a tensile test.
-
-    Attributes
-    ----------
-    curve : Curve
-    area_mm2 : float
-    stress : ndarray, shape (n,)
-        Load divided by the original area, MPa, at all points.
-    end : int
-        Number of points with a valid strain.
-    end_reason : str
-        Reason why the strain ends before the load; empty if it does not end earlier.
-    """
+    """Stress and strain of a tensile test."""
 
     curve: Curve
     area_mm2: float
     stress: Float
+    """Shape (n,). Load divided by the original area, MPa, at all points."""
     end: int
+    """Number of points with a valid strain."""
     end_reason: str
+    """Reason why the strain ends before the load; empty if it does not end earlier."""
 
     @property
     def strain(self) -> Float:

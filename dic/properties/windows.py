@@ -16,22 +16,15 @@ _MOST_IN_RUNS = 100
 
 @dataclass(frozen=True)
 class FittedLine:
-    """A least squares line through the points from `first` to before `stop`.
-
-    Attributes
-    ----------
-    first, stop : int
-    slope, intercept : float
-        Slope and intercept of y against x.
-    residual : float
-        Sum of squared residuals divided by the sum of squared deviations of y from its mean.
-    """
+    """A least squares line through the points from `first` to before `stop`."""
 
     first: int
     stop: int
     slope: float
     intercept: float
+    """Slope and intercept of y against x."""
     residual: float
+    """Sum of squared residuals divided by the sum of squared deviations of y from its mean."""
 
 
 def fit_line(x: Float, y: Float, first: int, stop: int) -> FittedLine:

@@ -32,21 +32,14 @@ AE_RULE = "from ReH to the intersection of the last minimum's level with the ste
 
 @dataclass(frozen=True)
 class Plateau:
-    """The points of a record that show discontinuous yielding.
-
-    Attributes
-    ----------
-    upper : int
-        Index of the point of the upper yield strength.
-    lower : int
-        Index of the point of the lower yield strength.
-    last : int
-        Index of the last minimum of the stress before uniform hardening.
-    """
+    """The points of a record that show discontinuous yielding."""
 
     upper: int
+    """Index of the point of the upper yield strength."""
     lower: int
+    """Index of the point of the lower yield strength."""
     last: int
+    """Index of the last minimum of the stress before uniform hardening."""
 
 
 def offset_strength(

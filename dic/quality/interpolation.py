@@ -19,32 +19,23 @@ _UNKNOWN = (float("nan"), float("nan"))
 
 @dataclass(frozen=True)
 class InterpolationBias:
-    """Predicted errors of interpolation.
-
-    Attributes
-    ----------
-    bias_px : tuple of float
-        Greatest bias of u and of v over all sub-pixel displacements, without smoothing; NaN if the region is
-        too narrow. The bias contains the effect of waves that the camera has aliased. A positive bias draws
-        displacements of 1/4 px towards 1/2 px.
-    unaliased_bias_px : tuple of float
-        The greatest bias that would result if the camera had not aliased the pattern.
-    smoothing : Smoothing
-        The smoothing that the correlation will apply, and the bias that it leaves.
-    strain_range : float
-        Largest strain of the experiment.
-    gauge_px : int
-        Width of the virtual strain gauge for which the strain error is stated.
-    subset_px : int
-        Width of the subsets.
-    """
+    """Predicted errors of interpolation."""
 
     bias_px: tuple[float, float]
+    """Greatest bias of u and of v over all sub-pixel displacements, without smoothing; NaN if the region is
+    too narrow. The bias contains the effect of waves that the camera has aliased. A positive bias draws
+    displacements of 1/4 px towards 1/2 px.
+    """
     unaliased_bias_px: tuple[float, float]
+    """The greatest bias that would result if the camera had not aliased the pattern."""
     smoothing: Smoothing
+    """The smoothing that the correlation will apply, and the bias that it leaves."""
     strain_range: float
+    """Largest strain of the experiment."""
     gauge_px: int
+    """Width of the virtual strain gauge for which the strain error is stated."""
     subset_px: int
+    """Width of the subsets."""
 
     @property
     def greatest_px(self) -> float:

@@ -15,25 +15,21 @@ TILES = 3
 
 @dataclass(frozen=True, kw_only=True)
 class PictureValues:
-    """Values that describe the light and the focus of a picture.
-
-    Attributes
-    ----------
-    dark_share, bright_share : float
-        Share of pixels at the lowest grey level of the image, and share of pixels at the highest grey level.
-        If the highest grey level of the sensor is known, `bright_share` is the share of pixels at that level.
-    contrast : float
-        Michelson contrast (bright - dark) / (bright + dark), where bright and dark are the 98th and the 2nd
-        percentile of the grey levels.
-    blur_px : ndarray, shape (3, 3)
-        Standard deviation of the blur at edges, for each ninth of the region; NaN for a ninth with too few
-        edges.
-    """
+    """Values that describe the light and the focus of a picture."""
 
     dark_share: float
     bright_share: float
+    """Share of pixels at the lowest grey level of the image, and share of pixels at the highest grey level.
+    If the highest grey level of the sensor is known, `bright_share` is the share of pixels at that level.
+    """
     contrast: float
+    """Michelson contrast (bright - dark) / (bright + dark), where bright and dark are the 98th and the 2nd
+    percentile of the grey levels.
+    """
     blur_px: Float
+    """Shape (3, 3). Standard deviation of the blur at edges, for each ninth of the region; NaN for a ninth
+    with too few edges.
+    """
 
     def figures(self) -> dict[str, float]:
         """Return a dict of the values that `docs/quality.md` explains; an unknown value is NaN."""

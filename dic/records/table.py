@@ -21,24 +21,15 @@ _NEAR = 2
 
 @dataclass(frozen=True)
 class CellTable:
-    """The cells of a testing machine's table, as text.
-
-    Attributes
-    ----------
-    path : str
-    headings : list of list of str
-        The cells of each line above the numbers.
-    rows : list of list of str
-        The cells of each line of numbers.
-    lines : list of int
-        For each element of `rows`, the number of its line in the file, from 1.
-    separator : str
-    """
+    """The cells of a testing machine's table, as text."""
 
     path: str
     headings: list[list[str]]
+    """The cells of each line above the numbers."""
     rows: list[list[str]]
+    """The cells of each line of numbers."""
     lines: list[int]
+    """For each element of `rows`, the number of its line in the file, from 1."""
     separator: str = ";"
 
     def until_empty(self, *columns: ColumnUnit | None) -> "CellTable":

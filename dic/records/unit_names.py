@@ -83,24 +83,16 @@ _MULTIPLIER = re.compile(rf"{_POWER}\s*[x×*·]?\s*(.*)", re.ASCII)
 
 @dataclass(frozen=True)
 class NamedUnit:
-    """A unit that a file names.
-
-    Attributes
-    ----------
-    text : str
-        The unit as the file spells it.
-    quantity : str
-        "force", "stress", "strain", "length", "time" or "other".
-    size : float
-        Size in N, MPa, mm or s, or as a strain; NaN if it is not certain or not known.
-    symbol : bool
-        True for a single letter in brackets, which may be a symbol instead, as in "Weg (s)".
-    """
+    """A unit that a file names."""
 
     text: str
+    """The unit as the file spells it."""
     quantity: str
+    """"force", "stress", "strain", "length", "time" or "other"."""
     size: float
+    """Size in N, MPa, mm or s, or as a strain; NaN if it is not certain or not known."""
     symbol: bool = False
+    """True for a single letter in brackets, which may be a symbol instead, as in "Weg (s)"."""
 
 
 def _table() -> Mapping[str, tuple[str, float]]:

@@ -36,26 +36,17 @@ TIME = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 
 @dataclass(frozen=True)
 class ColumnUnit:
-    """A column of a record and the unit of its numbers.
-
-    Attributes
-    ----------
-    role : str
-        The option that names the column, such as "--load".
-    name : str
-        Text of the column's heading, or the number of the column, from 1.
-    unit : str
-    factor : float
-        Size of the unit in N, mm or s, or as a strain; numbers of the column are multiplied by it.
-    sizes : mapping of str to float
-        All units that the column may have; used to compare `unit` with the unit in the file's heading.
-    """
+    """A column of a record and the unit of its numbers."""
 
     role: str
+    """The option that names the column, such as "--load"."""
     name: str
+    """Text of the column's heading, or the number of the column, from 1."""
     unit: str
     factor: float
+    """Size of the unit in N, mm or s, or as a strain; numbers of the column are multiplied by it."""
     sizes: Mapping[str, float]
+    """All units that the column may have; used to compare `unit` with the unit in the file's heading."""
 
 
 def column_unit(role: str, text: str, sizes: Mapping[str, float]) -> ColumnUnit:

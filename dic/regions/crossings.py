@@ -9,20 +9,14 @@ from dic.typing import Float, Indices
 
 
 class EdgeCrossing(NamedTuple):
-    """Two edges that cross each other.
-
-    Attributes
-    ----------
-    first, second : int
-        The polygons of the two edges, counted from 0; equal if a polygon crosses itself.
-    x, y : float
-        The place where the edges cross.
-    """
+    """Two edges that cross each other."""
 
     first: int
     second: int
+    """The polygons of the two edges, counted from 0; equal if a polygon crosses itself."""
     x: float
     y: float
+    """The place where the edges cross."""
 
 
 def find_crossings(polygons: Sequence[Float]) -> list[EdgeCrossing]:

@@ -24,38 +24,26 @@ pixels.
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """A polygon with the name of its place in the input.
-
-    Attributes
-    ----------
-    label : str
-        The file and the number of the polygon, for error messages.
-    corners : ndarray, shape (corners, 2)
-        At least three corners (x, y), px.
-    """
+    """A polygon with the name of its place in the input."""
 
     label: str
+    """The file and the number of the polygon, for error messages."""
     corners: Float
+    """Shape (corners, 2). At least three corners (x, y), px."""
 
 
 @dataclass(frozen=True, eq=False)
 class Crack:
-    """A crack or slit: a line of a given width, which does not belong to the region.
-
-    Attributes
-    ----------
-    label : str
-        The file and the number of the crack, for error messages.
-    path : ndarray, shape (places, 2)
-        At least two places (x, y) that straight lines connect, px.
-    width_px : float
-        Width of the line, from 1 to 1000 px. Pixels whose centre is at most half of this width away are left
-        out.
-    """
+    """A crack or slit: a line of a given width, which does not belong to the region."""
 
     label: str
+    """The file and the number of the crack, for error messages."""
     path: Float
+    """Shape (places, 2). At least two places (x, y) that straight lines connect, px."""
     width_px: float
+    """Width of the line, from 1 to 1000 px. Pixels whose centre is at most half of this width away are left
+    out.
+    """
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,22 +53,16 @@ class DrawnRegion:
     A pixel belongs to the region if its centre lies inside an odd number of polygons, in no hole, and in no
     crack. So a polygon inside another polygon is also a hole, but only `holes` may cross the outline of a
     polygon.
-
-    Attributes
-    ----------
-    polygons : sequence of Outline
-        At least one polygon.
-    holes : sequence of Outline
-    cracks : sequence of Crack
-    sizes : sequence of (str, (int, int))
-        Width and height of the images on which parts of the region were drawn, px, with the names of the
-        files that state them.
     """
 
     polygons: Sequence[Outline]
+    """At least one polygon."""
     holes: Sequence[Outline] = ()
     cracks: Sequence[Crack] = ()
     sizes: Sequence[tuple[str, tuple[int, int]]] = ()
+    """Width and height of the images on which parts of the region were drawn, px, with the names of the files
+    that state them.
+    """
 
     @classmethod
     def of(cls, parts: Sequence["DrawnRegion"]) -> "DrawnRegion":

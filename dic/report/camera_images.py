@@ -19,28 +19,21 @@ _TAKEN = ("exif", "video")
 
 @dataclass(frozen=True)
 class ReportedImages:
-    """The images of one camera of a test.
-
-    Attributes
-    ----------
-    camera : str
-        Name of the camera; "" for a series of images.
-    series : MeasuredSeries
-        Measurements and corrections; an image is read from the result file when it is used.
-    calibration : Calibration or None
-    labels : tuple of str
-        Name of each image of the series: its file, or the run's step. The curve of the test uses the same
-        names.
-    times_s : ndarray, shape (images,)
-        When each image was taken; NaN where it is not known. The time of the last change of a file does not
-        count.
-    """
+    """The images of one camera of a test."""
 
     camera: str
+    """Name of the camera; "" for a series of images."""
     series: MeasuredSeries
+    """Measurements and corrections; an image is read from the result file when it is used."""
     calibration: Calibration | None
     labels: tuple[str, ...]
+    """Name of each image of the series: its file, or the run's step. The curve of the test uses the same
+    names.
+    """
     times_s: Float
+    """Shape (images,). When each image was taken; NaN where it is not known. The time of the last change of a
+    file does not count.
+    """
     _read: Callable[[int], Grey]
 
     def place(self, label: str) -> int | None:

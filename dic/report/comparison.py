@@ -38,27 +38,18 @@ class Entry:
 
 @dataclass(frozen=True)
 class PaperComparison:
-    """One quantity, with its value in Helm and Deaner's paper and its values in the runs of the report.
-
-    Attributes
-    ----------
-    quantity : str
-        Description of the quantity.
-    paper : str
-        The statement of Helm and Deaner's paper about the quantity, with the paper's numbers.
-    test : str
-        Kind of test: "tension", "rotation" or "calibration".
-    figure : str
-        The report's figure that shows the quantity.
-    entries : list of Entry
-        Values of the quantity in the runs.
-    """
+    """One quantity, with its value in Helm and Deaner's paper and its values in the runs of the report."""
 
     quantity: str
+    """Description of the quantity."""
     paper: str
+    """The statement of Helm and Deaner's paper about the quantity, with the paper's numbers."""
     test: str
+    """Kind of test: "tension", "rotation" or "calibration"."""
     figure: Figure
+    """The report's figure that shows the quantity."""
     entries: list[Entry]
+    """Values of the quantity in the runs."""
 
 
 def turned_cameras(runs: Sequence[Run]) -> list[CameraSeries]:

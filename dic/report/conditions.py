@@ -26,17 +26,10 @@ _AREA_TOLERANCE = 0.01
 
 @dataclass(frozen=True)
 class TestTables:
-    """The tables about a test beside its values.
-
-    Attributes
-    ----------
-    stated : mapping of str to FactTable
-        Facts about laboratory, specimen and machine, keyed by table.
-    hardware, analysis : FactTable
-    noise : list of NoiseFloor
-    """
+    """The tables about a test beside its values."""
 
     stated: Mapping[str, FactTable]
+    """Facts about laboratory, specimen and machine, keyed by table."""
     hardware: FactTable
     analysis: FactTable
     noise: list[NoiseFloor]
@@ -53,24 +46,15 @@ class TestTables:
 
 @dataclass(frozen=True)
 class StatedConditions:
-    """The conditions of a test, in the form that the page template needs.
-
-    Attributes
-    ----------
-    stated : list of (str, list of (str, str))
-        Title of each table of facts, and its rows.
-    doubts : list of str
-        Facts that contradict the evaluation, one sentence each.
-    tables : TestTables
-    states : list of CurvePoint
-        The points of the curve whose fields are shown.
-    fields : list of StatePicture
-    """
+    """The conditions of a test, in the form that the page template needs."""
 
     stated: list[tuple[str, list[tuple[str, str]]]]
+    """Title of each table of facts, and its rows."""
     doubts: list[str]
+    """Facts that contradict the evaluation, one sentence each."""
     tables: TestTables
     states: list[CurvePoint]
+    """The points of the curve whose fields are shown."""
     fields: list[StatePicture]
 
 

@@ -10,24 +10,17 @@ NOT_STATED = "not stated"
 
 @dataclass(frozen=True)
 class Fact:
-    """A fact in words, and where it comes from.
-
-    Attributes
-    ----------
-    text : str
-    file : str
-        The file that contains the fact, or the values from which it is computed; "" for a fact that is not
-        stated.
-    step : str
-        The part of the file: a table of stated facts, an image, or a part of the evaluation.
-    rule : str
-        How the fact follows from this part: a key, or the rule of the computation.
-    """
+    """A fact in words, and where it comes from."""
 
     text: str = NOT_STATED
     file: str = ""
+    """The file that contains the fact, or the values from which it is computed; "" for a fact that is not
+    stated.
+    """
     step: str = ""
+    """The part of the file: a table of stated facts, an image, or a part of the evaluation."""
     rule: str = NOT_STATED
+    """How the fact follows from this part: a key, or the rule of the computation."""
 
     @property
     def is_known(self) -> bool:
@@ -46,21 +39,14 @@ class Fact:
 
 @dataclass(frozen=True)
 class FactTable:
-    """A table with a row for each fact and a column for each camera.
-
-    Attributes
-    ----------
-    heads : list of str
-        Names of the cameras; [""] for a table that is not about cameras, or for a series of images.
-    facts : list of (str, list of Fact)
-        Name of each fact, and the fact of each camera.
-    doubts : list of str
-        One sentence for each source of facts that exists but cannot be used.
-    """
+    """A table with a row for each fact and a column for each camera."""
 
     heads: list[str]
+    """Names of the cameras; [""] for a table that is not about cameras, or for a series of images."""
     facts: list[tuple[str, list[Fact]]]
+    """Name of each fact, and the fact of each camera."""
     doubts: list[str] = field(default_factory=list)
+    """One sentence for each source of facts that exists but cannot be used."""
 
     @property
     def rows(self) -> list[tuple[str, list[str]]]:

@@ -43,32 +43,22 @@ _QUANTITIES: dict[str, tuple[str, str, int]] = {
 
 @dataclass(frozen=True)
 class NoiseRow:
-    """A row of the table of noise floors: a quantity, its predicted and measured noise, and its bias.
-
-    Attributes
-    ----------
-    quantity, unit : str
-    digits : int
-        Number of decimals in the report.
-    predicted, measured, bias : float
-        NaN if the value is not known.
-    predicted_from : str
-        The image whose noise was predicted; "" if there is none.
-    images : int
-        Number of images at rest.
-    of_gauge : bool
-        True for the strain of a gauge, which has one value in an image.
-    """
+    """A row of the table of noise floors: a quantity, its predicted and measured noise, and its bias."""
 
     quantity: str
     unit: str
     digits: int
+    """Number of decimals in the report."""
     predicted: float
     measured: float
     bias: float
+    """NaN if the value is not known."""
     predicted_from: str
+    """The image whose noise was predicted; "" if there is none."""
     images: int
+    """Number of images at rest."""
     of_gauge: bool = False
+    """True for the strain of a gauge, which has one value in an image."""
 
     @property
     def texts(self) -> list[str]:
@@ -84,25 +74,16 @@ class NoiseRow:
 
 @dataclass(frozen=True)
 class NoiseFloor:
-    """The noise floors of one camera.
-
-    Attributes
-    ----------
-    camera : str
-    static : list of str
-        Names of the images at rest.
-    rows : list of NoiseRow
-    doubts : list of str
-        One sentence for each image at rest whose gauges measured a strain.
-    file : str
-        The result file.
-    """
+    """The noise floors of one camera."""
 
     camera: str
     static: list[str]
+    """Names of the images at rest."""
     rows: list[NoiseRow]
     doubts: list[str]
+    """One sentence for each image at rest whose gauges measured a strain."""
     file: str = ""
+    """The result file."""
 
     def as_list(self) -> list[dict[str, Any]]:
         """Return each row for JSON, with null for an unknown value."""

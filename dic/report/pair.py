@@ -17,24 +17,16 @@ _MM_TO_UM = 1e3
 
 @dataclass(frozen=True)
 class PairSeries:
-    """The results that two cameras give together: strain and motion of the specimen's plane at each step.
-
-    Attributes
-    ----------
-    cameras : tuple of str
-        Names of the cameras. The first camera looks more obliquely, and heights are given at its points.
-    label : str
-        Name of the two cameras in the report.
-    steps : list of RunStep
-        The k steps that both cameras measured.
-    found : list of TwoCameraStep
-        The solution of each step for both cameras together.
-    """
+    """The results that two cameras give together: strain and motion of the specimen's plane at each step."""
 
     cameras: tuple[str, str]
+    """Names of the cameras. The first camera looks more obliquely, and heights are given at its points."""
     label: str
+    """Name of the two cameras in the report."""
     steps: list[RunStep]
+    """The k steps that both cameras measured."""
     found: list[TwoCameraStep]
+    """The solution of each step for both cameras together."""
 
     @cached_property
     def points(self) -> list[int]:

@@ -15,26 +15,17 @@ _UNKNOWN = "not known: the result file is of an earlier version"
 
 @dataclass(frozen=True)
 class Repeat:
-    """The data with which another person can repeat the evaluation of a tensile test.
-
-    Attributes
-    ----------
-    commands : list of (str, str)
-        Description and text of each command, in the order in which they must be given.
-    versions : list of (str, str)
-    settings : str
-        The settings of correlation, strain and properties, as JSON.
-    files : list of (str, str)
-        Name and SHA-256 of each input file except the images.
-    images : list of (str, str)
-        Name and SHA-256 of each image of the curve.
-    """
+    """The data with which another person can repeat the evaluation of a tensile test."""
 
     commands: list[tuple[str, str]]
+    """Description and text of each command, in the order in which they must be given."""
     versions: list[tuple[str, str]]
     settings: str
+    """The settings of correlation, strain and properties, as JSON."""
     files: list[tuple[str, str]]
+    """Name and SHA-256 of each input file except the images."""
     images: list[tuple[str, str]]
+    """Name and SHA-256 of each image of the curve."""
 
 
 def result_of(test: TensileTest, results: Sequence[Results]) -> Results:

@@ -34,24 +34,16 @@ At this angle, 7 % of the false strain is along the other axis.
 
 @dataclass(frozen=True)
 class CameraSeries:
-    """The results of one camera of a run: its off-axis angle, and its mean strain at every measured step.
-
-    Attributes
-    ----------
-    run : int
-        Number of the run in the report, from 1.
-    on_axis : bool
-        True if the other cameras are compared with this camera.
-    result : CameraResult
-        Results of the camera at k steps.
-    corrections : list of Correction
-        Corrections of the k steps by this camera alone.
-    """
+    """The results of one camera of a run: its off-axis angle, and its mean strain at every measured step."""
 
     run: int
+    """Number of the run in the report, from 1."""
     on_axis: bool
+    """True if the other cameras are compared with this camera."""
     result: CameraResult
+    """Results of the camera at k steps."""
     corrections: Sequence[Correction]
+    """Corrections of the k steps by this camera alone."""
 
     @property
     def camera(self) -> str:
@@ -154,26 +146,17 @@ class CameraSeries:
 
 @dataclass(frozen=True)
 class Run:
-    """A run in the report, with its number and its cameras.
-
-    Attributes
-    ----------
-    number : int
-        Number of the run in the report, from 1.
-    result : RunResult
-    kind : str
-        Kind of test: "tension", "rotation", or empty if no step could be measured.
-    cameras : list of CameraSeries
-        Results of the cameras; the on-axis camera is the first.
-    pair : PairSeries or None
-        The results that two cameras of the run give together; None if the run has no such results.
-    """
+    """A run in the report, with its number and its cameras."""
 
     number: int
+    """Number of the run in the report, from 1."""
     result: RunResult
     kind: Kind
+    """Kind of test: "tension", "rotation", or empty if no step could be measured."""
     cameras: list[CameraSeries]
+    """Results of the cameras; the on-axis camera is the first."""
     pair: PairSeries | None = None
+    """The results that two cameras of the run give together; None if the run has no such results."""
 
     @property
     def steps(self) -> list[RunStep]:

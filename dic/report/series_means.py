@@ -34,22 +34,17 @@ class ImageRow:
 
 @dataclass(frozen=True)
 class SeriesMeans:
-    """The mean strains of all images of a series.
-
-    Attributes
-    ----------
-    rows : list of dict
-        The results of the n images, from `MeasuredImage.row`.
-    kinds : tuple of str
-        The kinds of strain, from the least to the most accurate.
-    values, stds : dict of str to ndarray, shape (n, 3)
-        Mean εxx, εyy and εxy of each kind, and their standard deviations; NaN where there is none.
-    """
+    """The mean strains of all images of a series."""
 
     rows: list[dict[str, Any]]
+    """The results of the n images, from `MeasuredImage.row`."""
     kinds: tuple[str, ...]
+    """The kinds of strain, from the least to the most accurate."""
     values: dict[str, Float]
     stds: dict[str, Float]
+    """Each of shape (n, 3). Mean εxx, εyy and εxy of each kind, and their standard deviations; NaN where
+    there is none.
+    """
 
     @property
     def measured(self) -> list[int]:

@@ -33,24 +33,17 @@ three.
 
 @dataclass(frozen=True)
 class StatePicture:
-    """The maps of one camera at the chosen points of the stress-strain curve.
-
-    Attributes
-    ----------
-    camera : str
-    kind : str
-        Name of the strain, such as "εyy corrected"; only "εyy" if the maps show different kinds of strain.
-    uri : str
-        The picture as a data URI; two rows, on the reference and on the deformed image.
-    missing : list of str
-        One sentence for each point without a map, without its deformed image, or with another kind of strain
-        than the other points.
-    """
+    """The maps of one camera at the chosen points of the stress-strain curve."""
 
     camera: str
     kind: str
+    """Name of the strain, such as "εyy corrected"; only "εyy" if the maps show different kinds of strain."""
     uri: str
+    """The picture as a data URI; two rows, on the reference and on the deformed image."""
     missing: list[str]
+    """One sentence for each point without a map, without its deformed image, or with another kind of strain
+    than the other points.
+    """
 
 
 @dataclass(frozen=True)

@@ -15,23 +15,15 @@ _ABSOLUTE_ZERO_C = -273.15
 
 @dataclass(frozen=True)
 class FactKind:
-    """A kind of fact that the user can state.
-
-    Attributes
-    ----------
-    name : str
-        Name in the report.
-    kind : str
-        Kind of the value, such as `TEXT`.
-    unit : str
-    above : float
-        A number must be above this value. Sizes, distances, rates and times are positive.
-    """
+    """A kind of fact that the user can state."""
 
     name: str
+    """Name in the report."""
     kind: str = TEXT
+    """Kind of the value, such as `TEXT`."""
     unit: str = ""
     above: float = 0.0
+    """A number must be above this value. Sizes, distances, rates and times are positive."""
 
     def text(self, value: Any) -> str:
         """Return a value of this fact as text, with its unit."""

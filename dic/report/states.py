@@ -21,22 +21,15 @@ _EXAMPLES = "half, Rp02, ReH, Rm, last, strain=0.5 (%), stress=200 (MPa) or imag
 
 @dataclass(frozen=True)
 class CurvePoint:
-    """A point of a curve.
-
-    Attributes
-    ----------
-    words : str
-        Name of the point, such as "Rp0,2".
-    label : str
-        The image or the run's step.
-    stress_mpa, strain : float
-        Stress, and engineering strain of the gauge along the specimen.
-    """
+    """A point of a curve."""
 
     words: str
+    """Name of the point, such as "Rp0,2"."""
     label: str
+    """The image or the run's step."""
     stress_mpa: float
     strain: float
+    """Stress, and engineering strain of the gauge along the specimen."""
 
     @property
     def text(self) -> str:

@@ -32,55 +32,38 @@ class Note:
 
 @dataclass(frozen=True)
 class StepRow:
-    """One row of a table of steps.
-
-    Attributes
-    ----------
-    index : int
-        Number of the step.
-    target : str
-        Target of the step, with its unit.
-    readings : list of str
-        Readings of the devices as text, in the order of the table's headings.
-    points : str
-        Number of points from which the strains were computed.
-    cells : list of str or None
-        Raw and calibrated strains as text, empty for two cameras together; None if the camera could not
-        measure the step.
-    corrected : list of str
-        Corrected values as text; empty if the step was not corrected.
-    mark : str
-        Mark of the footnote that gives the reason why the step was not corrected; empty for a corrected step.
-    """
+    """One row of a table of steps."""
 
     index: int
+    """Number of the step."""
     target: str
+    """Target of the step, with its unit."""
     readings: list[str]
+    """Readings of the devices as text, in the order of the table's headings."""
     points: str
+    """Number of points from which the strains were computed."""
     cells: list[str] | None
+    """Raw and calibrated strains as text, empty for two cameras together; None if the camera could not
+    measure the step.
+    """
     corrected: list[str]
+    """Corrected values as text; empty if the step was not corrected."""
     mark: str
+    """Mark of the footnote that gives the reason why the step was not corrected; empty for a corrected step.
+    """
 
 
 @dataclass(frozen=True)
 class StepTable:
-    """The table of all steps of one camera, or of two cameras together.
-
-    Attributes
-    ----------
-    label : str
-        Name of the camera, or of the two cameras, in the report.
-    readings : list of str
-        Headings of the device readings that exist for at least one step.
-    rows : list of StepRow
-    notes : list of Note
-        Footnotes of the table.
-    """
+    """The table of all steps of one camera, or of two cameras together."""
 
     label: str
+    """Name of the camera, or of the two cameras, in the report."""
     readings: list[str]
+    """Headings of the device readings that exist for at least one step."""
     rows: list[StepRow]
     notes: list[Note]
+    """Footnotes of the table."""
 
 
 def camera_tables(run: Run) -> list[StepTable]:

@@ -46,24 +46,15 @@ def symbols_of(settings: PropertySettings) -> dict[str, tuple[str, str]]:
 
 @dataclass(frozen=True)
 class TensileColumn:
-    """The properties from one camera and one kind of strain.
-
-    Attributes
-    ----------
-    camera : str
-        Name of the camera; "" for a series of images.
-    read : GaugeCurve
-    labels : tuple of str
-        The image or step of each point of the curve.
-    digests : tuple of str
-        SHA-256 of the image file, or of the frames of the step, of each point; "" if it is not known.
-    properties : Properties
-    """
+    """The properties from one camera and one kind of strain."""
 
     camera: str
+    """Name of the camera; "" for a series of images."""
     read: GaugeCurve
     labels: tuple[str, ...]
+    """The image or step of each point of the curve."""
     digests: tuple[str, ...]
+    """SHA-256 of the image file, or of the frames of the step, of each point; "" if it is not known."""
     properties: Properties
 
     @property

@@ -34,21 +34,14 @@ _LINE = re.compile(r"(superblock|sha256) ([0-9a-f]+)")
 
 @dataclass(frozen=True)
 class UserBlock:
-    """The user block of a run file: a text in the first bytes of the file, before the HDF5 data.
-
-    Attributes
-    ----------
-    superblock : bytes
-        A copy of HDF5's superblock from the beginning of the recording.
-    sha256 : str
-        The digest of all bytes except pixels, as hexadecimal text; empty if the file was not closed.
-    size : int
-        Number of bytes of the user block, where the HDF5 data begin.
-    """
+    """The user block of a run file: a text in the first bytes of the file, before the HDF5 data."""
 
     superblock: bytes
+    """A copy of HDF5's superblock from the beginning of the recording."""
     sha256: str = ""
+    """The digest of all bytes except pixels, as hexadecimal text; empty if the file was not closed."""
     size: int = BLOCK_BYTES
+    """Number of bytes of the user block, where the HDF5 data begin."""
 
     def to_bytes(self) -> bytes:
         """Return the user block as it is written to the file, padded to its size."""

@@ -11,21 +11,14 @@ from dic.runfile.layout import Unlike
 
 @dataclass(frozen=True)
 class RunMounting:
-    """The mounting that the protocol or the rig file of a run declares.
-
-    Attributes
-    ----------
-    plate_mm : float
-        Distance of the specimen's surface behind the grid's lines; 0 if it is not declared.
-    tilt_axis_mm : tuple of float, or None
-        X and Y of the grips' hinge in the grid's axes; None if it is not declared.
-    shift_std_um : float or None
-        Standard deviation of the specimen's shift towards the camera; None if it is not declared.
-    """
+    """The mounting that the protocol or the rig file of a run declares."""
 
     plate_mm: float = 0.0
+    """Distance of the specimen's surface behind the grid's lines; 0 if it is not declared."""
     tilt_axis_mm: tuple[float, float] | None = None
+    """X and Y of the grips' hinge in the grid's axes; None if it is not declared."""
     shift_std_um: float | None = None
+    """Standard deviation of the specimen's shift towards the camera; None if it is not declared."""
 
 
 def read_mounting(file: Any) -> RunMounting:

@@ -20,21 +20,15 @@ ROOT_ATTRIBUTES = {"default": "entry", "file_format": FORMAT, "file_format_versi
 
 @dataclass(frozen=True)
 class Item:
-    """The name, type and unit of a dataset in a run file.
-
-    Attributes
-    ----------
-    name : str
-    dtype : str
-        The type of a number is the name of a NumPy type. The type of a text is "S", followed by the largest
-        number of bytes if the length is limited.
-    units : str
-        Unit of a number; "1" for a number without a unit.
-    """
+    """The name, type and unit of a dataset in a run file."""
 
     name: str
     dtype: str
+    """The type of a number is the name of a NumPy type. The type of a text is "S", followed by the largest
+    number of bytes if the length is limited.
+    """
     units: str = ""
+    """Unit of a number; "1" for a number without a unit."""
 
     @property
     def text_bytes(self) -> int | None:

@@ -22,22 +22,17 @@ _SEARCHED_BYTES = 1 << 20
 
 @dataclass(frozen=True)
 class Superblock:
-    """The fields of an HDF5 superblock.
-
-    Attributes
-    ----------
-    flags : int
-        Bit 0: open for writing. Bit 2: written in SWMR mode.
-    base, extension, end, root : int
-        Addresses of the first byte of the HDF5 data, of the superblock's extension, of the end of the file,
-        and of the root group.
-    """
+    """The fields of an HDF5 superblock."""
 
     flags: int
+    """Bit 0: open for writing. Bit 2: written in SWMR mode."""
     base: int
     extension: int
     end: int
     root: int
+    """Addresses of the first byte of the HDF5 data, of the superblock's extension, of the end of the file,
+    and of the root group.
+    """
 
     def to_bytes(self) -> bytes:
         """Return the 48 bytes of the superblock in a file, including its checksum."""

@@ -59,25 +59,17 @@ class PooledProducts(NamedTuple):
 
 
 class _Pooled(NamedTuple):
-    """Maps of an image at a quarter of its resolution.
-
-    Attributes
-    ----------
-    grey : ndarray
-        The image, reduced by 4.
-    products : PooledProducts
-    energy, curvature, magnitude : ndarray
-        Means of the squared slope, of the squared Laplacian and of the magnitude of the slope.
-    ripples : ndarray
-        Means of the estimates of the variance of the image's noise.
-    """
+    """Maps of an image at a quarter of its resolution."""
 
     grey: Grey
+    """The image, reduced by 4."""
     products: PooledProducts
     energy: Grey
     curvature: Grey
     magnitude: Grey
+    """Means of the squared slope, of the squared Laplacian and of the magnitude of the slope."""
     ripples: Grey
+    """Means of the estimates of the variance of the image's noise."""
 
 
 def pooled_texture_maps(grey: NDArray[Any], subset_px: int) -> TextureMaps:

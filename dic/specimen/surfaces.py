@@ -42,44 +42,30 @@ _BAND_PX = 256
 
 @dataclass(frozen=True)
 class Surfaces:
-    """The surfaces with speckles, in reduced pixels.
-
-    Attributes
-    ----------
-    windows : ndarray of uint8
-        1 at the centres of windows that are at least half full of the specimen's texture.
-    inside : ndarray of uint8
-        1 at the centres of windows that lie on the specimen with certainty.
-    energy : ndarray
-        Mean energy of the specimen's texture at each pixel. Beside the specimen it is extrapolated, and far
-        from the specimen it is infinite.
-    """
+    """The surfaces with speckles, in reduced pixels."""
 
     windows: Bits
+    """1 at the centres of windows that are at least half full of the specimen's texture."""
     inside: Bits
+    """1 at the centres of windows that lie on the specimen with certainty."""
     energy: Grey
+    """Mean energy of the specimen's texture at each pixel. Beside the specimen it is extrapolated, and far
+    from the specimen it is infinite.
+    """
 
 
 @dataclass(frozen=True)
 class FirstLook:
-    """The texture in each window of the image.
-
-    Attributes
-    ----------
-    light : ndarray
-        Brightness above the darkest parts of the image.
-    dense : ndarray of bool
-        True where strong slopes in every direction fill the window.
-    weak : ndarray of bool
-        True where there is texture, but little compared with the strong windows.
-    chosen : ndarray of bool
-        True where a window may show the specimen.
-    """
+    """The texture in each window of the image."""
 
     light: Grey
+    """Brightness above the darkest parts of the image."""
     dense: Mask
+    """True where strong slopes in every direction fill the window."""
     weak: Mask
+    """True where there is texture, but little compared with the strong windows."""
     chosen: Mask
+    """True where a window may show the specimen."""
 
 
 def first_look(maps: TextureMaps, within: Mask | None = None) -> FirstLook:

@@ -73,42 +73,31 @@ class Slopes(NamedTuple):
 
 @dataclass(frozen=True)
 class TextureMaps:
-    """Maps of the texture, each an array of float32 of the size of the reduced image.
-
-    Attributes
-    ----------
-    reduction : int
-        Number of image pixels along the side of a reduced pixel: 2, 4 or 8.
-    window : int
-        Width of the window of all means, in reduced pixels.
-    grey : ndarray
-        Mean grey level.
-    slopes : SlopeProducts
-        Slopes of the grey levels, or means of their products.
-    energy : ndarray
-        Squared slope fx² + fy².
-    curvature : ndarray
-        Squared Laplacian of the grey levels.
-    weakest, strongest : ndarray
-        Smaller and larger eigenvalue of the structure tensor.
-    noise : ndarray
-        Part of `weakest` that white noise causes. The noise is estimated in each window, because a bright
-        surface is noisier than a dark one.
-    spread : ndarray
-        (mean |f'|)² / mean |f'|², where |f'| is the magnitude of the slope. The value is π/4 for Gaussian
-        texture, and small if few pixels have strong slopes, as beside a lone edge.
-    """
+    """Maps of the texture, each an array of float32 of the size of the reduced image."""
 
     reduction: int
+    """Number of image pixels along the side of a reduced pixel: 2, 4 or 8."""
     window: int
+    """Width of the window of all means, in reduced pixels."""
     grey: Grey
+    """Mean grey level."""
     slopes: SlopeProducts
+    """Slopes of the grey levels, or means of their products."""
     energy: Grey
+    """Squared slope fx² + fy²."""
     curvature: Grey
+    """Squared Laplacian of the grey levels."""
     weakest: Grey
     strongest: Grey
+    """Smaller and larger eigenvalue of the structure tensor."""
     noise: Grey
+    """Part of `weakest` that white noise causes. The noise is estimated in each window, because a bright
+    surface is noisier than a dark one.
+    """
     spread: Grey
+    """(mean |f'|)² / mean |f'|², where |f'| is the magnitude of the slope. The value is π/4 for Gaussian
+    texture, and small if few pixels have strong slopes, as beside a lone edge.
+    """
 
     @property
     def above_noise(self) -> Mask:

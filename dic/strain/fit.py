@@ -20,22 +20,16 @@ _MIN_WINDOW_SHARE = 0.5
 
 
 class MeanGradient(NamedTuple):
-    """The gradient of an affine displacement that is fitted to points.
-
-    Attributes
-    ----------
-    gradient : ndarray, shape (2, 2)
-        Displacement gradient, with ∂u_i/∂x_j at [i, j].
-    covariance : ndarray, shape (4, 4), or None
-        Covariance of the gradient's elements xx, xy, yx, yy; None if the errors of the displacements are not
-        known.
-    by_bias : ndarray, shape (4, 4), or None
-        The part of the covariance that the interpolation bias causes.
-    """
+    """The gradient of an affine displacement that is fitted to points."""
 
     gradient: Float
+    """Shape (2, 2). Displacement gradient, with ∂u_i/∂x_j at [i, j]."""
     covariance: Float | None = None
+    """Shape (4, 4). Covariance of the gradient's elements xx, xy, yx, yy; None if the errors of the
+    displacements are not known.
+    """
     by_bias: Float | None = None
+    """Shape (4, 4). The part of the covariance that the interpolation bias causes."""
 
 
 def mean_gradient(displacement: Displacement, use: Mask) -> MeanGradient | None:

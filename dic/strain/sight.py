@@ -29,19 +29,13 @@ Hidden = tuple[Indices, Mask]
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """The region of interest, and the coordinates of the grid of points in it.
-
-    Attributes
-    ----------
-    region : ndarray of bool, shape (height, width)
-        True for pixels of the region of interest.
-    x_px, y_px : ndarray of int, shapes (columns,) and (rows,)
-        Coordinates of the columns and of the rows of points.
-    """
+    """The region of interest, and the coordinates of the grid of points in it."""
 
     region: Mask
+    """Shape (height, width). True for pixels of the region of interest."""
     x_px: Indices
     y_px: Indices
+    """Shapes (columns,) and (rows,). Coordinates of the columns and of the rows of points."""
     _kept: dict[int, Hidden] = field(default_factory=dict, init=False, repr=False)
 
     def __hash__(self) -> int:

@@ -12,86 +12,76 @@ from dic.typing import Float, Indices, Mask
 
 
 class SurfacePoints(NamedTuple):
-    """The points of a grid, and which of them belong to the same piece of the surface.
-
-    Attributes
-    ----------
-    position, vector : ndarray, shape (rows, columns, 2)
-        Position and displacement of each point. Values are needed only where `valid` is True.
-    valid : ndarray of bool, shape (rows, columns)
-        True for the points to which surfaces are fitted.
-    number : ndarray of int, shape (rows, columns) or (0, 0)
-        Index of each point in `seen`, and -1 for a point that sees its whole window. The array has no
-        elements if all points see each other.
-    seen : ndarray of bool, shape (n, window, window)
-        True for the points of a window that the point in the middle sees; see `dic.strain.sight`.
-    """
+    """The points of a grid, and which of them belong to the same piece of the surface."""
 
     position: Float
     vector: Float
+    """Shape (rows, columns, 2). Position and displacement of each point. Values are needed only where `valid`
+    is True.
+    """
     valid: Mask
+    """Shape (rows, columns). True for the points to which surfaces are fitted."""
     number: Indices
+    """Shape (rows, columns) or (0, 0). Index of each point in `seen`, and -1 for a point that sees its whole
+    window. The array has no elements if all points see each other.
+    """
     seen: Mask
+    """Shape (n, window, window). True for the points of a window that the point in the middle sees; see
+    `dic.strain.sight`.
+    """
 
 
 class Errors(NamedTuple):
-    """The errors of the displacements; see `dic.strain.displacement.Noise`.
-
-    Attributes
-    ----------
-    factors : ndarray, shape (rows, columns, 2, 2) or (0, 0, 2, 2)
-        `Noise.factors`. The array has no elements if the errors are not known.
-    overlap : ndarray, shape (m, n)
-        `Noise.overlap`.
-    bias : ndarray, shape (rows, columns, 2, 2) or (0, 0, 2, 2)
-        `Noise.bias`. The array has no elements if there is no bias.
-    number : ndarray of int, shape (rows, columns) or (0, 0)
-        Number of each point with a clipped subset, and -1 for all other points. The array has no elements if
-        no subset is clipped.
-    clipped : ndarray, shape (clipped points, 2 reach + 1, 2 reach + 1)
-        `ClippedSubsets.correlations`, for at least the points of a window whose subsets overlap.
-    """
+    """The errors of the displacements; see `dic.strain.displacement.Noise`."""
 
     factors: Float
+    """Shape (rows, columns, 2, 2) or (0, 0, 2, 2). `Noise.factors`. The array has no elements if the errors
+    are not known.
+    """
     overlap: Float
+    """Shape (m, n). `Noise.overlap`."""
     bias: Float
+    """Shape (rows, columns, 2, 2) or (0, 0, 2, 2). `Noise.bias`. The array has no elements if there is no
+    bias.
+    """
     number: Indices
+    """Shape (rows, columns) or (0, 0). Number of each point with a clipped subset, and -1 for all other
+    points. The array has no elements if no subset is clipped.
+    """
     clipped: Float
+    """Shape (clipped points, 2 reach + 1, 2 reach + 1). `ClippedSubsets.correlations`, for at least the
+    points of a window whose subsets overlap.
+    """
 
 
 class Work(NamedTuple):
-    """Work arrays, which each window overwrites.
-
-    Attributes
-    ----------
-    use, used : ndarray of bool, shape (window, window)
-        True for the points to which the surface of this window, and of the window before, is fitted.
-    places : ndarray, shape (window, window, 2)
-        Positions of these points relative to the point in the middle, in the window before.
-    design : ndarray, shape (terms, window, window)
-        The terms of the fitted polynomial at the points. 3 terms (x, y, 1) give a plane; 6 terms (also x²,
-        xy, y²) give a quadratic surface.
-    normal : ndarray, shape (terms, terms + 2)
-        The normal equations.
-    weights : ndarray, shape (window, window, 2)
-        Weight of each point's displacement in the two slopes at the middle; 0 where `use` is False.
-    parts : ndarray, shape (window², 8)
-        The weighted factors of each point.
-    number : ndarray of int, shape (window, window)
-        Number of each point with a clipped subset, and -1 for all other points.
-    sums : ndarray, shape (4, 2)
-        Sums of the weighted biases.
-    """
+    """Work arrays, which each window overwrites."""
 
     use: Mask
     used: Mask
+    """Shape (window, window). True for the points to which the surface of this window, and of the window
+    before, is fitted.
+    """
     places: Float
+    """Shape (window, window, 2). Positions of these points relative to the point in the middle, in the window
+    before.
+    """
     design: Float
+    """Shape (terms, window, window). The terms of the fitted polynomial at the points. 3 terms (x, y, 1) give
+    a plane; 6 terms (also x², xy, y²) give a quadratic surface.
+    """
     normal: Float
+    """Shape (terms, terms + 2). The normal equations."""
     weights: Float
+    """Shape (window, window, 2). Weight of each point's displacement in the two slopes at the middle; 0 where
+    `use` is False.
+    """
     parts: Float
+    """Shape (window², 8). The weighted factors of each point."""
     number: Indices
+    """Shape (window, window). Number of each point with a clipped subset, and -1 for all other points."""
     sums: Float
+    """Shape (4, 2). Sums of the weighted biases."""
 
     @classmethod
     def of(cls, window: int, terms: int) -> "Work":

@@ -19,18 +19,13 @@ _AS_GOOD = 0.98
 
 @dataclass(frozen=True)
 class ImagePart:
-    """A rectangle of the image.
-
-    Attributes
-    ----------
-    top, left, height, width : int
-        Upper left corner and size of the rectangle, px.
-    """
+    """A rectangle of the image."""
 
     top: int
     left: int
     height: int
     width: int
+    """Upper left corner and size of the rectangle, px."""
 
     @property
     def pixels(self) -> tuple[slice, slice]:

@@ -50,15 +50,10 @@ def corner_noise(grey: Grey) -> float:
 
 @dataclass(frozen=True)
 class Pattern:
-    """A pattern without noise, stored as a sum of cosines.
-
-    Attributes
-    ----------
-    terms : ndarray, shape (height, width)
-        Terms of the orthonormal discrete cosine transform of type II.
-    """
+    """A pattern without noise, stored as a sum of cosines."""
 
     terms: Float
+    """Shape (height, width). Terms of the orthonormal discrete cosine transform of type II."""
 
     @classmethod
     def of(cls, grey: Grey, noise: float) -> "Pattern":

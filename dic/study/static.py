@@ -44,21 +44,15 @@ _LONGEST = 50.0
 
 @dataclass(frozen=True)
 class StaticMotion:
-    """How a second image differs from the reference.
-
-    Attributes
-    ----------
-    moved_px : float
-        Mean displacement.
-    strained : float
-        Largest element of the mean displacement gradient, as an absolute value.
-    scatter : float
-        Scatter of the displacements about a uniform deformation, divided by the scatter that noise explains.
-    """
+    """How a second image differs from the reference."""
 
     moved_px: float
+    """Mean displacement."""
     strained: float
+    """Largest element of the mean displacement gradient, as an absolute value."""
     scatter: float
+    """Scatter of the displacements about a uniform deformation, divided by the scatter that noise explains.
+    """
 
     @classmethod
     def of(cls, field: Field) -> "StaticMotion":

@@ -30,29 +30,19 @@ _FEWEST_WINDOWS = 16
 
 @dataclass(frozen=True)
 class TrialImages:
-    """The images of one part of the region.
-
-    Attributes
-    ----------
-    clean : tuple of ndarray
-        Pattern without noise, before and after the deformation.
-    noisy : tuple of ndarray
-        The same two images with noise, or two images of the specimen at rest.
-    region : ndarray of bool, shape (height, width)
-        The region within the part.
-    phases : tuple of float
-        Phases of the wave in this part.
-    wave : Wave
-    at_rest : bool
-        True if `noisy` are images of the specimen at rest.
-    """
+    """The images of one part of the region."""
 
     clean: tuple[Grey, Grey]
+    """Pattern without noise, before and after the deformation."""
     noisy: tuple[Grey, Grey]
+    """The same two images with noise, or two images of the specimen at rest."""
     region: Mask
+    """Shape (height, width). The region within the part."""
     phases: Phases
+    """Phases of the wave in this part."""
     wave: Wave
     at_rest: bool
+    """True if `noisy` are images of the specimen at rest."""
 
 
 def trial_images(
@@ -98,30 +88,21 @@ def trial_images(
 
 @dataclass(frozen=True)
 class Trial:
-    """The errors of one subset and shape function in one part.
-
-    Attributes
-    ----------
-    x_px, y_px : ndarray of int, shapes (columns,) and (rows,)
-        Points in the part.
-    uv_px : ndarray, shape (2, rows, columns)
-        Displacements measured on the pattern without noise; NaN if the subset is not whole or failed to
-        correlate.
-    noise_px : ndarray, shape (2, rows, columns)
-        Errors of the displacements that noise causes.
-    settings : CorrelationSettings
-    images : TrialImages
-    lost : tuple of int
-        Number of points without a displacement, and of all points with a whole subset.
-    """
+    """The errors of one subset and shape function in one part."""
 
     x_px: Indices
     y_px: Indices
+    """Shapes (columns,) and (rows,). Points in the part."""
     uv_px: Float
+    """Shape (2, rows, columns). Displacements measured on the pattern without noise; NaN if the subset is not
+    whole or failed to correlate.
+    """
     noise_px: Float
+    """Shape (2, rows, columns). Errors of the displacements that noise causes."""
     settings: CorrelationSettings
     images: TrialImages
     lost: tuple[int, int]
+    """Number of points without a displacement, and of all points with a whole subset."""
 
     def bias_px(self) -> Float:
         """Return the systematic errors of the displacements u and v at n points, shape (2, n)."""

@@ -19,26 +19,20 @@ _DIAGONALS = np.array([[1, -1], [1, 1]], np.int64)
 
 @dataclass(frozen=True)
 class Arrangement:
-    """The rectangle that the dots fill.
-
-    Attributes
-    ----------
-    asymmetric : bool
-        True if the sides of the rectangle are diagonals of the lattice's squares.
-    box : tuple of int
-        Number of places along each of the two sides. A place is one lattice point, or half a pitch if
-        `asymmetric`.
-    counts : tuple of int
-        Numbers of dots along both directions. For an asymmetric grid: number of dots in a row, and number of
-        rows.
-    filled : float
-        Share of the places in the rectangle that have dots.
-    """
+    """The rectangle that the dots fill."""
 
     asymmetric: bool
+    """True if the sides of the rectangle are diagonals of the lattice's squares."""
     box: tuple[int, int]
+    """Number of places along each of the two sides. A place is one lattice point, or half a pitch if
+    `asymmetric`.
+    """
     counts: tuple[int, int]
+    """Numbers of dots along both directions. For an asymmetric grid: number of dots in a row, and number of
+    rows.
+    """
     filled: float
+    """Share of the places in the rectangle that have dots."""
 
     @classmethod
     def of(cls, index: Indices, marked: bool = False) -> "Arrangement":

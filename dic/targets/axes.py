@@ -21,25 +21,18 @@ _DIRECTIONS_DEG = {"right": 0.0, "up": 90.0, "left": 180.0, "down": 270.0}
 
 @dataclass(frozen=True)
 class Axes:
-    """The directions of a target's X and Y axes, relative to the two axes of the detected lattice of points.
-
-    Attributes
-    ----------
-    swap : bool
-        True if X is parallel to the second axis of the lattice, False if X is parallel to the first.
-    flip : tuple of bool
-        One value for X and one for Y: True if the axis is opposite to the lattice axis to which it is
-        parallel.
-    orientation : str
-        Source of the directions: ``"mark"``, ``"option"`` or ``"assumed"``.
-    warnings : tuple of str
-        Warnings for the user, one sentence each.
-    """
+    """The directions of a target's X and Y axes, relative to the two axes of the detected lattice."""
 
     swap: bool
+    """True if X is parallel to the second axis of the lattice, False if X is parallel to the first."""
     flip: tuple[bool, bool]
+    """One value for X and one for Y: True if the axis is opposite to the lattice axis to which it is
+    parallel.
+    """
     orientation: str
+    """Source of the directions: ``"mark"``, ``"option"`` or ``"assumed"``."""
     warnings: tuple[str, ...] = ()
+    """Warnings for the user, one sentence each."""
 
     @property
     def lattice_axes(self) -> tuple[int, int]:

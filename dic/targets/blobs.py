@@ -32,24 +32,18 @@ _SLENDER = 4.0
 
 @dataclass(frozen=True)
 class Blobs:
-    """Regions of the image with the shape of an ellipse, all darker or all brighter than their surroundings.
-
-    Attributes
-    ----------
-    centre_px : ndarray, shape (n, 2)
-        Centroids.
-    area_px2 : ndarray, shape (n,)
-        Areas, with holes filled.
-    covariance_px2 : ndarray, shape (n, 2, 2)
-        Second moments about the centroids. For an ellipse with the semi-axis a, the moment along a is a²/4.
-    dark : bool
-        True if the blobs are darker than their surroundings.
-    """
+    """Elliptic regions of the image, all darker or all brighter than their surroundings."""
 
     centre_px: Float
+    """Shape (n, 2). Centroids."""
     area_px2: Float
+    """Shape (n,). Areas, with holes filled."""
     covariance_px2: Float
+    """Shape (n, 2, 2). Second moments about the centroids. For an ellipse with the semi-axis a, the moment
+    along a is a²/4.
+    """
     dark: bool
+    """True if the blobs are darker than their surroundings."""
 
     def __len__(self) -> int:
         return len(self.centre_px)

@@ -25,21 +25,14 @@ _WAYS = ((0, 1), (0, -1), (1, 1), (1, -1))
 
 @dataclass(frozen=True)
 class CellLattice:
-    """The cells that form one lattice in the image.
-
-    Attributes
-    ----------
-    index : ndarray of int64, shape (n, 2)
-        Lattice indices of the cells; their origin and directions are arbitrary.
-    centre_px : ndarray, shape (n, 2)
-        Centres of the cells in the image.
-    dark_lines : bool
-        True if the lines between the cells are darker than the cells.
-    """
+    """The cells that form one lattice in the image."""
 
     index: Indices
+    """Shape (n, 2). Lattice indices of the cells; their origin and directions are arbitrary."""
     centre_px: Float
+    """Shape (n, 2). Centres of the cells in the image."""
     dark_lines: bool
+    """True if the lines between the cells are darker than the cells."""
 
 
 def find_cells(grey: Grey, expected: int) -> CellLattice:

@@ -106,18 +106,12 @@ def find_checkerboard(
 
 @dataclass(frozen=True)
 class SeenBoard:
-    """A checkerboard of unknown size in an image.
-
-    Attributes
-    ----------
-    squares : tuple of int
-        Numbers of squares along both directions.
-    marked : bool
-        True if the bright squares have dark marks inside, like the markers of a ChArUco board.
-    """
+    """A checkerboard of unknown size in an image."""
 
     squares: tuple[int, int]
+    """Numbers of squares along both directions."""
     marked: bool
+    """True if the bright squares have dark marks inside, like the markers of a ChArUco board."""
 
 
 def board_seen(image: NDArray[np.uint8]) -> SeenBoard | None:

@@ -43,30 +43,24 @@ _RINGS, _SPOKES = 6, 24
 
 @dataclass(frozen=True)
 class MeasuredDots:
-    """The dots of one lattice in an image, with their centres.
-
-    Attributes
-    ----------
-    index : ndarray of int64, shape (n, 2)
-        Lattice indices of the dots. Both lattice vectors are equally long on the plate, and perpendicular.
-    centre_px : ndarray, shape (n, 2)
-        Images of the dots' centres.
-    sound : ndarray of bool, shape (n,)
-        True for dots whose centre is accurate: whole dots that fit the lattice, away from reflections.
-    hollow : ndarray of bool, shape (n,)
-        True for rings.
-    vectors_px : ndarray, shape (2, 2)
-        The two lattice vectors in the image, px, in the middle of the lattice.
-    in_glare : int
-        Number of dots that were left out because of a reflection.
-    """
+    """The dots of one lattice in an image, with their centres."""
 
     index: Indices
+    """Shape (n, 2). Lattice indices of the dots. Both lattice vectors are equally long on the plate, and
+    perpendicular.
+    """
     centre_px: Float
+    """Shape (n, 2). Images of the dots' centres."""
     sound: Mask
+    """Shape (n,). True for dots whose centre is accurate: whole dots that fit the lattice, away from
+    reflections.
+    """
     hollow: Mask
+    """Shape (n,). True for rings."""
     vectors_px: Float
+    """Shape (2, 2). The two lattice vectors in the image, px, in the middle of the lattice."""
     in_glare: int
+    """Number of dots that were left out because of a reflection."""
 
     @property
     def beside_a_reflection(self) -> str:

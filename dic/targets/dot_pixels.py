@@ -26,20 +26,14 @@ _SPOKES = 32
 
 @dataclass(frozen=True)
 class DotPixels:
-    """Samples of the grey levels around n dots.
-
-    Attributes
-    ----------
-    places_px : ndarray, shape (n, m, 2)
-    level : ndarray, shape (n, m)
-        Mean grey level of each sample.
-    weight : ndarray, shape (n, m)
-        Number of pixels in each sample; 0 for places that are not used.
-    """
+    """Samples of the grey levels around n dots."""
 
     places_px: Float
+    """Shape (n, m, 2)."""
     level: Float
+    """Shape (n, m). Mean grey level of each sample."""
     weight: Float
+    """Shape (n, m). Number of pixels in each sample; 0 for places that are not used."""
 
     @classmethod
     def around(cls, grey: Grey, blobs: Blobs, hollow: Mask, nearest: Indices, which: Indices) -> "DotPixels":

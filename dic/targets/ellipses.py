@@ -32,27 +32,18 @@ _GRADIENTS = [1, 2, 4, 5]
 
 @dataclass(frozen=True)
 class Ellipses:
-    """Ellipses fitted to dots.
-
-    Attributes
-    ----------
-    centre_px : ndarray, shape (n, 2)
-        Centres of the ellipses; NaN if a fit failed.
-    area_px2 : ndarray, shape (n,)
-        Areas of the ellipses.
-    contrast : ndarray, shape (n,)
-        Grey level of the background minus grey level of the dot.
-    misfit : ndarray, shape (n,)
-        Root mean square difference between the grey levels and the model.
-    saturated : ndarray, shape (n,)
-        Share of the pixels near the edge that have the highest grey level of the sensor.
-    """
+    """Ellipses fitted to dots."""
 
     centre_px: Float
+    """Shape (n, 2). Centres of the ellipses; NaN if a fit failed."""
     area_px2: Float
+    """Shape (n,). Areas of the ellipses."""
     contrast: Float
+    """Shape (n,). Grey level of the background minus grey level of the dot."""
     misfit: Float
+    """Shape (n,). Root mean square difference between the grey levels and the model."""
     saturated: Float
+    """Shape (n,). Share of the pixels near the edge that have the highest grey level of the sensor."""
 
 
 def fit_ellipses(grey: Grey, blobs: Blobs, hollow: Mask) -> Ellipses:

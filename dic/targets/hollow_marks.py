@@ -22,21 +22,14 @@ _SPOKES = 16
 
 @dataclass(frozen=True)
 class HollowMarks:
-    """Three hollow dots that were found.
-
-    Attributes
-    ----------
-    origin : ndarray of int64, shape (2,)
-        Lattice index of the origin mark.
-    axes : Axes
-        Directions of X and Y: from the origin mark to the two other marks.
-    pitches : tuple of int
-        Distances, in pitches, from the origin mark to the mark on X and to the mark on Y.
-    """
+    """Three hollow dots that were found."""
 
     origin: Indices
+    """Shape (2,). Lattice index of the origin mark."""
     axes: Axes
+    """Directions of X and Y: from the origin mark to the two other marks."""
     pitches: tuple[int, int]
+    """Distances, in pitches, from the origin mark to the mark on X and to the mark on Y."""
 
 
 def hollow_dots(grey: Grey, blobs: Blobs) -> Mask:

@@ -20,21 +20,15 @@ class LatticeShape:
     """Map from lattice index to image position: a homography plus a cubic polynomial for lens distortion.
 
     The index is first normalised to values between -1 and 1.
-
-    Attributes
-    ----------
-    homography : ndarray, shape (3, 3)
-        Homography from the normalised index to the image position in px.
-    correction : ndarray, shape (10, 2)
-        Coefficients, px, of the polynomial of the normalised index.
-    centre, scale : ndarray, shape (2,)
-        Values that normalise an index: normalised index = (index − centre)/scale.
     """
 
     homography: Float
+    """Shape (3, 3). Homography from the normalised index to the image position in px."""
     correction: Float
+    """Shape (10, 2). Coefficients, px, of the polynomial of the normalised index."""
     centre: Float
     scale: Float
+    """Shape (2,). Values that normalise an index: normalised index = (index − centre)/scale."""
 
     @classmethod
     def fit(cls, index: Float, px: Float) -> "LatticeShape":

@@ -29,21 +29,14 @@ _POWERS = np.array([2, 4, 1, 1])
 
 @dataclass(frozen=True)
 class CameraModel:
-    """The pinhole model of one camera in several images; its attributes are constant during a fit.
-
-    Attributes
-    ----------
-    xy_mm : sequence of ndarray, shape (n, 2)
-        Coordinates X and Y of the grid points of each image.
-    starts : sequence of ndarray, shape (3, 3)
-        Start rotation of each image, from grid to camera axes.
-    scale_px : float
-        Half-width of the grid in the image, by which the distortion coefficients are scaled.
-    """
+    """The pinhole model of one camera in several images; its attributes are constant during a fit."""
 
     xy_mm: Sequence[Float]
+    """Each of shape (n, 2). Coordinates X and Y of the grid points of each image."""
     starts: Sequence[Float]
+    """Each of shape (3, 3). Start rotation of each image, from grid to camera axes."""
     scale_px: float
+    """Half-width of the grid in the image, by which the distortion coefficients are scaled."""
 
     def project(self, parameters: Float) -> tuple[Float, Float]:
         """Return the image coordinates of n grid points, px, shape (2·n,), and their derivatives.

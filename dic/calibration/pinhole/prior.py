@@ -88,23 +88,15 @@ class KnownCamera:
 
 @dataclass(frozen=True)
 class Prior:
-    """Equations for known camera values: each deviation from a value is divided by its standard deviation.
-
-    Attributes
-    ----------
-    known : KnownCamera
-    principal_px : ndarray, shape (2,)
-        The given principal point, or else the middle of the image.
-    principal_std_px : float
-        Standard deviation of each coordinate of the principal point.
-    usual_focal_px : float
-        Expected focal length if the user gives no focal length.
-    """
+    """Equations for known camera values: each deviation from a value is divided by its standard deviation."""
 
     known: KnownCamera
     principal_px: Float
+    """Shape (2,). The given principal point, or else the middle of the image."""
     principal_std_px: float
+    """Standard deviation of each coordinate of the principal point."""
     usual_focal_px: float
+    """Expected focal length if the user gives no focal length."""
 
     def contradiction(self, parameters: Float) -> str:
         """Return a text about the first given value that contradicts the fit, or "" if there is none.

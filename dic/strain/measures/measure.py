@@ -23,28 +23,20 @@ The derivatives have the shape (…, 3, 3), or (0, 3, 3) if the strains are thos
 
 @dataclass(frozen=True)
 class Measure:
-    """A strain measure.
-
-    Attributes
-    ----------
-    name : str
-        Name in settings and files.
-    title : str
-        Name in reports.
-    tensor : callable
-        Function that returns the `Tensor` of displacement gradients, shape (…, 2, 2).
-    by_engineering : callable
-        Function that returns the derivative of engineering strain with respect to this measure, at a stretch
-        λ.
-    base : int
-        `GREEN` or `SMALL`: the strain whose derivatives the compiled functions take.
-    """
+    """A strain measure."""
 
     name: str
+    """Name in settings and files."""
     title: str
+    """Name in reports."""
     tensor: Callable[[Float], Tensor]
+    """Function that returns the `Tensor` of displacement gradients, shape (…, 2, 2)."""
     by_engineering: Callable[[float], float]
+    """Function that returns the derivative of engineering strain with respect to this measure, at a stretch
+    λ.
+    """
     base: int = GREEN
+    """`GREEN` or `SMALL`: the strain whose derivatives the compiled functions take."""
 
 
 def green(gradient: Float) -> Float:

@@ -167,22 +167,16 @@ class Target(ABC):
 
 @dataclass(frozen=True)
 class SeenTarget:
-    """A target that an image shows.
-
-    Attributes
-    ----------
-    kind : type
-        The class of the target.
-    counts : tuple of int
-        Numbers of lines, squares or dots along both directions. For an asymmetric grid of dots: number of
-        dots in a row, and number of rows.
-    dictionary : str
-        Smallest of OpenCV's dictionaries that has all markers of a ChArUco board; empty for other targets.
-    """
+    """A target that an image shows."""
 
     kind: type[Target]
+    """The class of the target."""
     counts: tuple[int, int]
+    """Numbers of lines, squares or dots along both directions. For an asymmetric grid of dots: number of dots
+    in a row, and number of rows.
+    """
     dictionary: str = ""
+    """Smallest of OpenCV's dictionaries that has all markers of a ChArUco board; empty for other targets."""
 
     def __str__(self) -> str:
         first, second = self.counts

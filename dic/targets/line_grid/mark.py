@@ -25,18 +25,12 @@ _ALIKE = 0.5
 
 @dataclass(frozen=True)
 class Mark:
-    """A mark that was found in an image of a line grid.
-
-    Attributes
-    ----------
-    axes : Axes
-        Directions of X and Y.
-    spans : tuple of range
-        Lattice indices of all lines of the grid, including hidden lines.
-    """
+    """A mark that was found in an image of a line grid."""
 
     axes: Axes
+    """Directions of X and Y."""
     spans: tuple[range, range]
+    """Lattice indices of all lines of the grid, including hidden lines."""
 
 
 def find_mark(

@@ -24,18 +24,14 @@ _BRIGHTEST_LINE = 4.0
 
 @dataclass(frozen=True)
 class LineTrace:
-    """The measured centres of all lines of one direction, divided into segments between intersections.
-
-    Attributes
-    ----------
-    station_px : ndarray, shape (lines, segments, stations, 2)
-        Measured points on the centres of the lines, px.
-    valid : ndarray of bool, shape (lines, segments, stations)
-        True for each measuring place where the profile has the usual contrast and shape of a line.
-    """
+    """The measured centres of all lines of one direction, divided into segments between intersections."""
 
     station_px: Float
+    """Shape (lines, segments, stations, 2). Measured points on the centres of the lines, px."""
     valid: Mask
+    """Shape (lines, segments, stations). True for each measuring place where the profile has the usual
+    contrast and shape of a line.
+    """
 
 
 @dataclass(frozen=True)

@@ -15,21 +15,14 @@ DOT_RADIUS = 0.28
 
 @dataclass(frozen=True)
 class Shapes:
-    """The dark areas of a target.
-
-    Attributes
-    ----------
-    rectangles : ndarray, shape (n, 4)
-        Left, bottom, width and height, mm.
-    discs : ndarray, shape (m, 3)
-        X and Y of the centre, and radius, mm.
-    holes : ndarray, shape (k, 3)
-        Bright discs within the dark discs.
-    """
+    """The dark areas of a target."""
 
     rectangles: Float = field(default_factory=lambda: np.empty((0, 4)))
+    """Shape (n, 4). Left, bottom, width and height, mm."""
     discs: Float = field(default_factory=lambda: np.empty((0, 3)))
+    """Shape (m, 3). X and Y of the centre, and radius, mm."""
     holes: Float = field(default_factory=lambda: np.empty((0, 3)))
+    """Shape (k, 3). Bright discs within the dark discs."""
 
     def size_mm(self) -> tuple[float, float]:
         """Return the width and the height of the target, which is symmetric about its centre."""
