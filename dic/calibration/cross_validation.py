@@ -27,12 +27,9 @@ def folds(grid: GridPoints) -> Iterator[Mask]:
 def cross_validation_rms(grid: GridPoints, prediction_errors: Callable[[Mask], Float]) -> float:
     """Return the root mean square length of the prediction errors of all points.
 
-    Parameters
-    ----------
-    grid : GridPoints
-    prediction_errors : callable
-        A function that takes a boolean array, shape (n,), and fits the map without the points that are True
-        in the array. The function returns the prediction errors of these points, shape (left out, 2).
+    `prediction_errors`: a function that takes a boolean array, shape (n,), and fits the map without the
+    points that are True in the array. The function returns the prediction errors of these points, shape (left
+    out, 2).
     """
     squares = np.concatenate([(prediction_errors(left_out) ** 2).sum(axis=1) for left_out in folds(grid)])
     return float(np.sqrt(squares.mean()))

@@ -27,10 +27,8 @@ def behind(calibration: Calibration, plate_mm: float) -> Calibration:
     origin on the surface. The grid points of the result are the places where the rays through the grid's
     lines meet the surface.
 
-    Raises
-    ------
-    CalibrationError
-        If the camera's centre is not known, or if `plate_mm` is not a number or is too large.
+    Raises `CalibrationError` if the camera's centre is not known, or if `plate_mm` is not a number or is too
+    large.
     """
     source, pinhole = calibration.source or "calibration", calibration.pinhole
     if pinhole is None:

@@ -17,11 +17,7 @@ def draw_calibration(calibration: Calibration, image: Grey) -> Any:
     The residuals are drawn as arrows. Each calibration model has its own magnification of the arrows. The
     colours of the arrows have the same scale for all models.
 
-    Parameters
-    ----------
-    calibration : Calibration
-    image : ndarray, shape (height, width)
-        The first grid image.
+    `image`, shape (height, width): the first grid image.
     """
     from matplotlib.figure import Figure
 

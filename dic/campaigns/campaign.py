@@ -251,10 +251,7 @@ def compare_specimens(
 def campaign_of(tests: list[SpecimenTest]) -> Campaign:
     """Return the campaign that consists of the given tests.
 
-    Raises
-    ------
-    CurveError
-        If no test could be evaluated.
+    Raises `CurveError` if no test could be evaluated.
     """
     campaign = Campaign(tuple(tests))
     if not campaign.found:
@@ -267,12 +264,7 @@ def campaign_of(tests: list[SpecimenTest]) -> Campaign:
 
 
 def require_direction(source: str, direction_deg: object) -> None:
-    """Raise an error if a value is no direction from 0° up to 180°.
-
-    Raises
-    ------
-    CurveError
-    """
+    """Raise a `CurveError` if a value is no direction from 0° up to 180°."""
     if not (is_number(direction_deg) and 0.0 <= direction_deg < 180.0):  # type: ignore[operator]
         expected, remedy = "at least 0° and below 180°", "give direction_deg = 45"
         raise CurveError(source, "direction_deg", expected, repr(direction_deg), remedy)

@@ -51,10 +51,6 @@ def grubbs_test(values: Sequence[float]) -> GrubbsTest:
     follows from Student's distribution (F. E. Grubbs, Technometrics 11, 1969, 1-21; NIST/SEMATECH e-Handbook
     of Statistical Methods, 1.3.5.17.1). The test finds one outlier at most. Two outliers on the same side can
     hide each other.
-
-    Parameters
-    ----------
-    values : sequence of float
     """
     count = len(values)
     if count < LEAST_VALUES:

@@ -69,11 +69,8 @@ class Scatter:
 def scatter_of(found: Mapping[str, PropertyValue]) -> Scatter:
     """Return the mean and the scatter of a property.
 
-    Parameters
-    ----------
-    found : mapping of str to PropertyValue
-        The property of each specimen, keyed by the specimen's name. Specimens whose value is None are left
-        out.
+    `found`: the property of each specimen, keyed by the specimen's name. Specimens whose value is None are
+    left out.
     """
     present = {name: value.value for name, value in found.items() if value.value is not None}
     stds = [value.std for value in found.values() if value.value is not None]

@@ -194,12 +194,9 @@ def measure_campaign(specimens: Sequence[CampaignSpecimen]) -> Campaign:
 
 
 def require_apart(specimens: Sequence[CampaignSpecimen], source: str) -> None:
-    """Raise an error if specimens share a name or a file, or only some have a direction.
+    """Raise a `CurveError` if specimens share a name or a file, or only some have a direction.
 
-    Raises
-    ------
-    CurveError
-        The message names all mistakes together.
+    The message names all mistakes together.
     """
     errors: list[MeasurementError] = []
     for what, values in (

@@ -42,10 +42,7 @@ missing.
 def read_ncorr(path: Path, number: int = 1) -> PeerField:
     """Read the results of one image from a file of Ncorr; `number` counts the images of the file from 1.
 
-    Raises
-    ------
-    RunFileError
-        If the file cannot be read, lacks this image, or has no "formatted" displacements.
+    Raises `RunFileError` if the file cannot be read, lacks this image, or has no "formatted" displacements.
     """
     try:
         with opened(path) as content:

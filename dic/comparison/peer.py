@@ -58,20 +58,10 @@ def field_of(
 ) -> PeerField:
     """Return the results of another program at the points that this program could measure.
 
-    Parameters
-    ----------
-    program : str
-    path : Path
-    columns : mapping of str to ndarray, shape (n,)
-        x, y, u, v in px and the strains, all in image axes with y downwards.
-    use : ndarray of bool, shape (n,)
-        True for the points that the program could measure.
-    measure, image : str
+    `columns`, each of shape (n,): x, y, u, v in px and the strains, all in image axes with y downwards.
+    `use`, shape (n,): True for the points that the program could measure.
 
-    Raises
-    ------
-    RunFileError
-        If the program could measure no point.
+    Raises `RunFileError` if the program could measure no point.
     """
     use = use & np.isfinite([columns[name] for name in "xyuv"]).all(axis=0)
     if not use.any():

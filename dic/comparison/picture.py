@@ -18,11 +18,7 @@ _LARGEST_MARKER_PT, _SMALLEST_MARKER_PT = 9.0, 0.6
 def draw_comparison(comparison: Comparison, image: Grey) -> Any:
     """Return a matplotlib figure with one row of three maps for each quantity.
 
-    Parameters
-    ----------
-    comparison : Comparison
-    image : ndarray, shape (height, width)
-        The reference image.
+    `image`, shape (height, width): the reference image.
     """
     from matplotlib.figure import Figure
 

@@ -33,11 +33,8 @@ _REMEDY = "give a result file of DICe, Ncorr or OpenCorr"
 def read_dice(path: Path) -> PeerField:
     """Read a solution file of DICe.
 
-    Raises
-    ------
-    RunFileError
-        If the file cannot be read, lacks a column, gives displacements relative to the previous image, or is
-        an export of offaxis with calibrated strain.
+    Raises `RunFileError` if the file cannot be read, lacks a column, gives displacements relative to the
+    previous image, or is an export of offaxis with calibrated strain.
     """
     lines = _lines(path)
     comments = [line for line in lines if line.startswith("***")]
@@ -61,10 +58,7 @@ def read_dice(path: Path) -> PeerField:
 def read_opencorr(path: Path, measure: str = "small") -> PeerField:
     """Read a table of points of interest of OpenCorr.
 
-    Raises
-    ------
-    RunFileError
-        If the file cannot be read or lacks a column.
+    Raises `RunFileError` if the file cannot be read or lacks a column.
     """
     columns = {name.lower(): values for name, values in _columns(path, _lines(path)).items()}
     known = _renamed(path, columns, _OPENCORR)
@@ -75,10 +69,7 @@ def read_opencorr(path: Path, measure: str = "small") -> PeerField:
 def program_of_text(path: Path) -> str:
     """Return which program wrote a text file: "DICe" or "OpenCorr".
 
-    Raises
-    ------
-    RunFileError
-        If neither program wrote the file, or the file cannot be read.
+    Raises `RunFileError` if neither program wrote the file, or the file cannot be read.
     """
     for line in _lines(path):
         if line.startswith("***") or "COORDINATE_X" in line:

@@ -22,11 +22,8 @@ def calibration_nodes(calibration: Calibration) -> dict[str, Any]:
     The nodes cover the rectangle around the calibrated area. The nodes are so dense that linear interpolation
     between them is wrong by at most 0.0005 mm, but there are never more than 128 × 128 cells.
 
-    Returns
-    -------
-    dict
-        ``x`` and ``y``, the columns and rows of nodes in px; ``mm``, a list of rows of [X, Y]; ``outline``,
-        a list of [x, y]; ``error_mm``, the largest error in the middle of cells inside the area.
+    Result: ``x`` and ``y``, the columns and rows of nodes in px; ``mm``, a list of rows of [X, Y];
+    ``outline``, a list of [x, y]; ``error_mm``, the largest error in the middle of cells inside the area.
     """
     outline = calibration.grid.outline_px()
     cells = _FEWEST_CELLS

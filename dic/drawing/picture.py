@@ -31,10 +31,6 @@ def shown_picture(grey: Grey) -> ShownPicture:
 
     A pixel of a reduced picture is the mean of a square of pixels. If the image does not fill the last
     squares, its pixels at the right and lower edge are repeated.
-
-    Parameters
-    ----------
-    grey : ndarray of float32, shape (height, width)
     """
     import cv2
 

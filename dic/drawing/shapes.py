@@ -24,18 +24,10 @@ _TOLERANCE_PX = 1.5
 def region_shapes(region: Mask | PathLike, image_shape: tuple[int, ...]) -> list[Shape]:
     """Return the polygons, holes and cracks of a region as shapes.
 
-    Parameters
-    ----------
-    region : ndarray of bool, shape (height, width), or path
-        A mask, or the path of a mask image or of a region file. A mask gives polygons that follow
-        its outline within 1.5 px.
-    image_shape : tuple of int
-        Height and width of the image, px.
+    `region`, shape (height, width): a mask, or the path of a mask image or of a region file. A mask gives
+    polygons that follow its outline within 1.5 px. `image_shape`: height and width of the image, px.
 
-    Raises
-    ------
-    MeasurementError
-        If the region cannot be read, or does not fit the image.
+    Raises `MeasurementError` if the region cannot be read, or does not fit the image.
     """
     if isinstance(region, np.ndarray) or not is_region_file(region):
         mask = checked_region(region, image_shape)
@@ -75,16 +67,9 @@ def _drawn_shapes(drawn: DrawnRegion) -> list[Shape]:
 def gauge_shapes(gauges: Sequence[Gauge], image_shape: tuple[int, ...]) -> list[Shape]:
     """Return the gauges in px as shapes; gauges in mm are left out.
 
-    Parameters
-    ----------
-    gauges : sequence of Gauge
-    image_shape : tuple of int
-        Height and width of the image, px.
+    `image_shape`: height and width of the image, px.
 
-    Raises
-    ------
-    GaugeError
-        If a gauge lies outside the image. The message names all such gauges together.
+    Raises `GaugeError` if a gauge lies outside the image. The message names all such gauges together.
     """
     errors: list[MeasurementError] = []
     for gauge in gauges:

@@ -121,12 +121,8 @@ def file_name(text: str) -> str:
 def unique_names(stems: Sequence[str], taken: Iterable[str] = ()) -> list[str]:
     """Return a unique file name for each image; the image's number is put before a repeated name.
 
-    Parameters
-    ----------
-    stems : sequence of str
-        Names of the images without their endings.
-    taken : iterable of str
-        Names of other files, which no image may have.
+    `stems`: names of the images without their endings. `taken`: names of other files, which no image may
+    have.
     """
     others = list(taken)
     counts = Counter([*stems, *others])

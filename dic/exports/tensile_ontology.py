@@ -90,10 +90,7 @@ class AboutTest:
 def _day(about: AboutTest) -> str:
     """Return the day of the test as YYYY-MM-DD; "" if no date is stated.
 
-    Raises
-    ------
-    OutputError
-        If the stated date is no date of ISO 8601.
+    Raises `OutputError` if the stated date is no date of ISO 8601.
     """
     stated = about.fact("laboratory", "date")
     try:

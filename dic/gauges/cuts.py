@@ -45,10 +45,7 @@ class PlacedCut:
 
         The points lie in a square of the given width; without a width, of `window_points` points a side.
 
-        Raises
-        ------
-        GaugeError
-            If no place has three points.
+        Raises `GaugeError` if no place has three points.
         """
         start, end = gauge.declared_places()
         ways = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)

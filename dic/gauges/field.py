@@ -47,12 +47,7 @@ def fields_of(
     calibrated displacements also for corrected displacements: motion out of the plane changes the image scale
     so little that the change of the errors is below their uncertainty.
 
-    Parameters
-    ----------
-    measurement : Measurement
-    correction : Correction or None
-    calibration : Calibration or None
-        Needed for results that were read from a file.
+    `calibration`: needed for results that were read from a file.
     """
     raw, calibrated = measurement.raw, measurement.calibrated
     measure, none = measurement.strain_settings.measure, np.zeros((3, 3))

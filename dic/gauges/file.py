@@ -83,12 +83,7 @@ def _gauges_of(texts: Sequence[str]) -> tuple[Gauge, ...]:
 
 
 def require_names(gauges: Sequence[Gauge]) -> None:
-    """Raise an error if two gauges have the same name.
-
-    Raises
-    ------
-    GaugeError
-    """
+    """Raise a `GaugeError` if two gauges have the same name."""
     if errors := _doubled([gauge.name for gauge in gauges]):
         raise joined(errors)
 

@@ -39,10 +39,7 @@ class PlacedLines:
     def of(cls, gauge: Gauge, patch: float, offsets: Float, places: GridPlaces) -> "PlacedLines":
         """Find the points of each patch, with the side length `patch`, of lines beside the gauge's own line.
 
-        Raises
-        ------
-        GaugeError
-            If a patch has no point.
+        Raises `GaugeError` if a patch has no point.
         """
         start, end = gauge.declared_places()
         direction = (end - start) / np.linalg.norm(end - start)

@@ -20,12 +20,7 @@ _GREY_PERCENTILES = (1.0, 99.5)
 def draw_gauges(placed: PlacedGauges, measurement: Measurement, reference: Grey) -> Any:
     """Return a matplotlib figure of the reference image with the gauges, their names and their points.
 
-    Parameters
-    ----------
-    placed : PlacedGauges
-    measurement : Measurement
-        The measurement of any image of the series.
-    reference : ndarray of float32, shape (height, width)
+    `measurement`: the measurement of any image of the series.
     """
     from matplotlib.figure import Figure
 

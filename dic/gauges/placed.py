@@ -43,21 +43,12 @@ class PlacedGauges:
     ) -> "PlacedGauges":
         """Find the points of each gauge in the reference.
 
-        Parameters
-        ----------
-        gauges : sequence of Gauge
-        measurement : Measurement
-            The measurement of any image of the series.
-        calibration : Calibration or None
-            The calibration of the camera; measurements that were read from a file need it.
-        image_shape : tuple of int
-            Height and width of the images, px.
+        `measurement`: the measurement of any image of the series. `calibration`: the calibration of the
+        camera; measurements that were read from a file need it. `image_shape`: height and width of the
+        images, px.
 
-        Raises
-        ------
-        GaugeError
-            If a gauge lies outside the image or where no points were measured, or is declared in mm without a
-            calibration. The message names all such gauges together.
+        Raises `GaugeError` if a gauge lies outside the image or where no points were measured, or is declared
+        in mm without a calibration. The message names all such gauges together.
         """
         require_names(gauges)
         field, calibrated = measurement.field, measurement.calibrated

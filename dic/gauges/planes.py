@@ -12,15 +12,9 @@ extent along it."""
 def sums_at(position: Float, at: Float) -> Float:
     """Return the weights of the values at n points in a fitted plane's value at `at`, and in its two slopes.
 
-    Parameters
-    ----------
-    position : ndarray, shape (n, 2)
-        Points that do not lie on one line.
-    at : ndarray, shape (2,)
+    `position`, shape (n, 2): points that do not lie on one line. `at` has the shape (2,).
 
-    Returns
-    -------
-    ndarray, shape (3, n)
+    The result has the shape (3, n).
     """
     middle = position.mean(axis=0)
     centred = position - middle
@@ -39,13 +33,9 @@ def lie_on_one_line(position: Float) -> bool:
 def sums_at_places(position: Float, valid: Mask, places: Float) -> Float:
     """Return the weights that `sums_at` gives for one place, for many places at once, shape (places, 3, m).
 
-    Parameters
-    ----------
-    position : ndarray, shape (places, m, 2)
-        Points around each place. The points of a place that are `valid` must not lie on one line.
-    valid : ndarray of bool, shape (places, m)
-        The weights of other points are 0.
-    places : ndarray, shape (places, 2)
+    `position`, shape (places, m, 2): points around each place. The points of a place that are `valid` must
+    not lie on one line. `valid`, shape (places, m): the weights of other points are 0. `places` has the shape
+    (places, 2).
     """
     share = valid / np.sum(valid, axis=1, keepdims=True)
     middle = np.einsum("pm,pmi->pi", share, position)

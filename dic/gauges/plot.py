@@ -126,10 +126,7 @@ def require_one_unit(series: GaugeSeries, quantity: str, units: Iterable[str]) -
 def chosen_kinds(series: GaugeSeries, kinds: Sequence[str]) -> tuple[str, ...]:
     """Return the kinds of strain to draw, from the most accurate to the least accurate.
 
-    Raises
-    ------
-    GaugeError
-        If no image could be measured, or no image has one of the kinds.
+    Raises `GaugeError` if no image could be measured, or no image has one of the kinds.
     """
     if not series.kinds:
         remedy = "measure at least one image"

@@ -37,11 +37,7 @@ class GridPlaces:
     def of(cls, position: Float, use: Mask, sight: Sight | None = None) -> "GridPlaces":
         """Return the places of the points where `use` (rows, columns) is True.
 
-        Parameters
-        ----------
-        position : ndarray, shape (rows, columns, 2)
-        use : ndarray of bool, shape (rows, columns)
-        sight : Sight, optional
+        `position` has the shape (rows, columns, 2). `use` has the shape (rows, columns).
         """
         known = use & np.isfinite(position).all(axis=-1)
         rows, columns = np.nonzero(known)

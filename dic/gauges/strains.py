@@ -30,12 +30,8 @@ def covariance_along(covariance: Float, one: Float, other: Float) -> float:
 def elongation(gradient: Float, direction: Float) -> tuple[float, Float]:
     """Return the engineering strain along a unit vector (2,), and its derivatives (4,).
 
-    Parameters
-    ----------
-    gradient : ndarray, shape (2, 2)
-        Displacement gradient, ∂u_i/∂x_j at [i, j]. The derivatives are with respect to its elements xx, xy,
-        yx, yy.
-    direction : ndarray, shape (2,)
+    `gradient`, shape (2, 2): displacement gradient, ∂u_i/∂x_j at [i, j]. The derivatives are with respect to
+    its elements xx, xy, yx, yy. `direction` has the shape (2,).
     """
     turned = direction + gradient @ direction
     stretch = float(np.linalg.norm(turned))

@@ -21,14 +21,9 @@ _FEW = 300
 def covariance_at_points(rows: Indices, columns: Indices, weights: Float, noise: Noise) -> Float:
     """Return the covariance, shape (p, p), of p weighted sums of the displacements of n points.
 
-    Parameters
-    ----------
-    rows, columns : ndarray of int, shape (n,)
-        Row and column indices of the points in the grid of points. Each point occurs at most once.
-    weights : ndarray, shape (n, 2, p)
-        Weights of the two components of each displacement in each sum.
-    noise : Noise
-        Errors of the displacements of the whole grid.
+    `rows`, `columns`, shape (n,): row and column indices of the points in the grid of points. Each point
+    occurs at most once. `weights`, shape (n, 2, p): weights of the two components of each displacement in
+    each sum. `noise`: errors of the displacements of the whole grid.
     """
     if len(rows) > _FEW:
         return _by_transforms(rows, columns, weights, noise)

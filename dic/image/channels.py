@@ -26,11 +26,7 @@ def series_of_pages(content: Content, pages: list[int]) -> tuple[list[list[int]]
     image that was taken several times. ImageJ calls the pages of a simple stack slices, so depths alone are a
     series.
 
-    Parameters
-    ----------
-    content : Content
-    pages : list of int
-        Positions of the directories of all pages.
+    `pages`: positions of the directories of all pages.
 
     Returns
     -------

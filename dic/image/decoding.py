@@ -40,10 +40,7 @@ def decode(container: Container) -> NDArray[Any]:
     The colours of a JPEG file are stored as luma and two differences. The luma is returned, because it is the
     grey level that `to_grey` computes.
 
-    Raises
-    ------
-    Damage
-        If the pixels cannot be decoded, or are damaged.
+    Raises `Damage` if the pixels cannot be decoded, or are damaged.
     """
     import cv2
 
@@ -102,12 +99,8 @@ def messages_of_decoder(is_message: Callable[[bytes], bool], wanted: bool = True
     Decoders such as libjpeg fill damaged pixels with grey, and report this only by a message that they write
     to standard error. Messages that other threads write meanwhile are passed on.
 
-    Parameters
-    ----------
-    is_message : callable
-        Function that returns True for a line that the decoder writes.
-    wanted : bool
-        False if nothing is to be collected.
+    `is_message`: function that returns True for a line that the decoder writes. `wanted`: False if nothing is
+    to be collected.
     """
     messages: list[str] = []
     if not wanted:

@@ -20,11 +20,7 @@ def taken_s(file: Path, page: int = 1) -> float | None:
     not known. The differences between images are then right only if nobody has set the camera's clock to
     another time zone between the images.
 
-    Parameters
-    ----------
-    file : Path
-    page : int
-        Page of a TIFF file, from 1.
+    `page`: page of a TIFF file, from 1.
     """
     try:
         with opened(file) as content:

@@ -20,17 +20,11 @@ Item = TypeVar("Item")
 def grey_image(image: object, name: str) -> Grey:
     """Return an image's grey levels as float32, shape (height, width).
 
-    Parameters
-    ----------
-    image : ndarray, shape (height, width), or path
-        Grey levels as integers or floating-point numbers, or a file for `read_image`.
-    name : str
-        Name of the image in error messages, such as "reference image".
+    `image`, shape (height, width): grey levels as integers or floating-point numbers, or a file for
+    `read_image`. `name`: name of the image in error messages, such as "reference image".
 
-    Raises
-    ------
-    MeasurementError
-        If the file cannot be read, or if the argument is not a grey image with finite values.
+    Raises `MeasurementError` if the file cannot be read, or if the argument is not a grey image with finite
+    values.
     """
     if isinstance(image, str | Path):
         return read_image(image)
@@ -86,10 +80,7 @@ def one_by_one(images: ImageLike | Iterable[Item]) -> Iterable[ImageLike | Item]
     colour image is refused here with an error message of its own, because otherwise each of its rows would
     count as an image.
 
-    Raises
-    ------
-    CorrelationError
-        If the argument is neither an image nor a series of images.
+    Raises `CorrelationError` if the argument is neither an image nor a series of images.
     """
     if isinstance(images, str | Path) or (isinstance(images, np.ndarray) and images.ndim == 2):
         return [images]
@@ -107,18 +98,10 @@ def is_colour(image: object) -> bool:
 def checked_region(region: object, shape: tuple[int, ...]) -> Mask:
     """Return a region of interest as a mask that has the shape of the image.
 
-    Parameters
-    ----------
-    region : ndarray of bool, shape (height, width), or path
-        A mask that is True at the pixels to measure, or the path of a mask image (see `read_mask`) or of a
-        region file (see `read_drawn_region`).
-    shape : (int, int)
-        Height and width of the image.
+    `region`, shape (height, width): a mask that is True at the pixels to measure, or the path of a mask image
+    (see `read_mask`) or of a region file (see `read_drawn_region`). `shape`: height and width of the image.
 
-    Raises
-    ------
-    MeasurementError
-        If the file cannot be read, or if the region does not fit the image.
+    Raises `MeasurementError` if the file cannot be read, or if the region does not fit the image.
     """
     if isinstance(region, str | Path):
         if is_region_file(region):
@@ -172,10 +155,8 @@ def read_mask(path: PathLike) -> Mask:
     The mask is True where the image is brighter than half of its brightest grey level. An image that is white
     everywhere selects the whole image.
 
-    Raises
-    ------
-    MeasurementError
-        If the file cannot be read, or if all its pixels have the same grey level and are not white.
+    Raises `MeasurementError` if the file cannot be read, or if all its pixels have the same grey level and
+    are not white.
     """
     mask = read_image(path)
     if mask.max() <= mask.min() and mask.max() not in _WHITE:

@@ -30,10 +30,8 @@ _NETPBM = re.compile(rb"P[2356]" + 3 * (_SPACE + rb"+(\d{1,10})") + _SPACE)
 def read_header(content: bytes) -> Container:
     """Check an image file that is no TIFF file, and read its header.
 
-    Raises
-    ------
-    Damage
-        If the file is damaged, was cut off or is no image, or if the declared image is far too large.
+    Raises `Damage` if the file is damaged, was cut off or is no image, or if the declared image is far too
+    large.
     """
     if not content:
         raise Damage("an empty file")
@@ -49,10 +47,7 @@ def read_header(content: bytes) -> Container:
 def exif_block(content: Content) -> bytes | None:
     """Return the Exif block of a PNG or JPEG file, None if it has none.
 
-    Raises
-    ------
-    Damage, struct.error
-        If the file is damaged or was cut off before its Exif block.
+    Raises `Damage` or `struct.error` if the file is damaged or was cut off before its Exif block.
     """
     if content[: len(_PNG)] == _PNG:
         blocks = (

@@ -52,12 +52,8 @@ class KeptImage:
     def __call__(self) -> NDArray[Any]:
         """Return the grey levels of the image, shape (height, width), as `grey_levels` returns them.
 
-        Raises
-        ------
-        ImageError
-            If the image must be read again, and its source contains another image than before.
-        MeasurementError
-            If the image cannot be read.
+        Raises `ImageError` if the image must be read again, and its source contains another image than
+        before, and `MeasurementError` if the image cannot be read.
         """
         if self._grey is None:
             self._grey = self._first() if self._known is None else self._second()

@@ -51,18 +51,10 @@ class PointGrid:
 def place_points(centres: Mask, usable: Mask, subset_px: int, step_px: int) -> PointGrid:
     """Cover a region with a grid of points of interest.
 
-    Parameters
-    ----------
-    centres : ndarray of bool, shape (height, width)
-        True at pixels that may be points of interest.
-    usable : ndarray of bool, shape (height, width)
-        True at pixels that subsets may use.
-    subset_px, step_px : int
+    `centres`, shape (height, width): True at pixels that may be points of interest. `usable`, shape (height,
+    width): True at pixels that subsets may use.
 
-    Raises
-    ------
-    CorrelationError
-        If no point can be placed.
+    Raises `CorrelationError` if no point can be placed.
     """
     import cv2
 
@@ -102,13 +94,8 @@ def clear_of_edges(region: Mask, subset_px: int, reach_px: int) -> Mask:
     fits between its disturbed pixels, the whole part is returned, because otherwise this part could not be
     measured.
 
-    Parameters
-    ----------
-    region : ndarray of bool, shape (height, width)
-    subset_px : int
-    reach_px : int
-        Distance from the region's edge within which pixels are disturbed. The edge of the image does not
-        count.
+    `reach_px`: distance from the region's edge within which pixels are disturbed. The edge of the image does
+    not count. `region` has the shape (height, width).
     """
     if region.all():
         return region

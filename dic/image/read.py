@@ -152,18 +152,9 @@ def _frame(file: Path, page: int | None) -> tuple[NDArray[Any], int, list[str]]:
 
 
 def require_same_size(images: Sequence[NDArray[Any]], names: Sequence[str]) -> None:
-    """Raise an error if an image differs in size from the first image.
+    """Raise an `ImageError` if one of the images (height, width, …) differs in size from the first.
 
-    Parameters
-    ----------
-    images : sequence of ndarray, each of shape (height, width, …)
-    names : sequence of str
-        File names of the images, for the error message.
-
-    Raises
-    ------
-    ImageError
-        If an image differs in size. The message names the first image that differs.
+    The message gives the name of the first image that differs.
     """
     for image, name in zip(images[1:], names[1:], strict=True):
         if image.shape[:2] != images[0].shape[:2]:

@@ -101,15 +101,8 @@ def spline_image(grey: NDArray[np.float32], order: int, threads: int = 1) -> Spl
 def spline_of_rows(image: StoredImage, order: int, rows: slice, threads: int = 1) -> SplineImage:
     """Return the B-spline of some rows of an image, with the coefficients that it has in the whole image.
 
-    Parameters
-    ----------
-    image : StoredImage
-        The image, which is mirrored at its edges.
-    order : int
-        Degree of the spline, 3 or 5.
-    rows : slice
-        The rows of the band.
-    threads : int
+    `image`: the image, which is mirrored at its edges. `order`: degree of the spline, 3 or 5. `rows`: the
+    rows of the band.
     """
     import cv2
 

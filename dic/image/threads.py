@@ -86,11 +86,7 @@ def with_neighbours(band: slice, rows: int, halo: int) -> slice:
 def balanced_bands(weights: Indices, count: int) -> list[slice]:
     """Cut rows into at most `count` bands of about equal weight, and leave out bands without weight.
 
-    Parameters
-    ----------
-    weights : ndarray of int, shape (rows,)
-        The amount of work in each row.
-    count : int
+    `weights`, shape (rows,): the amount of work in each row.
     """
     sums = np.cumsum(weights)
     if not sums.size or sums[-1] == 0:

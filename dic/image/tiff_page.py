@@ -35,11 +35,8 @@ def read_tiff(content: FileContent, number: int = 1) -> Container:
     The container has only this page and the tags that the decoder needs, because decoders print messages
     about other tags.
 
-    Raises
-    ------
-    Damage
-        If the file does not have this page, if it was cut off, if a strip or tile of pixels has a wrong
-        checksum, if strips or tags overlap, or if the declared image is far too large.
+    Raises `Damage` if the file does not have this page, if it was cut off, if a strip or tile of pixels has a
+    wrong checksum, if strips or tags overlap, or if the declared image is far too large.
     """
     pages = pages_of_file(content)
     if number > len(pages):

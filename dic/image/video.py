@@ -65,12 +65,7 @@ def is_video(file: Path) -> bool:
 def read_video(file: Path) -> Video:
     """Read a whole video, and return its properties. The file is read again only if it has changed.
 
-    Raises
-    ------
-    OSError
-        If there is no such file.
-    Damage
-        If OpenCV cannot read the video.
+    Raises `OSError` if there is no such file, and `Damage` if OpenCV cannot read the video.
     """
     return _read_video(*_identity(file))
 
@@ -82,12 +77,8 @@ def read_frame(file: Path, number: int) -> NDArray[Any]:
     frame is read, the video is decoded again from its beginning, because many videos cannot be opened exactly
     at a frame in the middle.
 
-    Raises
-    ------
-    OSError
-        If there is no such file.
-    Damage
-        If OpenCV cannot read the video, or if the video has fewer frames.
+    Raises `OSError` if there is no such file, and `Damage` if OpenCV cannot read the video, or if the video
+    has fewer frames.
     """
     global _last
     video, identity = read_video(file), _identity(file)

@@ -92,7 +92,6 @@ def fields(
 
     Parameters
     ----------
-    sight : CameraSight
     plane : Plane
         Plane of the deformed specimen. The causes out of the plane are linearised about this plane.
     gradient : ndarray, shape (2, 2)

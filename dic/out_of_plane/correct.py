@@ -31,18 +31,9 @@ class Corrections:
 def correct(measurements: Sequence[Measurement], calibration: Calibration, motion: Motion) -> Corrections:
     """Correct one camera's images for motion out of the grid's plane; `motion` decides the method.
 
-    Parameters
-    ----------
-    measurements : sequence of Measurement
-        Calibrated measurements with the same reference.
-    calibration : Calibration
-        Calibration of the camera.
-    motion : Motion
+    `measurements`: calibrated measurements with the same reference. `calibration`: calibration of the camera.
 
-    Returns
-    -------
-    Corrections
-        Each correction is computed from the measurement of its image when the correction is used.
+    Each correction of the result is computed from the measurement of its image when the correction is used.
     """
 
     def rotated(k: int) -> Correction:

@@ -74,12 +74,8 @@ class Harmonics:
     def of(cls, angles_deg: Float, strains: Float) -> "Harmonics | None":
         """Fit the harmonics by least squares; return None if the angles do not determine the coefficients.
 
-        Parameters
-        ----------
-        angles_deg : ndarray, shape (n,)
-            Rotation of the specimen since the reference image.
-        strains : ndarray, shape (n, 3)
-            Strains exx, eyy and exy in axes that rotate with the specimen. NaN for unknown strains.
+        `angles_deg`, shape (n,): rotation of the specimen since the reference image. `strains`, shape (n, 3):
+        strains exx, eyy and exy in axes that rotate with the specimen. NaN for unknown strains.
         """
         known = np.isfinite(strains).all(axis=1) & np.isfinite(angles_deg)
         phi, standing = np.radians(angles_deg[known]), in_grid_axes(angles_deg[known], strains[known])
@@ -99,11 +95,7 @@ class Harmonics:
 def in_grid_axes(angles_deg: Float, strains: Float) -> Float:
     """Transform strains from the axes of the rotating specimen to the fixed axes of the grid: R E Rᵀ.
 
-    Parameters
-    ----------
-    angles_deg : ndarray, shape (k,)
-    strains : ndarray, shape (k, 3)
-        Strains εxx, εyy and εxy in any unit.
+    `strains`, shape (k, 3): strains εxx, εyy and εxy in any unit. `angles_deg` has the shape (k,).
     """
     c, s = np.cos(np.radians(angles_deg)), np.sin(np.radians(angles_deg))
     turns = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)

@@ -128,14 +128,8 @@ def moved_out_of_plane(
 ) -> Displacement:
     """Return the displacement within the surface of a specimen that moved from one plane to another.
 
-    Parameters
-    ----------
-    calibrated : Displacement
-        Displacement on the grid's plane, mm.
-    centre_mm : ndarray, shape (3,)
-        The camera's centre in the grid's axes.
-    before, after : Plane
-        Planes of the surface in the reference and in the deformed image.
+    `calibrated`: displacement on the grid's plane, mm. `centre_mm`, shape (3,): the camera's centre in the
+    grid's axes. `before`, `after`: planes of the surface in the reference and in the deformed image.
     """
     here_mm, there_mm = calibrated.position, calibrated.position + calibrated.vector
     position, moved = before.within(here_mm, centre_mm), after.within(there_mm, centre_mm)

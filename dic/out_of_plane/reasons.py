@@ -73,13 +73,8 @@ def turned_camera_reason(points: Points, slopes: Float, centre_mm: Float) -> str
     are a and b, the specimen also seems to slide by (a, b) Cz. No other cause combines a tilt with exactly
     this slide. Only large tilts are suspected, because grips seldom cause them.
 
-    Parameters
-    ----------
-    points : Points
-    slopes : ndarray, shape (2,)
-        Slopes of the specimen's plane since the reference.
-    centre_mm : ndarray, shape (3,)
-        The camera's centre.
+    `slopes`, shape (2,): slopes of the specimen's plane since the reference. `centre_mm`, shape (3,): the
+    camera's centre.
     """
     expected_mm = centre_mm[2] * slopes
     if np.degrees(np.hypot(*slopes)) < _GRIPS_DEG:

@@ -62,12 +62,8 @@ class ReferenceSurface:
 def reference_surface(field: Field, calibrations: tuple[Calibration, Calibration]) -> ReferenceSurface:
     """Find the plane of the specimen's surface from the correlation of both reference images.
 
-    Parameters
-    ----------
-    field : Field
-        Displacements from the reference image of the first camera to the reference image of the second.
-    calibrations : tuple of Calibration
-        Calibrations of the two cameras with the same grid; both have a pinhole model.
+    `field`: displacements from the reference image of the first camera to the reference image of the second.
+    `calibrations`: calibrations of the two cameras with the same grid; both have a pinhole model.
     """
     first_px = field.points
     second_px = first_px + np.stack([field.u_px, field.v_px], axis=-1).reshape(-1, 2)

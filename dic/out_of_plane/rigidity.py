@@ -51,15 +51,9 @@ def correct_rotation(
 
     If the images cannot be corrected, the result keeps the calibrated strains and gives the reason.
 
-    Parameters
-    ----------
-    measurements : sequence of Measurement
-        Calibrated measurements with the same reference.
-    calibration : Calibration
-        Calibration of the camera.
-    alignment : Alignment, optional
-        Alignment from an earlier rotation on the same fixture. If an alignment is given, the rotated specimen
-        need not be free of strain.
+    `measurements`: calibrated measurements with the same reference. `calibration`: calibration of the camera.
+    `alignment`: alignment from an earlier rotation on the same fixture. If an alignment is given, the rotated
+    specimen need not be free of strain.
     """
     method = "rigidity" if alignment is None else "alignment"
 

@@ -199,15 +199,9 @@ def solve_alignment(
 ) -> tuple[Float, Float, Float] | None:
     """Find the four slopes of an `Alignment` for which no strain remains, by weighted least squares.
 
-    Parameters
-    ----------
-    steps : Steps
-    centre_mm : ndarray, shape (3,)
-        The camera's centre in the grid's axes.
-    errors : StepErrors
-        Errors of the mean strains, which determine the weights of the least-squares solution.
-    start : ndarray, shape (4,), optional
-        Start values of the slopes. The default is 0.
+    `centre_mm`, shape (3,): the camera's centre in the grid's axes. `errors`: errors of the mean strains,
+    which determine the weights of the least-squares solution. `start`, shape (4,): start values of the
+    slopes. The default is 0.
 
     Returns
     -------

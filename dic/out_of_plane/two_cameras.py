@@ -79,14 +79,9 @@ def correct_with_two_cameras(
 ) -> TwoCameraStep:
     """Measure the motion of the specimen's plane since the reference, and correct both cameras' strains.
 
-    Parameters
-    ----------
-    measurements : tuple of Measurement
-        Calibrated measurements of one step by two cameras. The first camera should be the more oblique one.
-    calibrations : tuple of Calibration
-        Calibrations of the two cameras with the same grid.
-    surface : ReferenceSurface, optional
-        Place of the specimen's surface in the reference. Default: the grid's plane.
+    `measurements`: calibrated measurements of one step by two cameras. The first camera should be the more
+    oblique one. `calibrations`: calibrations of the two cameras with the same grid. `surface`: place of the
+    specimen's surface in the reference. Default: the grid's plane.
     """
 
     def declined(reason: str) -> TwoCameraStep:

@@ -89,10 +89,7 @@ class Points:
     def noise_covariance(self, weights: Float) -> Float:
         """Return the covariance (p, p) that image noise causes in p weighted sums of the displacements.
 
-        Parameters
-        ----------
-        weights : ndarray, shape (n, 2, p)
-            Weights of the displacements in the sums.
+        `weights`, shape (n, 2, p): weights of the displacements in the sums.
         """
         if self.displacement.noise is None:
             raise ValueError("the noise of these displacements is unknown")
@@ -117,14 +114,8 @@ class Points:
         the displacements already contains the predicted interpolation bias, so the variance of the bias is
         subtracted here.
 
-        Parameters
-        ----------
-        weights : ndarray, shape (n, 2, p)
-            Weights of the displacements in the sums.
-        degree : int
-            Degree of the polynomials.
-        smooth_px : float, optional
-            Size of the errors. Default: the errors of rendered images.
+        `weights`, shape (n, 2, p): weights of the displacements in the sums. `degree`: degree of the
+        polynomials. `smooth_px`: size of the errors. Default: the errors of rendered images.
         """
         centred = self.before_mm - self.before_mm.mean(axis=0)
         x, y = (centred / np.abs(centred).max()).T
@@ -152,10 +143,7 @@ class Points:
         errors of the map and of the camera's centre are correlated: a grid that appears too large gives a
         camera that is too near. For the bicubic map, the errors are assumed to be independent of the centre.
 
-        Parameters
-        ----------
-        weights : ndarray, shape (n, 2, p)
-            Weights of the displacements in the sums.
+        `weights`, shape (n, 2, p): weights of the displacements in the sums.
 
         Returns
         -------
@@ -185,12 +173,8 @@ class Points:
     def covariance(self, weights: Float, by_centre: Float | None = None) -> Float:
         """Return the covariance (p, p) of estimates that noise, interpolation and calibration errors cause.
 
-        Parameters
-        ----------
-        weights : ndarray, shape (n, 2, p)
-            Weights of the displacements in the estimates.
-        by_centre : ndarray, shape (p, 3), optional
-            Derivative of the estimates with respect to the camera's centre, per mm.
+        `weights`, shape (n, 2, p): weights of the displacements in the estimates. `by_centre`, shape (p, 3):
+        derivative of the estimates with respect to the camera's centre, per mm.
         """
         of_map, of_centre = self.calibration_factors(weights)
         factors = of_map if by_centre is None else of_map + by_centre @ of_centre
@@ -201,14 +185,9 @@ class Points:
 def weighted_sums(weights: Float, field: Float) -> Float:
     """Return p weighted sums of a displacement field, or of k fields.
 
-    Parameters
-    ----------
-    weights : ndarray, shape (n, 2, p)
-    field : ndarray, shape (n, 2) or (n, 2, k)
+    `weights` has the shape (n, 2, p). `field` has the shape (n, 2) or (n, 2, k).
 
-    Returns
-    -------
-    ndarray, shape (p,) or (p, k)
+    The result has the shape (p,) or (p, k).
     """
     # A product of matrices takes a fifth of the time of `numpy.einsum`.
     sums = weights.reshape(-1, weights.shape[2]).T @ field.reshape(2 * len(field), -1)

@@ -40,21 +40,11 @@ def animation_writer(path: PathLike, per_s: float, colours: Frame) -> Iterator[C
 
     One frame at a time is in memory. All frames must have the shape of the first one.
 
-    Parameters
-    ----------
-    path : path
-        The ending gives the format: .gif or .mp4.
-    per_s : float
-        Number of frames in a second.
-    colours : ndarray of uint8, shape (1, n, 3)
-        At most 256 colours, including white. All frames of a GIF file are drawn in these colours.
+    `path`: the ending gives the format: .gif or .mp4. `per_s`: number of frames in a second. `colours`, shape
+    (1, n, 3): at most 256 colours, including white. All frames of a GIF file are drawn in these colours.
 
-    Raises
-    ------
-    OutputError
-        If the format or the number is not possible, or the OpenCV of this computer writes no MP4.
-    OSError
-        If the file cannot be written.
+    Raises `OutputError` if the format or the number is not possible, or the OpenCV of this computer writes no
+    MP4, and `OSError` if the file cannot be written.
     """
     file_format = require_format(path, FORMATS)
     if not LEAST_PER_S <= per_s <= MOST_PER_S:

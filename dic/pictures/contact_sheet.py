@@ -86,16 +86,8 @@ def draw_contact_sheet(
 ) -> Any:
     """Return a matplotlib figure with a map of each image, all on one scale.
 
-    Parameters
-    ----------
-    images : sequence of (str, Maps)
-        Name of each image that is shown, and its map.
-    reference : ndarray, shape (height, width)
-    number : int
-        Number of all images of the series.
-    settings : MapSettings
-    scale : mapping
-        Lower and upper end of the colour scale of each quantity.
+    `images`: name of each image that is shown, and its map. `number`: number of all images of the series.
+    `scale`: lower and upper end of the colour scale of each quantity.
     """
     if not images:
         raise CorrelationError("contact sheet", "draw", "at least one measured image", "none", "measure one")

@@ -91,10 +91,8 @@ class Maps:
 def maps_of(measurement: Measurement, settings: MapSettings, correction: Correction | None = None) -> Maps:
     """Return the maps of a measurement, of the kind of values that the settings choose.
 
-    Raises
-    ------
-    CorrelationError
-        If the kind needs a calibration and there is none, or axes in mm cannot be drawn.
+    Raises `CorrelationError` if the kind needs a calibration and there is none, or axes in mm cannot be
+    drawn.
     """
     panels = {panel.quantity: panel for panel in _panels(measurement, correction, settings.kind)}
     chosen = tuple(panels[quantity] for quantity in QUANTITIES if quantity in settings.quantities)

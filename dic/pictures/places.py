@@ -44,10 +44,8 @@ def places_of(measurement: Measurement, settings: MapSettings) -> PointCells:
     The axes "auto" are in px if there is no calibration, or if the points do not determine how to rectify the
     image.
 
-    Raises
-    ------
-    CorrelationError
-        If axes in mm are asked for, but there is no calibration, or the points do not determine the axes.
+    Raises `CorrelationError` if axes in mm are asked for, but there is no calibration, or the points do not
+    determine the axes.
     """
     corners = _cell_corners(measurement.field, deformed=settings.on == "deformed")
     settings.require_calibration(settings.axes, calibrated=measurement.calibrated is not None)

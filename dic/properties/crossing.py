@@ -31,14 +31,8 @@ def crossing(strain: Float, stress: Float, slope: float, first: int) -> Crossing
     The returned stress lies on a smooth curve between the bounds. Its standard deviation is computed from a
     rectangular distribution that reaches to the farther bound.
 
-    Parameters
-    ----------
-    strain, stress : ndarray, shape (n,)
-        Points of the curve. The strain is counted from the foot of the line.
-    slope : float
-        MPa.
-    first : int
-        Index of the point at which the search begins.
+    `strain`, `stress`, shape (n,): points of the curve. The strain is counted from the foot of the line.
+    `slope`: MPa. `first`: index of the point at which the search begins.
     """
     above = stress - slope * strain
     # One point below the line may be noise, so three in a row are required.

@@ -30,12 +30,8 @@ their strain is too large by more than `LAST_STDS` standard deviations.
 def not_elastic(x: Float, y: Float, line: FittedLine) -> str | None:
     """Return the reason why a window is not the elastic part of the record; None if it may be this part.
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        Strain and stress, or both scaled to one, from the beginning of the record to beyond the window.
-    line : FittedLine
-        The fit of stress against strain in the window.
+    `x`, `y`, shape (n,): strain and stress, or both scaled to one, from the beginning of the record to beyond
+    the window. `line`: the fit of stress against strain in the window.
     """
     if line.slope <= 0.0:
         return "the straightest window does not rise"

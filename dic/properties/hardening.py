@@ -89,11 +89,8 @@ def necking(record: Record, elastic: Elastic, agt: PropertyValue) -> PropertyVal
 def hardening_laws(curve: TrueCurve, plateau: Plateau | None) -> dict[str, dict[str, Any]]:
     """Fit the laws of Ramberg and Osgood, Swift, and Voce to the true curve.
 
-    Returns
-    -------
-    dict
-        For each law its formula, parameters with standard deviations, range of plastic strain, and the root
-        mean square of the residual stress, MPa; or "flags" with the reason why it was not fitted.
+    Result: for each law its formula, parameters with standard deviations, range of plastic strain, and the
+    root mean square of the residual stress, MPa; or "flags" with the reason why it was not fitted.
     """
     begin = plateau.last if plateau is not None else 0
     at = begin + np.flatnonzero(curve.plastic[begin:] >= FIT_FROM)

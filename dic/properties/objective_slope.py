@@ -55,17 +55,11 @@ class ObjectiveSlope:
 def objective_slope(x: Float, y: Float) -> ObjectiveSlope | str:
     """Find the slope of the linear part at the beginning of a record.
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        Strain and stress, in the order of the test, without gaps.
+    `x`, `y`, shape (n,): strain and stress, in the order of the test, without gaps.
 
-    Returns
-    -------
-    ObjectiveSlope or str
-        The first accepted slope. If no slope is accepted, the first slope with the fewest objections. An
-        objection to the range counts least, because a short window may still be straight. A window that is
-        not the elastic part is never used. If no window gives a slope, the reason is returned.
+    Result: the first accepted slope. If no slope is accepted, the first slope with the fewest objections. An
+    objection to the range counts least, because a short window may still be straight. A window that is not
+    the elastic part is never used. If no window gives a slope, the reason is returned.
     """
     shifted_x, shifted_y = x - x[0], y - y[0]
     largest = float(shifted_y.max())

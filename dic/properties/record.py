@@ -120,10 +120,7 @@ class Record:
 def record_of(curve: Curve, area_mm2: float) -> Record:
     """Compute the stress of a test, and find up to which point its strain is valid.
 
-    Raises
-    ------
-    CurveError
-        If the strain does not change, or a single load is no load.
+    Raises `CurveError` if the strain does not change, or a single load is no load.
     """
     _require_strain(curve)
     _require_no_marker(curve)

@@ -35,12 +35,7 @@ def begin_of(plateau: Plateau | None) -> int:
 def why_no_strain(record: Record, at: int, plateau: Plateau | None = None) -> str:
     """Return the reason why the strain at the largest stress is not known; "" if it is known.
 
-    Parameters
-    ----------
-    record : Record
-    at : int
-        Index of the largest stress, from `strength_point`.
-    plateau : Plateau, optional
+    `at`: index of the largest stress, from `strength_point`.
     """
     if _largest_without_strain(record, plateau) > record.stress[at]:
         return "the image of the largest load has no strain"

@@ -42,18 +42,11 @@ def fit_line(x: Float, y: Float, first: int, stop: int) -> FittedLine:
 def straightest(x: Float, y: Float, least: int) -> FittedLine | None:
     """Return the line of the window with the least normalised residual.
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        Normalised record: both axes from 0 to about 1.
-    least : int
-        Smallest number of points of a window.
+    `x`, `y`, shape (n,): normalised record: both axes from 0 to about 1. `least`: smallest number of points
+    of a window.
 
-    Returns
-    -------
-    FittedLine or None
-        If several windows are equally good, the one that begins first, and of these the longest. None if x or
-        y does not change in any window.
+    If several windows are equally good, the result is the one that begins first, and of these the longest.
+    None if x or y does not change in any window.
     """
     candidates: list[tuple[float, int, int]] = []
     bound = np.inf
@@ -74,15 +67,9 @@ def straightest(x: Float, y: Float, least: int) -> FittedLine | None:
 def spread_of_slopes(x: Float, y: Float, line: FittedLine, least: int, factor: float) -> float:
     """Return the root mean square difference from a line's slope over all windows that are nearly as good.
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-    line : FittedLine
-        The straightest line.
-    least : int
-        Smallest number of points of a window.
-    factor : float
-        A window is nearly as good if its normalised residual is at most this multiple of the least one.
+    `line`: the straightest line. `least`: smallest number of points of a window. `factor`: a window is nearly
+    as good if its normalised residual is at most this multiple of the least one. `x` and `y` have the shape
+    (n,).
     """
     total, count = 0.0, 0
     bound = factor * line.residual + _TIE
@@ -96,18 +83,11 @@ def spread_of_slopes(x: Float, y: Float, line: FittedLine, least: int, factor: f
 def steepest_run(x: Float, y: Float, least_range: float, margin_x: float) -> FittedLine | None:
     """Return the run of points with the least slope of x against y; an error of x is allowed for.
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-    least_range : float
-        A run must cover at least this range of y from its first to its last point.
-    margin_x : float
-        Error of x that is allowed for. The slope of x against y is increased by the effect of this error.
+    `least_range`: a run must cover at least this range of y from its first to its last point. `margin_x`:
+    error of x that is allowed for. The slope of x against y is increased by the effect of this error. `x` and
+    `y` have the shape (n,).
 
-    Returns
-    -------
-    FittedLine or None
-        The line of x against y, with the slope that allows for the error; None if no run is long enough.
+    Result: the line of x against y, with the slope that allows for the error; None if no run is long enough.
     """
     width = -(-len(x) // _MOST_IN_RUNS)
     x, y = (part[: len(x) // width * width].reshape(-1, width).mean(axis=1) for part in (x, y))

@@ -27,12 +27,9 @@ def noise_of_one(grey: Grey, region: Mask) -> float:
     and a median reduces the influence of edges. If a colour mosaic or compression has smoothed the noise, the
     result is too small.
 
-    Parameters
-    ----------
-    grey : ndarray, shape (height, width)
-    region : ndarray of bool, shape (height, width)
-        Pixels to use. The function leaves out pixels with the lowest or the highest grey level of the image,
-        because these levels may be clipped. The function also leaves out the pixels around such pixels.
+    `region`, shape (height, width): pixels to use. The function leaves out pixels with the lowest or the
+    highest grey level of the image, because these levels may be clipped. The function also leaves out the
+    pixels around such pixels.
     """
     import cv2
 
@@ -49,13 +46,8 @@ def noise_of_two(first: Grey, second: Grey, slopes: tuple[Grey, Grey], region: M
     The noise follows from the difference of the two images, after a change of light and a small motion have
     been fitted and removed.
 
-    Parameters
-    ----------
-    first, second : ndarray, shape (height, width)
-    slopes : two ndarray, shape (height, width)
-        Derivatives of the first image along x and along y.
-    region : ndarray of bool, shape (height, width)
-        Pixels to use.
+    `slopes`, shape (height, width): derivatives of the first image along x and along y. `region`, shape
+    (height, width): pixels to use.
 
     Returns
     -------

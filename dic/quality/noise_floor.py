@@ -115,12 +115,8 @@ def predicted_std(
 def noise_floor(std_px: Float, share: float) -> float:
     """Return the value, px, that the standard deviations of u and v do not exceed at a share of the points.
 
-    Parameters
-    ----------
-    std_px : ndarray, shape (n, 2)
-        Standard deviations from `predicted_std`.
-    share : float
-        Share of the points, from 0 to 1, relative to all points. Points without texture are counted too.
+    `std_px`, shape (n, 2): standard deviations from `predicted_std`. `share`: share of the points, from 0 to
+    1, relative to all points. Points without texture are counted too.
     """
     return float(np.percentile(std_px.max(axis=1), 100 * share, method="higher"))
 

@@ -52,16 +52,9 @@ def assess_picture(
 ) -> PictureValues:
     """Return values for the light and the focus of a picture, with or without a speckle pattern.
 
-    Parameters
-    ----------
-    grey : ndarray of float32, shape (height, width)
-    region : ndarray of bool, shape (height, width), optional
-        Pixels to use. Default: all pixels.
-    noise : float, optional
-        Standard deviation of the noise, grey levels. By default the function estimates the noise from the
-        picture.
-    full_level : float, optional
-        Highest grey level of the sensor. Default: the highest grey level of the picture.
+    `region`, shape (height, width): pixels to use. Default: all pixels. `noise`: standard deviation of the
+    noise, grey levels. By default the function estimates the noise from the picture. `full_level`: highest
+    grey level of the sensor. Default: the highest grey level of the picture.
     """
     region = np.ones(grey.shape, np.bool_) if region is None else region
     noise = noise_of_one(grey, region) if noise is None else noise

@@ -24,11 +24,7 @@ def draw_quality(quality: Quality, image: Grey) -> Any:
     The figure shows the noise floor and the blur over the image, the autocorrelation of the pattern, and a
     histogram of the grey levels.
 
-    Parameters
-    ----------
-    quality : Quality
-    image : ndarray, shape (height, width)
-        The image whose quality was assessed.
+    `image`, shape (height, width): the image whose quality was assessed.
     """
     from matplotlib.figure import Figure
 

@@ -20,10 +20,7 @@ def even_light(grey: Grey, region: Mask) -> Float:
 
     The result has the shape (height, width) and is 0 outside the region.
 
-    Parameters
-    ----------
-    grey : ndarray, shape (height, width)
-    region : ndarray of bool, shape (height, width)
+    `region` has the shape (height, width).
     """
     import cv2
 
@@ -41,20 +38,11 @@ def autocovariance(pattern: Float, region: Mask, noise: float, axis: int) -> Flo
     The largest lag is about three times the lag at which the autocovariance has fallen to a half, but at most
     half of the image.
 
-    Parameters
-    ----------
-    pattern : ndarray, shape (height, width)
-        Grey levels from `even_light`.
-    region : ndarray of bool, shape (height, width)
-    noise : float
-        Standard deviation of the white noise, grey levels; its variance is subtracted at lag 0.
-    axis : int
-        0 for lags along y, 1 for lags along x.
+    `pattern`, shape (height, width): grey levels from `even_light`. `noise`: standard deviation of the white
+    noise, grey levels; its variance is subtracted at lag 0. `axis`: 0 for lags along y, 1 for lags along x.
+    `region` has the shape (height, width).
 
-    Raises
-    ------
-    CorrelationError
-        If the variance of the pattern is not larger than the variance of the noise.
+    Raises `CorrelationError` if the variance of the pattern is not larger than the variance of the noise.
     """
     pattern, region = np.moveaxis(pattern, axis, 0), np.moveaxis(region, axis, 0)
     length = len(pattern)
@@ -84,10 +72,7 @@ def speckle_size(covariance: Float) -> float:
     For Gaussian blobs of standard deviation s the result is 4 √(ln 2) s = 3.33 s; for sharp dots of diameter
     D it is 0.81 D. The result is infinite if the autocovariance does not fall to a half.
 
-    Parameters
-    ----------
-    covariance : ndarray, shape (n,)
-        Autocovariance at lags 0, 1, … px.
+    `covariance`, shape (n,): autocovariance at lags 0, 1, … px.
     """
     from scipy.interpolate import CubicSpline
 
@@ -110,17 +95,10 @@ def edge_blur(grey: Grey, region: Mask, noise: float) -> float:
     the pixels alone causes a blur of 0.29 px. If the speckles are less than five times as wide as their blur,
     the result is too small.
 
-    Parameters
-    ----------
-    grey : ndarray, shape (height, width)
-    region : ndarray of bool, shape (height, width)
-    noise : float
-        Standard deviation of the image's white noise, grey levels.
+    `noise`: standard deviation of the image's white noise, grey levels. `region` has the shape (height,
+    width).
 
-    Returns
-    -------
-    float
-        The blur; NaN if there are too few edges.
+    Result: the blur; NaN if there are too few edges.
     """
     coarse, coarse_noise = _squared_slopes(grey, _COARSE_PX)
     fine, fine_noise = _squared_slopes(grey, _FINE_PX)

@@ -54,17 +54,10 @@ def certain_decimal_marks(texts: Iterable[str]) -> set[str]:
 def parse(texts: Sequence[str], elsewhere: set[str]) -> Float:
     """Return the numbers of a column, and NaN for an empty text.
 
-    Parameters
-    ----------
-    texts : sequence of str
-        Texts for which `is_number` is true, or empty ones.
-    elsewhere : set of str
-        The certain decimal marks of the file's other columns.
+    `texts`: texts for which `is_number` is true, or empty ones. `elsewhere`: the certain decimal marks of the
+    file's other columns.
 
-    Raises
-    ------
-    Ambiguous
-        If it is not certain what the marks mean.
+    Raises `Ambiguous` if it is not certain what the marks mean.
     """
     filled = [text for text in texts if text]
     own = certain_decimal_marks(filled)

@@ -70,10 +70,7 @@ class JoinedRecord:
 def join_by_name(record: MachineRecord, images: Sequence[str]) -> JoinedRecord:
     """Give each image the line of the record that names the image, with or without folder and suffix.
 
-    Raises
-    ------
-    CurveError
-        If the record has no names, or an image has no line or several.
+    Raises `CurveError` if the record has no names, or an image has no line or several.
     """
     if record.images is None:
         raise record.wrong(
@@ -89,10 +86,7 @@ def join_by_name(record: MachineRecord, images: Sequence[str]) -> JoinedRecord:
 def join_by_row(record: MachineRecord, images: Sequence[str]) -> JoinedRecord:
     """Give the images the lines of the record in order; one extra line at the top belongs to the reference.
 
-    Raises
-    ------
-    CurveError
-        If the number of lines is neither the number of images nor one more.
+    Raises `CurveError` if the number of lines is neither the number of images nor one more.
     """
     more = len(record) - len(images)
     if more not in (0, 1):
@@ -113,7 +107,6 @@ def join_by_time(
 
     Parameters
     ----------
-    record : MachineRecord
     images : sequence of str
         Names of the images, for messages.
     image_times_s : ndarray, shape (images,)
@@ -172,10 +165,7 @@ def join_by_time(
 def times_of(images: Sequence[str], times_s: Mapping[str, float], source: str) -> Float:
     """Return the time of each image, found by its name with or without folder and suffix.
 
-    Raises
-    ------
-    CurveError
-        If an image has no time, or its name belongs to several lines.
+    Raises `CurveError` if an image has no time, or its name belongs to several lines.
     """
     values = list(times_s.values())
     rows, problem = lines_of(images, list(times_s))

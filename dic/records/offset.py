@@ -28,17 +28,11 @@ _MOST_SHARE = 0.5
 def find_offset(record: MachineRecord, image_times_s: Float, strain: Float) -> tuple[float, float]:
     """Return the machine's time minus the images' time, and the standard deviation of this offset, s.
 
-    Parameters
-    ----------
-    record : MachineRecord
-        A record that has times.
-    image_times_s, strain : ndarray, shape (images,)
-        Time and strain of each image; NaN for an image without strain.
+    `record`: a record that has times. `image_times_s`, `strain`, shape (images,): time and strain of each
+    image; NaN for an image without strain.
 
-    Raises
-    ------
-    CurveError
-        If the images do not fit into the record, or strain and load do not determine the offset.
+    Raises `CurveError` if the images do not fit into the record, or strain and load do not determine the
+    offset.
     """
     if record.time_s is None:
         raise ValueError("an offset needs times")

@@ -46,10 +46,8 @@ class CellTable:
     def values(self, column: ColumnUnit) -> Float:
         """Return the numbers of a column in base units (see `ColumnUnit.factor`); NaN for an empty cell.
 
-        Raises
-        ------
-        CurveError
-            If the column is missing or empty, has another unit in its heading, or contains text.
+        Raises `CurveError` if the column is missing or empty, has another unit in its heading, or contains
+        text.
         """
         at = self._place(column)
         self._require_unit(column, at)
@@ -82,10 +80,7 @@ class CellTable:
     def texts(self, column: ColumnUnit) -> list[str]:
         """Return the text of a column in each line of numbers.
 
-        Raises
-        ------
-        CurveError
-            If the column is missing, or a cell is empty.
+        Raises `CurveError` if the column is missing, or a cell is empty.
         """
         at = self._place(column)
         found = [row[at] for row in self.rows]

@@ -29,17 +29,9 @@ def read_table(path: PathLike, *, with_names: bool = False) -> CellTable:
     The separator is the character that splits the lines in the middle of the file into equally many numbers.
     Lines before the first line of numbers are headings.
 
-    Parameters
-    ----------
-    path : path
-    with_names : bool
-        True if one column may contain names instead of numbers.
+    `with_names`: True if one column may contain names instead of numbers.
 
-
-    Raises
-    ------
-    CurveError
-        If the file cannot be read or has no table of numbers.
+    Raises `CurveError` if the file cannot be read or has no table of numbers.
     """
     # Some programs write the sign of a number as the character of typesetters.
     text = _decoded(path).replace("\u2212", "-")
@@ -152,10 +144,7 @@ def _without_repeated_headings(
 ) -> list[tuple[int, list[str]]]:
     """Return the lines of numbers, without the headings that are repeated before each block of a test.
 
-    Raises
-    ------
-    CurveError
-        If a block has other headings than the first one, such as other units.
+    Raises `CurveError` if a block has other headings than the first one, such as other units.
     """
     repeated = [row for _, row in cells[:first]][-2:]
     body: list[tuple[int, list[str]]] = []

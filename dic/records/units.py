@@ -52,10 +52,7 @@ class ColumnUnit:
 def column_unit(role: str, text: str, sizes: Mapping[str, float]) -> ColumnUnit:
     """Return the column and unit of a text such as ``"Load:kN"``.
 
-    Raises
-    ------
-    CurveError
-        If the unit is missing or unknown.
+    Raises `CurveError` if the unit is missing or unknown.
     """
     name, colon, unit = (part.strip() for part in text.rpartition(":"))
     known = ", ".join(sizes)

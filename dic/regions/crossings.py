@@ -24,9 +24,7 @@ def find_crossings(polygons: Sequence[Float]) -> list[EdgeCrossing]:
 
     Edges that only touch, such as shared edges and corners of neighbours, do not cross.
 
-    Parameters
-    ----------
-    polygons : sequence of ndarray, shape (corners, 2)
+    Each of `polygons` has the shape (corners, 2).
     """
     if not polygons:
         return []

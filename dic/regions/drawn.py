@@ -77,16 +77,11 @@ class DrawnRegion:
     def mask(self, shape: tuple[int, ...]) -> Mask:
         """Return the region as a mask, shape (height, width), that is True at its pixels.
 
-        Parameters
-        ----------
-        shape : (int, int)
-            Height and width of the image.
+        `shape`: height and width of the image.
 
-        Raises
-        ------
-        CorrelationError
-            If a part lies outside the image, the region was drawn on an image of another size, or
-            polygons cross or cover each other in part. The message names all such parts together.
+        Raises `CorrelationError` if a part lies outside the image, the region was drawn on an image of
+        another size, or polygons cross or cover each other in part. The message names all such parts
+        together.
         """
         self.require_fits(shape)
         mask = polygon_mask([one.corners for one in self.polygons], shape)

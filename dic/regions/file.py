@@ -21,19 +21,13 @@ _CORNERS_A_LINE = 8
 def region_of(content: object, source: str) -> DrawnRegion:
     """Return the region that the content of a TOML or JSON file describes.
 
-    Parameters
-    ----------
-    content : object
-        A mapping with ``polygons = [[[x, y], …], …]``, and optionally with ``holes`` in the same form,
-        ``crack`` with tables of ``path = [[x, y], …]`` and ``width_px``, and ``image_size_px = [width,
-        height]``. For a single polygon, ``polygon`` may be used instead of ``polygons``.
-    source : str
-        The file, for error messages.
+    `content`: a mapping with ``polygons = [[[x, y], …], …]``, and optionally with ``holes`` in the same form,
+    ``crack`` with tables of ``path = [[x, y], …]`` and ``width_px``, and ``image_size_px = [width, height]``.
+    For a single polygon, ``polygon`` may be used instead of ``polygons``. `source`: the file, for error
+    messages.
 
-    Raises
-    ------
-    CorrelationError
-        If there are unknown keys, or values that are no polygons or cracks. The message names all mistakes.
+    Raises `CorrelationError` if there are unknown keys, or values that are no polygons or cracks. The message
+    names all mistakes.
     """
     if not isinstance(content, Mapping):
         expected = f"a table with the keys {', '.join(_KEYS)}"
@@ -62,10 +56,8 @@ def region_of(content: object, source: str) -> DrawnRegion:
 def outlines_of(polygons: Sequence[tuple[str, object]]) -> list[Outline]:
     """Convert polygons with labels to outlines.
 
-    Raises
-    ------
-    CorrelationError
-        If values are not at least three pairs of finite numbers. The message names all such polygons.
+    Raises `CorrelationError` if values are not at least three pairs of finite numbers. The message names all
+    such polygons.
     """
     errors: list[MeasurementError] = []
     outlines = [one for label, corners in polygons for one in _outline(corners, label, errors)]
@@ -79,11 +71,8 @@ def region_text(
 ) -> str:
     """Return polygons as the text of a region file.
 
-    Parameters
-    ----------
-    polygons, holes : sequence of ndarray, shape (corners, 2)
-    image_size_px : (int, int)
-        Width and height of the image on which the polygons were drawn.
+    `image_size_px`: width and height of the image on which the polygons were drawn. Each of `polygons` and
+    `holes` has the shape (corners, 2).
     """
     lines = [
         "# Corners [x, y] in px from the centre of the first pixel, x to the right, y downwards.",

@@ -34,22 +34,12 @@ def imagej_areas(path: Path) -> list[tuple[str, Float]]:
     Coordinates are counted from the centre of the first pixel, as everywhere in offaxis: The coordinate 10.5
     of an area in ImageJ is 10 in offaxis. An oval becomes a polygon that follows the oval within 0.02 px.
 
-    Parameters
-    ----------
-    path : Path
-        A file with the ending .roi or .zip.
+    `path`: a file with the ending .roi or .zip.
 
-    Returns
-    -------
-    list of (str, ndarray)
-        Label for error messages, and corners (corners, 2) in px.
+    Result: label for error messages, and corners (corners, 2) in px.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    CorrelationError
-        If the file is damaged or contains a selection that is no area, such as a line, a point or a text.
+    Raises `OSError` if the file cannot be read, and `CorrelationError` if the file is damaged or contains a
+    selection that is no area, such as a line, a point or a text.
     """
     content = read_bytes(path)
     members = [(str(path), content)] if path.suffix.lower() == ".roi" else list(_members(path, content))

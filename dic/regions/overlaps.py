@@ -15,10 +15,7 @@ def find_overlaps(polygons: Sequence[Float]) -> list[tuple[int, int]]:
     rectangles of the same height. Two equal polygons are such a pair, too. A polygon inside another polygon
     and two polygons that only touch are no such pairs.
 
-    Parameters
-    ----------
-    polygons : sequence of ndarray, shape (corners, 2)
-        Corners (x, y), px.
+    `polygons`, each of shape (corners, 2): corners (x, y), px.
     """
     if not polygons:
         return []

@@ -13,11 +13,7 @@ def polygon_mask(polygons: Sequence[Float], shape: tuple[int, ...]) -> Mask:
 
     Therefore a polygon inside another polygon is a hole.
 
-    Parameters
-    ----------
-    polygons : sequence of ndarray, shape (corners, 2)
-    shape : (int, int)
-        Height and width of the image.
+    `shape`: height and width of the image. Each of `polygons` has the shape (corners, 2).
     """
     height, width = shape
     starts = np.concatenate(polygons)
@@ -36,13 +32,8 @@ def polygon_mask(polygons: Sequence[Float], shape: tuple[int, ...]) -> Mask:
 def line_mask(path: Float, width_px: float, shape: tuple[int, ...]) -> Mask:
     """Return a mask that is True at pixels whose centre is at most half of a width away from a line.
 
-    Parameters
-    ----------
-    path : ndarray, shape (places, 2)
-        Places that straight lines connect, (x, y) in px.
-    width_px : float
-    shape : (int, int)
-        Height and width of the image.
+    `path`, shape (places, 2): places that straight lines connect, (x, y) in px. `shape`: height and width of
+    the image.
     """
     height, width = shape
     mask = np.zeros((height, width), np.bool_)

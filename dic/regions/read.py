@@ -35,16 +35,10 @@ def is_region_file(path: PathLike) -> bool:
 def read_drawn_region(source: str) -> DrawnRegion:
     """Return the region that a text of the command line gives, or that a file contains.
 
-    Parameters
-    ----------
-    source : str
-        The corners of a polygon, "x,y x,y x,y …" in px, or the path of a file: a region file in TOML or JSON
-        (`dic.regions.file.region_of`), a CSV table of corners, or areas of ImageJ.
+    `source`: the corners of a polygon, "x,y x,y x,y …" in px, or the path of a file: a region file in TOML or
+    JSON (`dic.regions.file.region_of`), a CSV table of corners, or areas of ImageJ.
 
-    Raises
-    ------
-    CorrelationError
-        If the file is missing, or does not contain a region.
+    Raises `CorrelationError` if the file is missing, or does not contain a region.
     """
     if _TYPED.fullmatch(source):
         label = source if len(source) <= 40 else f"{source[:39]}…"

@@ -15,11 +15,8 @@ def read_corners(text: str) -> list[list[list[float]]]:
     The separator is a comma, a semicolon or a tab. If the separator is not a comma, decimal commas are
     allowed. A column without a name, which some programs write for the number of the line, is ignored.
 
-    Raises
-    ------
-    ValueError
-        If a column is missing, unknown or repeated, or if a cell is no number. The message names the column
-        or cell.
+    Raises `ValueError` if a column is missing, unknown or repeated, or if a cell is no number. The message
+    names the column or cell.
     """
     lines = text.splitlines()
     heading = lines[0] if lines else ""

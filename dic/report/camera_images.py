@@ -46,10 +46,7 @@ class ReportedImages:
     def deformed(self, place: int) -> Grey:
         """Return the deformed image itself, which is not in the result file.
 
-        Raises
-        ------
-        MeasurementError
-            If the image file is missing, or is not the image that was measured.
+        Raises `MeasurementError` if the image file is missing, or is not the image that was measured.
         """
         return self._read(place)
 

@@ -61,10 +61,8 @@ class StatedConditions:
 def conditions_of(test: TensileTest, result: Results, images: Sequence[ReportedImages]) -> StatedConditions:
     """Return the conditions of a test; call it within `plot_style`.
 
-    Raises
-    ------
-    MeasurementError
-        If the stated facts, the points of the curve or the images at rest do not fit the results.
+    Raises `MeasurementError` if the stated facts, the points of the curve or the images at rest do not fit
+    the results.
     """
     # Check everything that may be refused before drawing the pictures, which take most of the time.
     states = chosen_states(test.main, test.details.fields_at)

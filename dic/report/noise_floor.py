@@ -114,10 +114,7 @@ def noise_floor_of(images: ReportedImages, test: TensileTest, file: str = "") ->
     in images of the specimen at rest, as root mean square over these images. The bias is the mean over the
     points in these images.
 
-    Raises
-    ------
-    CurveError
-        If the user named an image at rest that is not a measured image of the results.
+    Raises `CurveError` if the user named an image at rest that is not a measured image of the results.
     """
     first = first_measured(images)
     if first is None:
@@ -135,12 +132,7 @@ def doubt_of_rest(label: str, readings: Mapping[str, Reading]) -> str:
     The strain of a specimen at rest is zero. A strain of more than four times its standard deviation is
     neither noise nor one of the errors that the standard deviation contains.
 
-    Parameters
-    ----------
-    label : str
-        Name of the image.
-    readings : mapping of str to Reading
-        Readings in this image, by the gauges' names.
+    `label`: name of the image. `readings`: readings in this image, by the gauges' names.
     """
     sizes = {
         name: abs(one.strain) / one.strain_std

@@ -81,11 +81,7 @@ class PairSeries:
 def pair_series(result: RunResult, labels: dict[str, str]) -> PairSeries | None:
     """Return the results that two cameras of a run give together; None if the run has no such results.
 
-    Parameters
-    ----------
-    result : RunResult
-    labels : dict of str to str
-        Name of each camera in the report, keyed by the camera's name in the run.
+    `labels`: name of each camera in the report, keyed by the camera's name in the run.
     """
     joint = result.corrections.joint
     if joint is None or not joint.steps:

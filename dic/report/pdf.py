@@ -23,12 +23,7 @@ def require_pdf(path: PathLike) -> None:
 def write_pdf(page: str, path: PathLike) -> None:
     """Write an HTML page as a PDF file, completely or not at all, with the print style of `report.css`.
 
-    Raises
-    ------
-    OutputError
-        If WeasyPrint is not installed.
-    OSError
-        If the file cannot be written.
+    Raises `OutputError` if WeasyPrint is not installed, and `OSError` if the file cannot be written.
     """
     library = _weasyprint(path)
     # The page contains all of its pictures. It never reads another file or the network.

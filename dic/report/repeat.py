@@ -31,10 +31,7 @@ class Repeat:
 def result_of(test: TensileTest, results: Sequence[Results]) -> Results:
     """Return the result that a test was computed from.
 
-    Raises
-    ------
-    RunFileError
-        If the test was computed from none of the results.
+    Raises `RunFileError` if the test was computed from none of the results.
     """
     for result in results:
         names = {result.source, result.file} if isinstance(result, RunResult) else {result.source}

@@ -21,14 +21,9 @@ def strain_figure(runs: Sequence[Run], kind: Kind) -> str:
 
     The result is a data URI, or an empty text if no camera has strains of the given kind.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-    kind : str
-        Kind of strain: "raw" (figures 21 to 23 of Helm and Deaner), "calibrated" (figures 24 to 26), or
-        "corrected". The figure of corrected strain shows a band around each curve, the 95 % interval. The
-        figure of corrected strain also has lines at ±20 µε as a guide, because its three panels have
-        different scales.
+    `kind`: kind of strain: "raw" (figures 21 to 23 of Helm and Deaner), "calibrated" (figures 24 to 26), or
+    "corrected". The figure of corrected strain shows a band around each curve, the 95 % interval. The figure
+    of corrected strain also has lines at ±20 µε as a guide, because its three panels have different scales.
     """
     shown = [(o, s) for o, s in ordered(runs) if np.isfinite(_strains(s, kind)).any()]
     if not shown:

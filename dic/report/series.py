@@ -197,14 +197,8 @@ def number_runs(results: Sequence[RunResult]) -> list[Run]:
 def difference(of: Sequence[RunStep], values: Float, reference: CameraSeries) -> tuple[list[RunStep], Float]:
     """Return the difference between given strains and the raw strain of a reference camera.
 
-    Parameters
-    ----------
-    of : sequence of RunStep
-        The k steps to which the strains belong.
-    values : ndarray, shape (k, 3)
-        The strains, µε.
-    reference : CameraSeries
-        The camera whose raw strain is subtracted.
+    `of`: the k steps to which the strains belong. `values`, shape (k, 3): the strains, µε. `reference`: the
+    camera whose raw strain is subtracted.
 
     Returns
     -------

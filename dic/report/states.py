@@ -40,18 +40,11 @@ class CurvePoint:
 def chosen_states(column: TensileColumn, wanted: Sequence[str] = ()) -> list[CurvePoint]:
     """Return the points of a curve that a user wants to see, in the order of the test.
 
-    Parameters
-    ----------
-    column : TensileColumn
-    wanted : sequence of str
-        Each is one of "half" (half of the strain at the largest stress), "Rp02", "ReH", "Rm", "last",
-        "strain=PERCENT", "stress=MPA" or "image=NAME". Default: the points Rp02, half and Rm, if the curve
-        has them.
+    `wanted`: each is one of "half" (half of the strain at the largest stress), "Rp02", "ReH", "Rm", "last",
+    "strain=PERCENT", "stress=MPA" or "image=NAME". Default: the points Rp02, half and Rm, if the curve has
+    them.
 
-    Raises
-    ------
-    CurveError
-        If the curve does not have a point that is wanted.
+    Raises `CurveError` if the curve does not have a point that is wanted.
     """
     if len(wanted) > MOST_STATES:
         expected, remedy = f"at most {MOST_STATES} points", "leave some out"

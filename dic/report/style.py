@@ -134,13 +134,8 @@ def line_style(series: CameraSeries, order: int, kind: Kind) -> dict[str, Any]:
     Off-axis cameras have open markers for raw strain and filled ones for calibrated strain. The markers of
     on-axis cameras are crosses for both strains.
 
-    Parameters
-    ----------
-    series : CameraSeries
-    order : int
-        Index of the camera among the on-axis or the off-axis cameras of the figure, from 0.
-    kind : str
-        Kind of strain: "raw", "calibrated" or "corrected".
+    `order`: index of the camera among the on-axis or the off-axis cameras of the figure, from 0. `kind`: kind
+    of strain: "raw", "calibrated" or "corrected".
     """
     if series.on_axis:
         colour, marker = ON_AXIS_COLOUR, ON_AXIS_MARKERS[order % len(ON_AXIS_MARKERS)]

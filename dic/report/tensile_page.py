@@ -75,10 +75,7 @@ class TensileView:
 def tensile_view(test: TensileTest, results: Sequence[Results]) -> TensileView:
     """Return the tables and figures of a tensile test; call this function within `plot_style`.
 
-    Raises
-    ------
-    MeasurementError
-        If the test is not one of the results, or its details do not fit them.
+    Raises `MeasurementError` if the test is not one of the results, or its details do not fit them.
     """
     result, symbols = result_of(test, results), symbols_of(test.settings)
     conditions = conditions_of(test, result, images_of(result))

@@ -6,10 +6,7 @@ from typing import Any
 def pixel_places(data: Any) -> dict[int, tuple[int, int]]:
     """Return the first byte and the number of bytes of each stored image, keyed by the row of the image.
 
-    Parameters
-    ----------
-    data : h5py.Dataset
-        The dataset with the images of a camera. Each image is one chunk of the dataset.
+    `data`: the dataset with the images of a camera. Each image is one chunk of the dataset.
     """
     places: dict[int, tuple[int, int]] = {}
 

@@ -80,14 +80,8 @@ def joined_digest(digests: Iterable[str]) -> str:
 def file_digest(path: Path, pixels: Iterable[tuple[int, int]], begin: int = BLOCK_BYTES) -> str:
     """Return the SHA-256 digest of all bytes after the user block, except the pixels of given images.
 
-    Parameters
-    ----------
-    path : Path
-    pixels : iterable of tuple of int
-        First byte and number of bytes of each image whose pixels are left out, because the image has its own
-        digest.
-    begin : int
-        The first byte after the user block.
+    `pixels`: first byte and number of bytes of each image whose pixels are left out, because the image has
+    its own digest. `begin`: the first byte after the user block.
     """
     digest = hashlib.sha256()
     with path.open("rb") as file:

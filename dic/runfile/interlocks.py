@@ -26,10 +26,7 @@ RANGE = frozenset(field.name for field in fields(RunInterlock))
 def read_interlocks(file: Any) -> dict[str, RunInterlock]:
     """Return the interlocks of an open run file, by name.
 
-    Raises
-    ------
-    Unlike
-        If the range of an interlock is empty: its lower bound exceeds its upper bound.
+    Raises `Unlike` if the range of an interlock is empty: its lower bound exceeds its upper bound.
     """
     return {
         name: _read(name, file["entry"][schema.INTERLOCKS_GROUP][name].attrs)

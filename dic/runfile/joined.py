@@ -26,10 +26,8 @@ def _digest(path: Path) -> str:
 def open_run(path: str | Path) -> RunFile:
     """Open a run file, together with the earlier run that it continues, if there is one.
 
-    Raises
-    ------
-    RunFileError
-        If a file cannot be read, or if the file of the earlier run is missing or was changed.
+    Raises `RunFileError` if a file cannot be read, or if the file of the earlier run is missing or was
+    changed.
     """
     run = RunFile(path)
     if run.continues is None:

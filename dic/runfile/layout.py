@@ -42,11 +42,8 @@ def interlock_names(file: Any) -> list[str]:
 def require_layout(file: Any) -> None:
     """Check all types, dimensions and lengths of a run file.
 
-    Raises
-    ------
-    Unlike
-        If a group or data set is missing or of another type. The message names the first such group or data
-        set.
+    Raises `Unlike` if a group or data set is missing or of another type. The message names the first such
+    group or data set.
     """
     entry = _group(file, "entry")
     groups = {"": schema.ENTRY, "sample": schema.SAMPLE, "grid": schema.GRID}

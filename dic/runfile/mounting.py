@@ -24,10 +24,7 @@ class RunMounting:
 def read_mounting(file: Any) -> RunMounting:
     """Return the mounting in an open run file. Files of earlier versions declare no mounting.
 
-    Raises
-    ------
-    Unlike
-        If a value is infinite, or the hinge has one coordinate only.
+    Raises `Unlike` if a value is infinite, or the hinge has one coordinate only.
     """
     entry = file["entry"]
     if schema.MOUNTING_GROUP not in entry:

@@ -16,18 +16,10 @@ def settings_of(
 ) -> dict[str, Setting]:
     """Return the settings of a device at a moment, by name; empty if the device did not report any.
 
-    Parameters
-    ----------
-    columns : mapping of str to ndarray
-        The columns of the table of settings; empty for a file of an earlier version.
-    device : str
-        A camera's name, "stage", "load_frame" or "interlocks.NAME".
-    moment : str
+    `columns`: the columns of the table of settings; empty for a file of an earlier version. `device`: a
+    camera's name, "stage", "load_frame" or "interlocks.NAME".
 
-    Raises
-    ------
-    ValueError
-        If a value is not valid JSON.
+    Raises `ValueError` if a value is not valid JSON.
     """
     if not columns:
         return {}

@@ -53,10 +53,7 @@ class Superblock:
 def parse(content: bytes) -> Superblock:
     """Return the superblock that is stored in the given 48 bytes.
 
-    Raises
-    ------
-    ValueError
-        If the bytes are not a superblock of version 3, or if the checksum is wrong.
+    Raises `ValueError` if the bytes are not a superblock of version 3, or if the checksum is wrong.
     """
     if len(content) != SUPERBLOCK_BYTES:
         raise ValueError("a superblock that was cut off")
@@ -102,12 +99,8 @@ def mark_closed(path: Path, opened: int | None = None) -> bool:
     The flags are set to "closed", and the stored length is set to the length of the file. No byte outside the
     superblock is changed. `opened` is a descriptor of the file that may write to it, if the caller has one.
 
-    Raises
-    ------
-    ValueError
-        If the file has no superblock of version 3, or if the checksum of the superblock is wrong.
-    OSError
-        If the file cannot be read or written.
+    Raises `ValueError` if the file has no superblock of version 3, or if the checksum of the superblock is
+    wrong, and `OSError` if the file cannot be read or written.
     """
     place = find(path)
     if place is None:

@@ -42,14 +42,8 @@ def edges_of_speckles(maps: TextureMaps, surfaces: Surfaces) -> Bits:
 def outline(edge: Bits, windows: Bits, inside: Bits, window: int) -> Bits:
     """Return the mask of the specimen, in reduced pixels.
 
-    Parameters
-    ----------
-    edge : ndarray of uint8
-        The result of `edges_of_speckles`.
-    windows, inside : ndarray of uint8
-        As in `Surfaces`.
-    window : int
-        Width of the windows, in reduced pixels.
+    `edge`: the result of `edges_of_speckles`. `windows`, `inside`: as in `Surfaces`. `window`: width of the
+    windows, in reduced pixels.
     """
     import cv2
 
@@ -104,14 +98,8 @@ def at_full_resolution(found: Bits, reduction: int, shape: tuple[int, ...]) -> M
 
     Besides the result, only a band of rows is in memory at a time.
 
-    Parameters
-    ----------
-    found : ndarray of uint8
-        The result of `outline`.
-    reduction : int
-        Number of image pixels along the side of a reduced pixel.
-    shape : (int, int)
-        Height and width of the image.
+    `found`: the result of `outline`. `reduction`: number of image pixels along the side of a reduced pixel.
+    `shape`: height and width of the image.
     """
     import cv2
 

@@ -75,12 +75,8 @@ class _Pooled(NamedTuple):
 def pooled_texture_maps(grey: NDArray[Any], subset_px: int) -> TextureMaps:
     """Return the texture of a large image at the resolution at which it is strongest.
 
-    Parameters
-    ----------
-    grey : ndarray, shape (height, width)
-        Grey levels as stored.
-    subset_px : int
-        Width of the subsets. Windows are not wider than a subset.
+    `grey`, shape (height, width): grey levels as stored. `subset_px`: width of the subsets. Windows are not
+    wider than a subset.
     """
     import cv2
 

@@ -118,11 +118,7 @@ class TextureMaps:
 def texture_maps(grey: Grey, subset_px: int) -> TextureMaps:
     """Return the texture of an image at the resolution at which it is strongest.
 
-    Parameters
-    ----------
-    grey : ndarray of float32, shape (height, width)
-    subset_px : int
-        Width of the subsets. Windows are not wider than a subset.
+    `subset_px`: width of the subsets. Windows are not wider than a subset.
     """
     import cv2
 

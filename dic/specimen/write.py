@@ -94,12 +94,8 @@ def region_polygons(mask: Mask, tolerance_px: float = _TOLERANCE_PX) -> list[Flo
     A pixel belongs to the mask if its centre lies inside an odd number of polygons. Edges of the polygons do
     not cross each other.
 
-    Parameters
-    ----------
-    mask : ndarray of bool, shape (height, width)
-    tolerance_px : float
-        Largest distance of the polygons from the outline of the mask. With a larger distance there are fewer
-        corners.
+    `tolerance_px`: largest distance of the polygons from the outline of the mask. With a larger distance
+    there are fewer corners. `mask` has the shape (height, width).
     """
     polygons = _outlines(mask, tolerance_px)
     # Where the mask is narrow, simplified outlines of its two sides may cross. Exact outlines never do.

@@ -13,14 +13,9 @@ def convolved(one: Float, other: Float) -> Float:
 
     The further axes of the arrays must have equal lengths or length 1.
 
-    Parameters
-    ----------
-    one : ndarray, shape (a, b, …)
-    other : ndarray, shape (c, d, …)
+    `one` has the shape (a, b, …). `other` has the shape (c, d, …).
 
-    Returns
-    -------
-    ndarray, shape (a + c - 1, b + d - 1, …)
+    The result has the shape (a + c - 1, b + d - 1, …).
     """
     from scipy.fft import irfft2, next_fast_len, rfft2
 

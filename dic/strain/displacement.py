@@ -167,11 +167,8 @@ def calibrated_noise(field: Field, calibration: Calibration) -> Noise:
 def displacement_noise(field: Field, there: Float) -> Noise:
     """Return the errors of displacements in new coordinates; the covariances of gradients are NaN.
 
-    Parameters
-    ----------
-    field : Field
-    there : ndarray, shape (rows, columns, 2, 2)
-        Derivatives of the new coordinates with respect to the image coordinates, after the motion.
+    `there`, shape (rows, columns, 2, 2): derivatives of the new coordinates with respect to the image
+    coordinates, after the motion.
     """
     # In the layout for the compiled fit: where `there` is a broadcast array, NumPy would choose another one.
     factors, bias = (

@@ -35,15 +35,8 @@ _CACHED = 4
 def error_overlap(settings: CorrelationSettings) -> Float:
     """Return the correlation between the errors of two points of interest, as a function of their distance.
 
-    Parameters
-    ----------
-    settings : CorrelationSettings
-
-    Returns
-    -------
-    ndarray, shape (m, m)
-        Element [i, j] is the correlation for points with whole subsets that are i rows and j columns apart;
-        element [0, 0] is 1. Subsets that are m or more rows or columns apart do not overlap.
+    Result, shape (m, m): element [i, j] is the correlation for points with whole subsets that are i rows and
+    j columns apart; element [0, 0] is 1. Subsets that are m or more rows or columns apart do not overlap.
     """
     return _overlap(settings.subset_px, settings.step_px, settings.shape)
 
@@ -118,16 +111,11 @@ class ClippedSubsets:
     def correlations(self, reach: int) -> Float:
         """Return the correlations between each clipped point and the points around it.
 
-        Parameters
-        ----------
-        reach : int
-            Largest distance in rows and in columns of the grid.
+        `reach`: largest distance in rows and in columns of the grid.
 
-        Returns
-        -------
-        ndarray, shape (clipped points, 2 reach + 1, 2 reach + 1)
-            Element [k, reach + i, reach + j] is the correlation between the errors of the k-th clipped point
-            and of the point i rows below and j columns to the right of it.
+        Result, shape (clipped points, 2 reach + 1, 2 reach + 1): element [k, reach + i, reach + j] is the
+        correlation between the errors of the k-th clipped point and of the point i rows below and j columns
+        to the right of it.
         """
         if reach not in self._tables:
             self._tables[reach] = self._correlated(reach)

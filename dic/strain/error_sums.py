@@ -8,11 +8,7 @@ from dic.typing import Float
 def add_products(one: Float, other: Float, sums: Float) -> None:
     """Add the products of two arrays: "npa,nqa->pq" in the notation of `numpy.einsum`.
 
-    Parameters
-    ----------
-    one, other : ndarray, shape (n, p, a)
-    sums : ndarray, shape (p, p)
-        Input and output.
+    `sums`, shape (p, p): input and output. `one` and `other` have the shape (n, p, a).
     """
     for n in range(one.shape[0]):
         for p in range(one.shape[1]):
@@ -27,14 +23,9 @@ def add_products(one: Float, other: Float, sums: Float) -> None:
 def set_weighted(factors: Float, weights: Float, parts: Float) -> None:
     """Set the parts of sums that each point's errors cause: "nia,nip->npa" in the notation of `numpy.einsum`.
 
-    Parameters
-    ----------
-    factors : ndarray, shape (n, 2, 2)
-        `Noise.factors` of each point, which may be NaN for points without weights.
-    weights : ndarray, shape (n, 2, p)
-        Weights of each displacement in the sums.
-    parts : ndarray, shape (n, p, 2)
-        Output; 0 for points whose weights are all 0.
+    `factors`, shape (n, 2, 2): `Noise.factors` of each point, which may be NaN for points without weights.
+    `weights`, shape (n, 2, p): weights of each displacement in the sums. `parts`, shape (n, p, 2): output; 0
+    for points whose weights are all 0.
     """
     for n in range(weights.shape[0]):
         used = False
@@ -53,14 +44,9 @@ def set_weighted(factors: Float, weights: Float, parts: Float) -> None:
 def add_weighted(errors: Float, weights: Float, sums: Float) -> None:
     """Add errors that all points share, with the weights of the points: "nia,nip->pa" as in `numpy.einsum`.
 
-    Parameters
-    ----------
-    errors : ndarray, shape (n, 2, 2)
-        `Noise.bias` of each point, which may be NaN for points without weights.
-    weights : ndarray, shape (n, 2, p)
-        Weights of each displacement in the sums.
-    sums : ndarray, shape (p, 2)
-        Input and output.
+    `errors`, shape (n, 2, 2): `Noise.bias` of each point, which may be NaN for points without weights.
+    `weights`, shape (n, 2, p): weights of each displacement in the sums. `sums`, shape (p, 2): input and
+    output.
     """
     for n in range(weights.shape[0]):
         for i in range(2):

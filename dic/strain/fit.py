@@ -37,11 +37,7 @@ def mean_gradient(displacement: Displacement, use: Mask) -> MeanGradient | None:
 
     The function returns None if there are fewer than three points, or if all points lie on one line.
 
-    Parameters
-    ----------
-    displacement : Displacement
-    use : ndarray of bool, shape (rows, columns)
-        True for the points to which the displacement is fitted.
+    `use`, shape (rows, columns): True for the points to which the displacement is fitted.
     """
     position, vector = (
         each.reshape(-1, 2) if use.all() else each[use]
@@ -80,15 +76,10 @@ def slopes_of(position: Float, values: Float) -> Float:
 def gradient_weights(position: Float) -> Float:
     """Return the weight of each displacement in the gradient from `mean_gradient`.
 
-    Parameters
-    ----------
-    position : ndarray, shape (n, 2)
-        Reference positions of the points.
+    `position`, shape (n, 2): reference positions of the points.
 
-    Returns
-    -------
-    ndarray, shape (n, 2, 4)
-        Weights of the two components of each displacement in the gradient's elements xx, xy, yx, yy.
+    Result, shape (n, 2, 4): weights of the two components of each displacement in the gradient's elements xx,
+    xy, yx, yy.
     """
     centred = position - position.mean(axis=0)
     slopes = np.linalg.solve(centred.T @ centred, centred.T)
@@ -100,12 +91,8 @@ def gradient_weights(position: Float) -> Float:
 def covariance_of_sums(weights: Float, noise: Noise) -> Float:
     """Return the covariance matrix, shape (p, p), of p weighted sums of displacements on a grid of points.
 
-    Parameters
-    ----------
-    weights : ndarray, shape (rows, columns, 2, p)
-        Weights of the two components of each displacement in each sum; 0 for points that are not used.
-    noise : Noise
-        Errors of the displacements.
+    `weights`, shape (rows, columns, 2, p): weights of the two components of each displacement in each sum; 0
+    for points that are not used. `noise`: errors of the displacements.
     """
     by_noise, by_bias = _covariances_of_sums(weights, noise)
     return by_noise + by_bias
@@ -149,16 +136,9 @@ def fitted_gradients(
 ) -> tuple[Float, Float | None]:
     """Fit a surface to the window of points around each point; return the displacement gradient of each fit.
 
-    Parameters
-    ----------
-    displacement : Displacement
-    window : int
-        Width of the window, an odd number of points. At least half of the points in the window must have a
-        valid displacement.
-    degree : int
-        Degree of the fitted surface: 1 for a plane, 2 for a quadratic surface.
-    rows : slice, optional
-        Limits the result to some rows of points. Their windows may contain points of other rows.
+    `window`: width of the window, an odd number of points. At least half of the points in the window must
+    have a valid displacement. `degree`: degree of the fitted surface: 1 for a plane, 2 for a quadratic
+    surface. `rows`: limits the result to some rows of points. Their windows may contain points of other rows.
 
     Returns
     -------

@@ -76,15 +76,8 @@ def covariances_in_blocks(
 ) -> tuple[Float, Float]:
     """Return the two parts of `dic.strain.fit.covariance_of_sums`: by image noise, and by interpolation.
 
-    Parameters
-    ----------
-    weights_of : callable
-        Function that returns the weights of some rows of points, shape (rows, columns, 2, p).
-    count : int
-        Number p of weighted sums.
-    noise : Noise
-    shape : (int, int)
-        Number of rows and columns of points.
+    `weights_of`: function that returns the weights of some rows of points, shape (rows, columns, 2, p).
+    `count`: number p of weighted sums. `shape`: number of rows and columns of points.
 
     Returns
     -------

@@ -62,14 +62,8 @@ def set_variances(
 def set_shared_variances(axes: Float, covariance: Float, derivative: Float, variance: Float) -> None:
     """Set the variances that an error of exx, eyy, exy causes which all points share.
 
-    Parameters
-    ----------
-    axes, variance
-        As for `set_variances`.
-    covariance : ndarray, shape (3, 3)
-        Covariance of the error of exx, eyy, exy.
-    derivative : ndarray, shape (3, 6)
-        Work array.
+    `axes`, `variance`: as for `set_variances`. `covariance`, shape (3, 3): covariance of the error of exx,
+    eyy, exy. `derivative`, shape (3, 6): work array.
     """
     derivative[:] = 0.0
     for k in range(3):
@@ -88,13 +82,8 @@ def set_shared_variances(axes: Float, covariance: Float, derivative: Float, vari
 def set_derivative(kind: int, gradient: Float, derivative: Float) -> None:
     """Set the derivatives of exx, eyy, exy with respect to the elements of the displacement gradient.
 
-    Parameters
-    ----------
-    kind : int
-        `GREEN` or `SMALL`.
-    gradient : ndarray, shape (2, 2)
-    derivative : ndarray, shape (4, 6)
-        Output, in its first three columns.
+    `kind`: `GREEN` or `SMALL`. `derivative`, shape (4, 6): output, in its first three columns. `gradient` has
+    the shape (2, 2).
     """
     stretch = 1.0 if kind == GREEN else 0.0
     fxx, fxy = 1.0 + stretch * gradient[0, 0], stretch * gradient[0, 1]

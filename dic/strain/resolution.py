@@ -45,10 +45,7 @@ class Filters:
     def along(self, per_px: Float) -> Float:
         """Return the share of its amplitude that a strain wave along the direction of the derivative keeps.
 
-        Parameters
-        ----------
-        per_px : ndarray
-            Angular wave numbers, radians per px.
+        `per_px`: angular wave numbers, radians per px.
         """
         if self.strain.source == "shape":
             return _slope(per_px, self._subset_px, 1)
@@ -126,18 +123,11 @@ def amplitude_kept(values: Float, std: Float, filters: Filters, *, along_x: bool
     difference is the mean product of neighbouring strains, divided by the mean square of the strain. The
     known contributions of noise are subtracted from both means.
 
-    Parameters
-    ----------
-    values, std : ndarray, shape (rows, columns)
-        A normal strain and its standard deviation; NaN where there is none.
-    filters : Filters
-    along_x : bool
-        True for the strain exx, False for eyy.
+    `values`, `std`, shape (rows, columns): a normal strain and its standard deviation; NaN where there is
+    none. `along_x`: True for the strain exx, False for eyy.
 
-    Returns
-    -------
-    ndarray, shape (rows, columns)
-        The share, from 0.4 to 1. The share is NaN where the strain cannot be distinguished from its noise.
+    Result, shape (rows, columns): the share, from 0.4 to 1. The share is NaN where the strain cannot be
+    distinguished from its noise.
     """
     reach = 2 * math.ceil(filters.strain.gauge_px(filters.correlation) / filters.correlation.step_px) + 1
     rows, columns = values.shape

@@ -54,12 +54,8 @@ class Sight:
     def hidden(self, window: int, rows: slice) -> Hidden:
         """Return what the points see that are so near an edge that they may not see their whole window.
 
-        Parameters
-        ----------
-        window : int
-            Width of a window, an odd number of points.
-        rows : slice
-            The rows of the points. The result may describe points of other rows as well.
+        `window`: width of a window, an odd number of points. `rows`: the rows of the points. The result may
+        describe points of other rows as well.
 
         Returns
         -------
@@ -98,17 +94,11 @@ class Sight:
     def neighbours(self, rows: Indices, columns: Indices, window: int) -> Mask:
         """Return which points of the windows around given points can be seen from the given points.
 
-        Parameters
-        ----------
-        rows, columns : ndarray of int, shape (n,)
-            The given points, each in the middle of its window.
-        window : int
-            Width of a window, an odd number of points.
+        `rows`, `columns`, shape (n,): the given points, each in the middle of its window. `window`: width of
+        a window, an odd number of points.
 
-        Returns
-        -------
-        ndarray of bool, shape (n, window, window)
-            True for points inside the grid to which the straight line stays inside the region.
+        Result, shape (n, window, window): True for points inside the grid to which the straight line stays
+        inside the region.
         """
         if not rows.size:
             return np.empty((0, window, window), np.bool_)

@@ -146,12 +146,8 @@ _Strain = TypeVar("_Strain", MeanStrain, StrainField)
 def with_shared(strain: _Strain, covariance: Float) -> _Strain:
     """Return strains whose standard deviations also contain an error that all points share.
 
-    Parameters
-    ----------
-    strain : MeanStrain or StrainField
-        Strains with the standard deviations that the images cause.
-    covariance : ndarray, shape (3, 3)
-        Covariance of the shared error of exx, eyy, exy; NaN if it is not known.
+    `strain`: strains with the standard deviations that the images cause. `covariance`, shape (3, 3):
+    covariance of the shared error of exx, eyy, exy; NaN if it is not known.
     """
     tensor = np.stack([getattr(strain, name) for name in COMPONENTS[:3]], axis=-1)
     own = np.stack([getattr(strain, f"{name}_std") for name in COMPONENTS])
@@ -170,13 +166,8 @@ def mean_strain(
 ) -> MeanStrain:
     """Return the mean strain of a region: the strain of an affine displacement fitted to its points.
 
-    Parameters
-    ----------
-    displacement : Displacement
-    valid : ndarray of bool, shape (rows, columns), optional
-        True for the points to use. Default: the points with a valid displacement.
-    measure : str
-        Strain measure: "green-lagrange", "small" or "hencky".
+    `valid`, shape (rows, columns): True for the points to use. Default: the points with a valid displacement.
+    `measure`: strain measure: "green-lagrange", "small" or "hencky".
     """
     return mean_strain_and_bias(displacement, valid, measure)[0]
 
@@ -237,16 +228,10 @@ def strain_field(displacement: Displacement, settings: StrainSettings | None = N
     quadratic fit with a window of n × n points also needs at least 2 n + 1 valid displacements. The standard
     deviation of a fitted strain includes the correlation between overlapping subsets.
 
-    Parameters
-    ----------
-    displacement : Displacement
-        The displacements. If the source of the strain is "shape", the attribute `gradient` must not be None.
-    settings : StrainSettings, optional
+    `displacement`: the displacements. If the source of the strain is "shape", the attribute `gradient` must
+    not be None.
 
-    Raises
-    ------
-    ValueError
-        If the source of the strain is "shape" and the displacement has no `gradient`.
+    Raises `ValueError` if the source of the strain is "shape" and the displacement has no `gradient`.
     """
     settings = settings or StrainSettings()
     if settings.source == "shape" and displacement.gradient is None:

@@ -26,14 +26,9 @@ _ANY_DIRECTION_DEG = 180.0 / np.sqrt(12.0)
 def strain_of(gradient: Float, covariance: Float | None, measure: str) -> tuple[Float, Float]:
     """Return strains and their standard deviations, to first order in the errors of the gradients.
 
-    Parameters
-    ----------
-    gradient : ndarray, shape (…, 2, 2)
-        Displacement gradients, ∂u_i/∂x_j at [i, j].
-    covariance : ndarray, shape (…, 4, 4), or None
-        Covariance of the gradient's elements xx, xy, yx, yy; None if it is not known.
-    measure : str
-        Strain measure, one of `MEASURES`.
+    `gradient`, shape (…, 2, 2): displacement gradients, ∂u_i/∂x_j at [i, j]. `covariance`, shape (…, 4, 4):
+    covariance of the gradient's elements xx, xy, yx, yy; None if it is not known. `measure`: strain measure,
+    one of `MEASURES`.
 
     Returns
     -------
@@ -66,12 +61,8 @@ def strain_of(gradient: Float, covariance: Float | None, measure: str) -> tuple[
 def shared_std(tensor: Float, covariance: Float) -> Float:
     """Return the standard deviations that an error common to all points causes, shape (6, …).
 
-    Parameters
-    ----------
-    tensor : ndarray, shape (…, 3)
-        The strains exx, eyy, exy of each point.
-    covariance : ndarray, shape (3, 3)
-        Covariance of the error of exx, eyy, exy that all points share.
+    `tensor`, shape (…, 3): the strains exx, eyy, exy of each point. `covariance`, shape (3, 3): covariance of
+    the error of exx, eyy, exy that all points share.
     """
     strain, axes = _with_principal(tensor)
     variance = np.empty(strain.shape)

@@ -118,8 +118,6 @@ def fit_windows(
         The first of the rows.
     needed : float
         Smallest number of points in a window.
-    surface : SurfacePoints
-    errors : Errors
     work : Work
         `used` must be False everywhere at the beginning.
     gradient : ndarray, shape (n, columns, 2, 2)

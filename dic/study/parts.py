@@ -40,11 +40,7 @@ def chosen_parts(region: Mask, parts: int) -> tuple[ImagePart, ...]:
     further part must contain much region that no earlier part contains. Among the possible places, the place
     farthest from all earlier parts is chosen.
 
-    Parameters
-    ----------
-    region : ndarray of bool, shape (height, width)
-    parts : int
-        Largest number of parts.
+    `parts`: largest number of parts. `region` has the shape (height, width).
     """
     import cv2
 

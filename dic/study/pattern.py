@@ -36,10 +36,6 @@ def corner_noise(grey: Grey) -> float:
     Sharp speckles have some power in these waves, but less than in all other waves. For sharp speckles the
     result is therefore too large, but closer to the truth than the result of
     `dic.quality.noise.noise_of_one`.
-
-    Parameters
-    ----------
-    grey : ndarray, shape (height, width)
     """
     from scipy.fft import dctn
 
@@ -59,11 +55,7 @@ class Pattern:
     def of(cls, grey: Grey, noise: float) -> "Pattern":
         """Return the pattern of an image without its white noise.
 
-        Parameters
-        ----------
-        grey : ndarray, shape (height, width)
-        noise : float
-            Standard deviation of the noise, grey levels.
+        `noise`: standard deviation of the noise, grey levels.
         """
         from scipy.fft import dctn
         from scipy.ndimage import uniform_filter

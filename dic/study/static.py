@@ -94,12 +94,7 @@ def motion_between(grey: Grey, other: Grey, region: Mask, settings: CorrelationS
 
 
 def require_rest(motion: StaticMotion, label: str) -> None:
-    """Raise an error if the user named an image as one at rest, but it shows more than noise.
-
-    Raises
-    ------
-    CorrelationError
-    """
+    """Raise a `CorrelationError` if the user named an image as one at rest, but it shows more than noise."""
     if not motion.is_within(_NAMED_SCATTER):
         raise CorrelationError(
             label,
@@ -119,10 +114,7 @@ def wave_of(grey: Grey, deformed: Grey, region: Mask, settings: CorrelationSetti
     of the strain. The settings reduce the amplitude of such a wave, and the mean square is corrected for this
     loss. The wave follows from exx or eyy, whichever has the larger mean square.
 
-    Raises
-    ------
-    CorrelationError
-        If the strain varies too little to be distinguished from its noise.
+    Raises `CorrelationError` if the strain varies too little to be distinguished from its noise.
     """
     used = CorrelationSettings(order=settings.order, smoothing_px=settings.smoothing_px)
     strain = StrainSettings()

@@ -53,17 +53,9 @@ def trial_images(
     The phases of the parts differ by 90°. So all parts together contain every strain of the wave about
     equally often, even if a part is smaller than the period of the wave.
 
-    Parameters
-    ----------
-    images : tuple
-        The reference image, and an image of the specimen at rest, or None to draw noise.
-    region : ndarray of bool, shape (height, width)
-    part : ImagePart
-    wave : Wave
-    noise : float
-        Standard deviation of the reference's noise, grey levels.
-    number : int
-        Number of the part, which also determines the drawn noise.
+    `images`: the reference image, and an image of the specimen at rest, or None to draw noise. `noise`:
+    standard deviation of the reference's noise, grey levels. `number`: number of the part, which also
+    determines the drawn noise. `region` has the shape (height, width).
     """
     phases = np.pi / 2 * (number % 2), np.pi / 2 * ((number + number // 2) % 2) * (not wave.is_plane)
     grey, second = images
@@ -138,10 +130,7 @@ class Trial:
 def tried(images: TrialImages, settings: CorrelationSettings) -> Trial:
     """Correlate the pattern without noise and the noisy images of a part.
 
-    Raises
-    ------
-    CorrelationError
-        If the part is too small for a subset, or if the images do not match.
+    Raises `CorrelationError` if the part is too small for a subset, or if the images do not match.
     """
     clean, whole = _correlated(images.clean, images.region, settings)
     noisy, _ = _correlated(images.noisy, images.region, settings)

@@ -22,19 +22,10 @@ from dic.typing import Float
 def window_strain(u_px: Float, v_px: Float, step_px: int, strain: StrainSettings) -> Float:
     """Return the strains exx and eyy, shape (2, rows, columns), from displacements on a regular grid.
 
-    Parameters
-    ----------
-    u_px, v_px : ndarray, shape (rows, columns)
-        Displacements; NaN where they are not known.
-    step_px : int
-        Spacing of the points.
-    strain : StrainSettings
-        Window and measure of the strain; the source must be "fit".
+    `u_px`, `v_px`, shape (rows, columns): displacements; NaN where they are not known. `step_px`: spacing of
+    the points. `strain`: window and measure of the strain; the source must be "fit".
 
-    Returns
-    -------
-    ndarray, shape (2, rows, columns)
-        The strains exx and eyy; NaN at points whose window is not complete.
+    Result, shape (2, rows, columns): the strains exx and eyy; NaN at points whose window is not complete.
     """
     gradient = np.full((*u_px.shape, 2, 2), np.nan)
     window = strain.window_points

@@ -30,10 +30,8 @@ def find_asymmetric_dots(
 
     `dic.targets.AsymmetricDotTarget` describes this target.
 
-    Raises
-    ------
-    CalibrationError
-        If fewer than 90 % of the dots are found, or the dots do not form an asymmetric grid.
+    Raises `CalibrationError` if fewer than 90 % of the dots are found, or the dots do not form an asymmetric
+    grid.
     """
     refusal = partial(_refusal, source, dots)
     found = measure_dots(grey, dots[0] * dots[1], source, refusal)

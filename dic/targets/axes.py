@@ -58,14 +58,9 @@ def axes_towards(quarter: tuple[int, int], vectors: Float, orientation: str) -> 
     Two pairs of axes fulfil this condition. The function returns the right-handed pair: in the image, whose
     y axis points down, the cross product of X and Y is negative.
 
-    Parameters
-    ----------
-    quarter : tuple of int
-        The quarter as two signs, ±1, along the two lattice vectors.
-    vectors : ndarray, shape (2, 2)
-        The two lattice vectors in the image, px. A lattice vector leads from one point to its neighbour.
-    orientation : str
-        Value of `Axes.orientation` in the result.
+    `quarter`: the quarter as two signs, ±1, along the two lattice vectors. `vectors`, shape (2, 2): the two
+    lattice vectors in the image, px. A lattice vector leads from one point to its neighbour. `orientation`:
+    value of `Axes.orientation` in the result.
     """
     first, second = quarter[0] * vectors[0], quarter[1] * vectors[1]
     swap = bool(first[0] * second[1] - first[1] * second[0] > 0)

@@ -43,11 +43,8 @@ def find_cells(grey: Grey, expected: int) -> CellLattice:
     enclose are the cells. The function tries several line widths, from 1 px to a few tens of px, for dark and
     for bright lines.
 
-    Parameters
-    ----------
-    grey : ndarray, shape (height, width)
-    expected : int
-        Number of cells of the whole grid. The search ends as soon as a lattice has 90 % of this number.
+    `expected`: number of cells of the whole grid. The search ends as soon as a lattice has 90 % of this
+    number.
     """
     best = CellLattice(np.empty((0, 2), np.int64), np.empty((0, 2)), True)
     image = as_bytes(grey)

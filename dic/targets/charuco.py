@@ -52,11 +52,8 @@ def find_charuco(
     third must be visible, because a calibration is valid only in the area between its points. The argument
     `marker_side` is the side of a marker divided by the pitch.
 
-    Raises
-    ------
-    CalibrationError
-        If too few corners are visible, or if no corner is visible in the outer third on one side of the
-        board.
+    Raises `CalibrationError` if too few corners are visible, or if no corner is visible in the outer third on
+    one side of the board.
     """
     lines = (squares[0] - 1, squares[1] - 1)
     image = as_bytes(grey)
@@ -222,12 +219,8 @@ def _goes_on(place: Float, marker_px: Float, corners: Float, squares: tuple[int,
     would be wrong. A marker counts only if it lies in the middle of a square and is as large as the board's
     markers.
 
-    Parameters
-    ----------
-    place, marker_px : ndarray, shape (n, 4, 2)
-        Corners of the board's markers on the board, pitches, and in the image, px.
-    corners : ndarray, shape (m, 4, 2)
-        Corners of all markers in the image, px.
+    `place`, `marker_px`, shape (n, 4, 2): corners of the board's markers on the board, pitches, and in the
+    image, px. `corners`, shape (m, 4, 2): corners of all markers in the image, px.
     """
     import cv2
 

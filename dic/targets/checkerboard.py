@@ -55,11 +55,8 @@ def find_checkerboard(
     Calibration", BMVC 2018) finds either all corners or none. Refined corners that do not fit the lattice are
     left out of the result.
 
-    Raises
-    ------
-    CalibrationError
-        If the detector does not find the corners, if half of them are too blurred to be measured, or if more
-        than 10 % of them do not fit the lattice.
+    Raises `CalibrationError` if the detector does not find the corners, if half of them are too blurred to be
+    measured, or if more than 10 % of them do not fit the lattice.
     """
     lines = (squares[0] - 1, squares[1] - 1)
     image = as_bytes(grey)

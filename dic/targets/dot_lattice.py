@@ -73,20 +73,12 @@ def measure_dots(
 ) -> MeasuredDots:
     """Return the dots of the largest lattice in an image.
 
-    Parameters
-    ----------
-    grey : ndarray, shape (height, width)
-    enough : int
-        The search ends as soon as a lattice has this number of dots.
-    source : str
-        Name of the image, used in error messages.
-    refusal : callable
-        Function that returns the error to raise, from a text that says what was found instead of the target.
+    `enough`: the search ends as soon as a lattice has this number of dots. `source`: name of the image, used
+    in error messages. `refusal`: function that returns the error to raise, from a text that says what was
+    found instead of the target.
 
-    Raises
-    ------
-    CalibrationError
-        If no lattice of at least 16 round dots is found, or if the image shows two such lattices.
+    Raises `CalibrationError` if no lattice of at least 16 round dots is found, or if the image shows two such
+    lattices.
     """
     not_round = "regions that are not round, such as squares or the cells of a line grid"
     lattice = _Lattice.in_image(grey, enough)

@@ -25,12 +25,9 @@ def find_dots(grey: Grey, dots: tuple[int, int], pitch_mm: float, source: str, x
     If three of the dots are hollow, they mark the origin and the axes, and the lattice may be larger than the
     picture. Dots that the image's rim cuts are left out.
 
-    Raises
-    ------
-    CalibrationError
-        If fewer than 90 % of the dots are found, or the numbers of rows and columns differ from `dots`. For a
-        plate with marks: if fewer than half of the dots in the picture are found, or the dots do not fit into
-        a lattice of this size.
+    Raises `CalibrationError` if fewer than 90 % of the dots are found, or the numbers of rows and columns
+    differ from `dots`. For a plate with marks: if fewer than half of the dots in the picture are found, or
+    the dots do not fit into a lattice of this size.
     """
     refusal = partial(_refusal, source, dots)
     found = measure_dots(grey, dots[0] * dots[1], source, refusal)

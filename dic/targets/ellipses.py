@@ -52,13 +52,7 @@ def fit_ellipses(grey: Grey, blobs: Blobs, hollow: Mask) -> Ellipses:
     The model is clipped at the image's lowest and highest grey levels, because the camera clips the light in
     the same way. Therefore the parts of the image that a reflection saturates do not shift the centres.
 
-    Parameters
-    ----------
-    grey : ndarray, shape (height, width)
-    blobs : Blobs
-        Approximate ellipses, at least two.
-    hollow : ndarray of bool, shape (n,)
-        True for rings.
+    `blobs`: approximate ellipses, at least two. `hollow`, shape (n,): True for rings.
     """
     from scipy.spatial import KDTree
 

@@ -49,18 +49,10 @@ def find_hollow_marks(index: Indices, hollow: Mask, vectors: Float) -> HollowMar
     The marks form a right angle, and its sides are parallel to the lattice vectors. Seen from the front, Y is
     90° anticlockwise from X. This rule decides which of the two outer marks lies on X.
 
-    Parameters
-    ----------
-    index : ndarray of int64, shape (n, 2)
-        Lattice indices of the dots.
-    hollow : ndarray of bool, shape (n,)
-    vectors : ndarray, shape (2, 2)
-        The two lattice vectors in the image, px.
+    `index`, shape (n, 2): lattice indices of the dots. `vectors`, shape (2, 2): the two lattice vectors in
+    the image, px. `hollow` has the shape (n,).
 
-    Returns
-    -------
-    HollowMarks or None
-        None unless exactly three dots are hollow and form such an angle.
+    The result is None unless exactly three dots are hollow and form such an angle.
     """
     marks = index[hollow]
     if len(marks) != 3:

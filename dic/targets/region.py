@@ -14,10 +14,7 @@ _SMALLEST_PX = 32
 def cropped(grey: Grey, region_px: Region, source: str) -> tuple[Grey, tuple[int, int]]:
     """Return the part of an image in a region, and the position of its first pixel, (x, y).
 
-    Raises
-    ------
-    CalibrationError
-        If the region is smaller than 32 × 32 px or not within the image.
+    Raises `CalibrationError` if the region is smaller than 32 × 32 px or not within the image.
     """
     height, width = grey.shape
     left, top, across, down = region_px

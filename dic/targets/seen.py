@@ -88,12 +88,8 @@ def _squares_of_board(number: Indices, corners: Float) -> tuple[int, int] | None
     The markers are numbered row by row, so their places give the number of columns. The last visible row
     counts as the last row of the board.
 
-    Parameters
-    ----------
-    number : ndarray of int64, shape (n,)
-        Numbers of the markers.
-    corners : ndarray, shape (n, 4, 2)
-        Corners of the markers in the image, px.
+    `number`, shape (n,): numbers of the markers. `corners`, shape (n, 4, 2): corners of the markers in the
+    image, px.
     """
     if len(number) < _FEWEST_MARKERS:
         return None

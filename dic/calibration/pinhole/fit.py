@@ -66,21 +66,12 @@ def fit_pinhole(
     A single image determines the focal length only through perspective: well at 30° off-axis, poorly at 10°,
     and not at all at 0°. `Pinhole.covariance` gives the uncertainty of each parameter.
 
-    Parameters
-    ----------
-    grid : GridPoints
-    image_shape : tuple of int
-        Height and width of the image, px.
-    known : KnownCamera, optional
-        Known values of the camera, such as its focal length.
-    k2 : bool, optional
-        True to fit the distortion coefficient k2, False to leave it 0. By default cross-validation decides.
-        If `k2` is given, no cross-validation is done.
+    `image_shape`: height and width of the image, px. `known`: known values of the camera, such as its focal
+    length. `k2`: True to fit the distortion coefficient k2, False to leave it 0. By default cross-validation
+    decides. If `k2` is given, no cross-validation is done.
 
-    Raises
-    ------
-    CalibrationError
-        If the points do not determine a camera, or if they contradict the known values of the camera.
+    Raises `CalibrationError` if the points do not determine a camera, or if they contradict the known values
+    of the camera.
     """
     return fit_pinholes([grid], image_shape, known, k2)[0]
 
@@ -97,10 +88,7 @@ def fit_pinholes(
     the grid in the first image. The parameters and exceptions are the same as for `fit_pinhole`. A known
     distance of the camera from the grid is the distance in the first image.
 
-    Returns
-    -------
-    tuple of Pinhole
-        One camera for each image, in the axes of the grid in that image.
+    Result: one camera for each image, in the axes of the grid in that image.
     """
     prior = (known or KnownCamera()).prior(image_shape)
     views = _Views([g.xy_mm for g in grids], [g.uv_px for g in grids], prior)

@@ -28,12 +28,8 @@ def distortion_basis(ideal_px: Float) -> Float:
 def distort(ideal_px: Float, distortion: Float) -> Float:
     """Return the distorted points (n, 2), px, that belong to ideal points (n, 2).
 
-    Parameters
-    ----------
-    ideal_px : ndarray, shape (n, 2)
-        Coordinates from the principal point, px.
-    distortion : ndarray, shape (4,)
-        The distortion coefficients k1, k2, p1 and p2.
+    `ideal_px`, shape (n, 2): coordinates from the principal point, px. `distortion`, shape (4,): the
+    distortion coefficients k1, k2, p1 and p2.
     """
     moved: Float = ideal_px + distortion_basis(ideal_px) @ distortion
     return moved

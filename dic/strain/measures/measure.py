@@ -67,11 +67,8 @@ def of_stretch(
     derivative of a function of a symmetric tensor consists of divided differences of the function (G. H.
     Golub, C. F. Van Loan, Matrix Computations, 9.1.4).
 
-    Parameters
-    ----------
-    name, title : str
-    value, slope : callable
-        Functions of λ² that return the strain, and its derivative with respect to the Green-Lagrange strain.
+    `value`, `slope`: functions of λ² that return the strain, and its derivative with respect to the
+    Green-Lagrange strain.
     """
 
     def tensor(gradient: Float) -> Tensor:

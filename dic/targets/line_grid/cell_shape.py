@@ -34,13 +34,8 @@ def cells_are_round(image: GridImage, shape: LatticeShape, cells: CellLattice) -
     is constant on ellipses around the dot's middle. The function fits both models to the mean cell and
     compares the misfits.
 
-    Parameters
-    ----------
-    image : GridImage
-        The image, in which the lines are bright.
-    shape : LatticeShape
-        Map from lattice index to image position. The cells' middles have the indices of the cells plus 0.5.
-    cells : CellLattice
+    `image`: the image, in which the lines are bright. `shape`: map from lattice index to image position. The
+    cells' middles have the indices of the cells plus 0.5.
     """
     every = max(1, len(cells.index) // _CELLS)
     middle = cells.index[::every].astype(np.float64) + 0.5

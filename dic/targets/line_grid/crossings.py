@@ -51,13 +51,9 @@ class _LocalCurve:
 def intersect(first: LineTrace, second: LineTrace, predicted: Float) -> tuple[Float, Mask]:
     """Return the intersections of the grid lines of the first direction with those of the second direction.
 
-    Parameters
-    ----------
-    first, second : LineTrace
-        Measured lines of the two directions. The first direction has n0 lines of n1 − 1 segments, the second
-        has n1 lines of n0 − 1 segments.
-    predicted : ndarray, shape (n0, n1, 2)
-        Approximate intersections, px.
+    `first`, `second`: measured lines of the two directions. The first direction has n0 lines of n1 − 1
+    segments, the second has n1 lines of n0 − 1 segments. `predicted`, shape (n0, n1, 2): approximate
+    intersections, px.
 
     Returns
     -------

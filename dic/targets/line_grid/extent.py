@@ -90,12 +90,8 @@ def _visible_lines(profiles: Float, between: Mask) -> Mask:
 def _with_partly_hidden_lines(like_lines: Mask, first: int, last: int) -> tuple[int, int]:
     """Return the numbers of the first and the last line, including outer lines that are partly hidden.
 
-    Parameters
-    ----------
-    like_lines : ndarray of bool, shape (lines, segments)
-        True for the segments that look like a line, from `_segments_of_lines`.
-    first, last : int
-        Numbers of the outermost lines that are mostly visible.
+    `like_lines`, shape (lines, segments): True for the segments that look like a line, from
+    `_segments_of_lines`. `first`, `last`: numbers of the outermost lines that are mostly visible.
     """
     share = like_lines.mean(axis=1)
     run = np.lib.stride_tricks.sliding_window_view(like_lines, min(_RUN, like_lines.shape[1]), axis=1)
