@@ -6,7 +6,6 @@ from .campaign_page import (
     write_campaign_report as write_campaign_report,
 )
 from .conditions import tables_of_test as tables_of_test
-from .details import ReportDetails as ReportDetails
 from .ontology import write_test_ontology as write_test_ontology
 from .page import write_report as write_report
 from .pdf import require_pdf as require_pdf
@@ -17,6 +16,7 @@ from .stated_facts import (
 )
 from .tensile_page import DECIMALS as DECIMALS, value_cell as value_cell
 from .tensile_record import (
+    ReportDetails as ReportDetails,
     TensileTest as TensileTest,
     tensile_test as tensile_test,
 )

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from dic.pipeline.measured_images import MeasuredImage
 from dic.report.camera_images import ReportedImages, Results
 from dic.report.fact_table import Fact, FactTable, table_of
 from dic.report.hardware import results_file
@@ -21,13 +20,8 @@ def analysis_table(images: Sequence[ReportedImages], result: Results) -> FactTab
     return table_of([each.camera for each in images], columns)
 
 
-def first_measured(images: ReportedImages) -> MeasuredImage | None:
-    """Return the first image of a camera that could be measured; None if there is none."""
-    return next((one for one in images.series.images if one.measurement is not None), None)
-
-
 def _settings(images: ReportedImages, file: str) -> dict[str, Fact]:
-    first = first_measured(images)
+    first = images.first_measured
     if first is None or first.measurement is None:
         return {}
     measurement = first.measurement

@@ -8,7 +8,7 @@ import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.derived.deformed_images import deformed_of_run, deformed_of_series
-from dic.pipeline.measured_images import MeasuredSeries
+from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
 from dic.pipeline.result import RunResult, SeriesResult
 from dic.typing import Float, Grey
 
@@ -35,6 +35,11 @@ class ReportedImages:
     file does not count.
     """
     _read: Callable[[int], Grey]
+
+    @property
+    def first_measured(self) -> MeasuredImage | None:
+        """The first image that could be measured; None if there is none."""
+        return next((one for one in self.series.images if one.measurement is not None), None)
 
     def place(self, label: str) -> int | None:
         """Return the index of the measured image with this label; None if there is no such image."""

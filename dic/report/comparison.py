@@ -44,12 +44,12 @@ class PaperComparison:
     """Description of the quantity."""
     paper: str
     """The statement of Helm and Deaner's paper about the quantity, with the paper's numbers."""
+    entries: list[Entry]
+    """Values of the quantity in the runs."""
     test: str
     """Kind of test: "tension", "rotation" or "calibration"."""
     figure: Figure
     """The report's figure that shows the quantity."""
-    entries: list[Entry]
-    """Values of the quantity in the runs."""
 
 
 def turned_cameras(runs: Sequence[Run]) -> list[CameraSeries]:

@@ -178,10 +178,10 @@ def _interval(images: ReportedImages, file: str) -> Fact:
 
 def _feature_size(images: ReportedImages, file: str) -> Fact:
     """Return the size of the speckles, measured in the reference image within the region of interest."""
-    found = next((one.measurement for one in images.series.images if one.measurement is not None), None)
-    if found is None:
+    first = images.first_measured
+    if first is None or first.measurement is None:
         return Fact()
-    field, grey = found.field, images.series.reference
+    field, grey = first.measurement.field, images.series.reference
     region = np.ones(grey.shape, np.bool_) if field.region is None else field.region
     text = _measured_size(grey, region, images)
     return Fact(text, file, "reference", "full width at half maximum of the autocovariance")

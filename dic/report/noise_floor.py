@@ -9,7 +9,6 @@ import numpy as np
 from dic.errors import CurveError
 from dic.gauges.reading import Reading
 from dic.pipeline.measured_images import MeasuredImage
-from dic.report.analysis import first_measured
 from dic.report.camera_images import ReportedImages
 from dic.report.numbers import fixed
 from dic.report.states import names_of
@@ -116,7 +115,7 @@ def noise_floor_of(images: ReportedImages, test: TensileTest, file: str = "") ->
 
     Raises `CurveError` if the user named an image at rest that is not a measured image of the results.
     """
-    first = first_measured(images)
+    first = images.first_measured
     if first is None:
         return None
     places = [_static_place(images, name) for name in test.details.static]

@@ -8,22 +8,25 @@ from typing import Any
 from dic.errors import RunFileError, require_kind
 from dic.files.writing import write_text
 from dic.keywords import takes_settings
+from dic.pictures.maps import draw_maps
+from dic.pictures.panels import maps_of, scale_of
+from dic.pictures.settings import MapSettings
 from dic.pipeline.result import RunResult
 from dic.report import rotation, tension
 from dic.report.calibration import residual_figure
-from dic.report.fields import FieldPicture, field_pictures
 from dic.report.numbers import date, fixed, micro
 from dic.report.paper import compare
 from dic.report.pdf import require_pdf, write_pdf
 from dic.report.series import Run, number_runs
-from dic.report.setup import Findings, camera_rows, findings, remaining
+from dic.report.setup import camera_rows, findings, remaining
 from dic.report.setup_figures import harmonics_figure, height_figure, height_step, motion_figure
 from dic.report.steps import StepTable, camera_tables, pair_table
-from dic.report.style import Kind, plot_style, watermark_uri
-from dic.report.tables import calibration_rows, problems, recommendations, settings_rows
+from dic.report.style import PICTURE_DPI, PICTURE_WIDTH_MM, Kind, plot_style, png_uri, watermark_uri
+from dic.report.tables import Remarks, calibration_rows, problems, recommendations, settings_rows
 from dic.report.templating import page_templates
 from dic.report.tensile_page import tensile_view
 from dic.report.tensile_record import TensileTest
+from dic.runfile.reader import RunStep
 from dic.typing import PathLike
 
 _PROCESS_FIRST = (
@@ -31,12 +34,25 @@ _PROCESS_FIRST = (
 )
 
 
+_MAPS = MapSettings(width_mm=PICTURE_WIDTH_MM)
+
+
+@dataclass(frozen=True)
+class FieldPicture:
+    """The maps of displacement and strain of one camera at one step, as a data URI, with their caption."""
+
+    camera: str
+    step: RunStep
+    words: str
+    uri: str
+
+
 @dataclass(frozen=True)
 class SetUp:
     """The findings on the set-up of a run, in the form that the page template needs."""
 
     cameras: list[list[str]]
-    findings: list[Findings]
+    findings: list[Remarks]
     remaining: list[str]
     harmonics: str
     motion: str
@@ -173,6 +189,23 @@ def _view(run: Run) -> ReportView:
         residuals=residual_figure(run.cameras) if run.cameras else "",
         fields=field_pictures(run) if run.kind else [],
     )
+
+
+def field_pictures(run: Run) -> list[FieldPicture]:
+    """Return the maps of every camera of a run, at steps that are characteristic of the kind of test."""
+    telling = rotation.telling_steps if run.kind == "rotation" else tension.telling_steps
+    pictures = []
+    for step, words in telling(run.steps):
+        for series in run.cameras:
+            measured = {s.index: k for k, s in enumerate(series.steps)}
+            if step.index in measured:
+                at = measured[step.index]
+                correction = run.result.corrections.best(series.camera, step.index, at)
+                maps = maps_of(series.measurements[at], _MAPS, correction)
+                scale = scale_of([maps], _MAPS)
+                figure = draw_maps(maps, series.result.reference, "", _MAPS, scale)
+                pictures.append(FieldPicture(series.label, step, words, png_uri(figure, dpi=PICTURE_DPI)))
+    return pictures
 
 
 def _set_up(run: Run) -> SetUp:

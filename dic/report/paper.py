@@ -1,6 +1,7 @@
 """The results of Helm and Deaner's paper, and the same quantities computed from the runs of a report."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -43,11 +44,7 @@ def compare(runs: Sequence[Run]) -> list[PaperComparison]:
 def _tension(runs: Sequence[Run]) -> list[PaperComparison]:
     pulled = [(run, run.on_axis) for run in runs if run.kind == "tension" and run.on_axis is not None]
     change = [
-        Entry(
-            run.number,
-            on_axis.label,
-            means(np.abs(on_axis.calibrated - on_axis.raw), range(3)),
-        )
+        Entry(run.number, on_axis.label, means(np.abs(on_axis.calibrated - on_axis.raw), range(3)))
         for run, on_axis in pulled
     ]
     along, across, before = [], [], []
@@ -59,34 +56,27 @@ def _tension(runs: Sequence[Run]) -> list[PaperComparison]:
             along.append(Entry(run.number, camera.label, means(calibrated, camera.swing)))
             across.append(Entry(run.number, camera.label, means(calibrated, others)))
             before.append(Entry(run.number, camera.label, means(raw, camera.swing)))
+    compared = partial(PaperComparison, test="tension", figure="differences")
     return [
-        PaperComparison(
+        compared(
             "size of what calibration changes on the on-axis camera, mean over the steps",
             "less than 40 µε on average for all three strains (text, figures 18–20)",
-            "tension",
-            "differences",
             change,
         ),
-        PaperComparison(
+        compared(
             "difference of the calibrated off-axis camera from the raw on-axis camera "
             "in the direction of the tilt, mean over the steps",
             "a bias of about 1000 µε at 30° (text, figures 18–20)",
-            "tension",
-            "differences",
             along,
         ),
-        PaperComparison(
+        compared(
             "the same difference of the other strains",
             "comparable with the on-axis camera (text)",
-            "tension",
-            "differences",
             across,
         ),
-        PaperComparison(
+        compared(
             "difference in the direction of the tilt before calibration",
             "larger than after calibration (text)",
-            "tension",
-            "differences",
             before,
         ),
     ]
@@ -94,37 +84,32 @@ def _tension(runs: Sequence[Run]) -> list[PaperComparison]:
 
 def _rotation(runs: Sequence[Run]) -> list[PaperComparison]:
     turned = turned_cameras(runs)
+    calibrated = partial(PaperComparison, test="rotation", figure="calibrated rotation")
     return [
         PaperComparison(
             "largest strain error before calibration",
             "155 000 µε at 30° (text, figures 21–23)",
+            [Entry(c.run, c.label, worst_text(c, c.raw)) for c in turned],
             "rotation",
             "raw rotation",
-            [Entry(c.run, c.label, worst_text(c, c.raw)) for c in turned],
         ),
-        PaperComparison(
+        calibrated(
             "largest strain error after calibration",
             "4000 µε at 30°, at 180° of rotation, in the direction of the tilt (text, figure 24)",
-            "rotation",
-            "calibrated rotation",
             [Entry(c.run, c.label, worst_text(c, c.calibrated)) for c in turned],
         ),
-        PaperComparison(
+        calibrated(
             "strain in the direction of the tilt after calibration, at 180°",
             "grows with the angle of the camera (text, figure 24)",
-            "rotation",
-            "calibrated rotation",
             [
                 Entry(c.run, c.label, means(values, c.swing))
                 for c in turned
                 if len(values := _at_half_turn(c))
             ],
         ),
-        PaperComparison(
+        calibrated(
             "largest error before calibration ÷ largest error after it",
             "approximately 40 at 30° (abstract)",
-            "rotation",
-            "calibrated rotation",
             [
                 Entry(c.run, c.label, f"{worst(c.raw) / after:.0f}")
                 for c in turned
@@ -149,9 +134,9 @@ def _loading(runs: Sequence[Run]) -> PaperComparison:
     return PaperComparison(
         "increments",
         "of 2 kN until plastic deformation was evident, then of 0.3 mm to 5.00 mm of displacement (text)",
+        entries,
         "tension",
         "load",
-        entries,
     )
 
 
@@ -160,14 +145,14 @@ def _calibration(runs: Sequence[Run]) -> list[PaperComparison]:
         PaperComparison(
             quantity,
             paper,
-            "calibration",
-            "residuals",
             [
                 Entry(run.number, camera.label, _residual_text(camera.calibration.residuals[model]))
                 for run in runs
                 for camera in run.off_axis
                 if model in camera.calibration.residuals
             ],
+            "calibration",
+            "residuals",
         )
         for model, quantity, paper in _MODELS
     ]

@@ -1,6 +1,7 @@
 """Quantities of Helm and Deaner's paper, computed from strains corrected for out-of-plane motion."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -31,27 +32,18 @@ def corrected_tension(runs: Sequence[Run]) -> list[PaperComparison]:
         if run.pair is not None and np.isfinite(run.pair.corrected).any():
             values = difference(run.pair.steps, run.pair.corrected, on_axis)[1]
             together.append(Entry(run.number, run.pair.label, means(values, range(3))))
+    compared = partial(PaperComparison, test="tension", figure="corrected differences")
     return [
-        PaperComparison(
+        compared(
             "difference of the corrected off-axis camera from the raw on-axis camera "
             "in the direction of the tilt, mean over the corrected steps",
             _MAY_BE,
-            "tension",
-            "corrected differences",
             along,
         ),
-        PaperComparison(
-            "the same difference of the other strains, corrected",
-            _MAY_BE,
-            "tension",
-            "corrected differences",
-            across,
-        ),
-        PaperComparison(
+        compared("the same difference of the other strains, corrected", _MAY_BE, across),
+        compared(
             "the same difference of both cameras together, mean over the corrected steps",
             "not done",
-            "tension",
-            "corrected differences",
             together,
         ),
     ]
@@ -64,12 +56,12 @@ def corrected_rotation(runs: Sequence[Run]) -> list[PaperComparison]:
         PaperComparison(
             "largest strain error after correction",
             _MAY_BE,
-            "rotation",
-            "corrected rotation",
             [
                 Entry(c.run, c.label, _not_corrected(c) or worst_text(c, c.corrected, c.corrected_std))
                 for c in turned
             ],
+            "rotation",
+            "corrected rotation",
         ),
     ]
 

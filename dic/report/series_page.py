@@ -22,6 +22,7 @@ from dic.report.series_pictures import (
 )
 from dic.report.strains import COMPONENTS
 from dic.report.style import plot_style
+from dic.report.tables import correlation_rows
 from dic.report.templating import page_templates
 from dic.report.tensile_page import tensile_view
 from dic.report.tensile_record import TensileTest
@@ -200,9 +201,8 @@ def _largest(means: SeriesMeans, index: int) -> int:
 def _count(result: SeriesResult, means: SeriesMeans) -> str:
     measured, total = len(means.measured), len(means.rows)
     against = f", compared with {PurePath(result.reference_name).name}" if result.reference_name else ""
-    if measured == total:
-        return f"{total} image{'s' if total > 1 else ''}{against}; all were measured."
-    return f"{total} image{'s' if total > 1 else ''}{against}; {total - measured} could not be measured."
+    found = "all were measured" if measured == total else f"{total - measured} could not be measured"
+    return f"{total} image{'s' if total > 1 else ''}{against}; {found}."
 
 
 def _mean(means: SeriesMeans, index: int) -> str:
@@ -214,12 +214,10 @@ def _mean(means: SeriesMeans, index: int) -> str:
 
 
 def _settings(measurement: Measurement, calibration: Calibration | None) -> list[tuple[str, str]]:
-    settings, strain = measurement.settings, measurement.strain_settings
+    strain = measurement.strain_settings
     axes_mm_per_px = None if calibration is None else calibration.axes_mm_per_px
     return [
-        ("Subset", f"{settings.subset_px} px, step {settings.step_px} px, {settings.shape} shape function"),
-        ("Interpolation", f"B-spline of order {settings.order}"),
-        ("Correlation", f"IC-GN on ZNSSD, at least {settings.min_zncc:g} ZNCC"),
+        *correlation_rows(measurement.settings),
         (
             "Strain",
             f"{strain.measure}, local strain from {strain.source}, {strain.window_points} points wide",

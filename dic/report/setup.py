@@ -1,7 +1,6 @@
 """The report's findings on the set-up of a run: camera positions, sensitivities and uncertainties."""
 
 import re
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from dic.report.numbers import fixed, micro, with_std
 from dic.report.series import CameraSeries, Run
 from dic.report.strains import MICRO, plane_slopes
 from dic.report.style import CONFIDENCE
+from dic.report.tables import Remarks
 
 _OPEN_SHARE = 0.05
 """Above this relative uncertainty of a camera's distance, the report asks for better data."""
@@ -18,21 +18,13 @@ _OPEN_SHARE = 0.05
 _PERCENT = 100.0
 
 
-@dataclass(frozen=True)
-class Findings:
-    """Sentences on the set-up that follow from the results of one camera, or of two cameras together."""
-
-    label: str
-    sentences: list[str]
-
-
-def findings(run: Run) -> list[Findings]:
+def findings(run: Run) -> list[Remarks]:
     """Return the findings from each camera, the on-axis camera first, then from two cameras together."""
     corrections = run.result.corrections
     said = [(series.label, corrections.findings[series.camera]) for series in run.cameras]
     if run.pair is not None and corrections.joint is not None:
         said.append((run.pair.label, corrections.joint.findings))
-    return [Findings(label, [_sentence(text) for text in texts]) for label, texts in said if texts]
+    return [Remarks(label, [_sentence(text) for text in texts]) for label, texts in said if texts]
 
 
 def camera_rows(run: Run) -> list[list[str]]:

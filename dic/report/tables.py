@@ -1,8 +1,10 @@
 """The report's tables: settings, calibrations and problems."""
 
+from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 
+from dic.correlation.settings import CorrelationSettings
 from dic.pipeline.result import CameraResult
 from dic.report.numbers import date, fixed
 from dic.report.series import Run
@@ -27,6 +29,14 @@ _MOTIONS = {
 }
 _USES = (("in use", "model"), ("recommended", "recommended"))
 """Purposes of a calibration model, such as "in use", and the attributes of `Calibration` that name it."""
+
+
+@dataclass(frozen=True)
+class Remarks:
+    """Sentences on the results of one camera, of two cameras together, or of one column of a table."""
+
+    label: str
+    sentences: list[str]
 
 
 def calibration_rows(run: Run) -> list[list[str]]:
@@ -75,9 +85,7 @@ def settings_rows(run: Run) -> list[tuple[str, str]]:
             "Gauge section",
             f"{info.width_mm:g} mm wide, {info.thickness_mm:g} mm thick, {info.gauge_length_mm:g} mm long",
         ),
-        ("Subset", f"{settings.subset_px} px, step {settings.step_px} px, {settings.shape} shape function"),
-        ("Interpolation", f"B-spline of order {settings.order}"),
-        ("Correlation", f"IC-GN on ZNSSD, at least {settings.min_zncc:g} ZNCC"),
+        *correlation_rows(settings),
         (
             "Convergence",
             f"{settings.tolerance_px:g} px at a subset's edge, at most {settings.max_iterations} iterations",
@@ -97,6 +105,15 @@ def settings_rows(run: Run) -> list[tuple[str, str]]:
         inputs = result.provenance.inputs.items()
         rows += [("Input", f"{Path(file).name}, SHA-256 {digest}") for file, digest in inputs]
     return rows
+
+
+def correlation_rows(settings: CorrelationSettings) -> list[tuple[str, str]]:
+    """Return the names and values of the settings of a correlation, as text."""
+    return [
+        ("Subset", f"{settings.subset_px} px, step {settings.step_px} px, {settings.shape} shape function"),
+        ("Interpolation", f"B-spline of order {settings.order}"),
+        ("Correlation", f"IC-GN on ZNSSD, at least {settings.min_zncc:g} ZNCC"),
+    ]
 
 
 def _calibration_settings(run: Run) -> list[tuple[str, str]]:

@@ -13,6 +13,7 @@ from dic.report.conditions import StatedConditions, conditions_of
 from dic.report.numbers import fixed, with_std
 from dic.report.repeat import Repeat, repeat_of, result_of
 from dic.report.style import PAGE_WIDTH_IN, PICTURE_DPI, png_uri, svg_uri
+from dic.report.tables import Remarks
 from dic.report.tensile_figures import curves_figure, gauges_figure
 from dic.report.tensile_record import TensileColumn, TensileTest, symbols_of
 
@@ -44,14 +45,6 @@ class PropertyRow:
     known: str
     differences: list[str]
     rule: str
-
-
-@dataclass(frozen=True)
-class Remarks:
-    """The objections to the values of a column, one sentence each."""
-
-    label: str
-    sentences: list[str]
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """A tensile test in the report: properties from each camera and kind of strain, and known values."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,9 @@ from dic.properties.properties import Properties, material_properties, offset_ke
 from dic.properties.settings import PropertySettings
 from dic.properties.shared_error import with_shared_error
 from dic.records.joining import JoinedRecord
-from dic.report.details import ReportDetails
+from dic.report.stated_facts import StatedFacts
 from dic.results.provenance import Provenance
-from dic.typing import Float
+from dic.typing import Float, PathLike
 
 _PROOF = "proof strength, plastic extension of {:g} %"
 SYMBOLS = {
@@ -42,6 +42,31 @@ def symbols_of(settings: PropertySettings) -> dict[str, tuple[str, str]]:
     place = list(SYMBOLS).index("Rp02_mpa") + 1
     known = list(SYMBOLS.items())
     return dict(known[:place]) | added | dict(known[place:])
+
+
+@dataclass(frozen=True)
+class ReportDetails:
+    """The user's choices for the report of a tensile test, beside the properties.
+
+    Attributes
+    ----------
+    facts : StatedFacts
+        Facts that only the user knows, from `read_stated_facts`.
+    fields_at : tuple of str
+        Points of the curve whose fields are shown: "half", "Rp02", "ReH", "Rm", "last", "strain=PERCENT",
+        "stress=MPA" or "image=NAME". If empty: the points Rp02, half and Rm that the curve has.
+    static : tuple of str
+        Names of images, or numbers of steps, in which the specimen is at rest as in the reference image. The
+        noise floor is measured in these images.
+    inputs : tuple of path
+        Input files of the test other than the result file, such as the machine's record. The report states
+        the digests of these files.
+    """
+
+    facts: StatedFacts = field(default_factory=StatedFacts)
+    fields_at: tuple[str, ...] = ()
+    static: tuple[str, ...] = ()
+    inputs: tuple[PathLike, ...] = ()
 
 
 @dataclass(frozen=True)

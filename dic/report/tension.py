@@ -28,12 +28,8 @@ def strain_figure(run: Run) -> str:
     for axis, component in zip(axes, (XX, YY), strict=True):
         for order, series in ordered(run):
             for kind, values in _kinds(series):
-                axis.plot(
-                    _places(run, series.steps),
-                    values[:, component],
-                    label=f"{series.label}, {kind}",
-                    **line_style(series, order, kind),
-                )
+                label, style = f"{series.label}, {kind}", line_style(series, order, kind)
+                axis.plot(_places(run, series.steps), values[:, component], label=label, **style)
         _label_steps(axis, run)
         axis.set_ylabel(f"{COMPONENTS[component]}, µε")
     legend_below(figure, columns=3)
@@ -53,12 +49,8 @@ def difference_figure(run: Run, on_axis: CameraSeries) -> str:
                 if series.on_axis and kind == "raw":
                     continue
                 steps, differences = difference(series.steps, values, on_axis)
-                axis.plot(
-                    _places(run, steps),
-                    differences[:, component],
-                    label=f"{series.label}, {kind}",
-                    **line_style(series, order, kind),
-                )
+                label, style = f"{series.label}, {kind}", line_style(series, order, kind)
+                axis.plot(_places(run, steps), differences[:, component], label=label, **style)
         _label_steps(axis, run)
         axis.set_ylabel(f"Δ{COMPONENTS[component]}, µε")
     legend_below(figure, columns=3)

@@ -71,7 +71,7 @@ def number(text: str) -> float:
 
 def leave_undrawn(patch: pytest.MonkeyPatch) -> None:
     """Let an empty picture stand for every picture in PNG format of a run's report."""
-    for module in ("fields", "calibration", "setup_figures"):
+    for module in ("page", "calibration", "setup_figures"):
         patch.setattr(f"dic.report.{module}.png_uri", lambda figure, **how: UNDRAWN)
 
 
