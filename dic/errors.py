@@ -1,7 +1,7 @@
 """Errors of a measurement. The message of each error is one sentence that ends with a remedy."""
 
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from numbers import Integral, Real
@@ -19,6 +19,7 @@ __all__ = [
     "RunFileError",
     "WorkerError",
     "WorkerWarning",
+    "all_of",
     "each_warning_once",
     "joined",
 ]
@@ -44,6 +45,10 @@ class MeasurementError(Exception):
         super().__init__(source, step, expected, got, remedy)
         self.source, self.step = source, step
         self.expected, self.got, self.remedy = expected, got, remedy
+
+    def at(self, source: str) -> "MeasurementError":
+        """Return the same error about another source, such as the place of a setting in a file."""
+        return type(self)(source, self.step, self.expected, self.got, self.remedy)
 
     def __str__(self) -> str:
         return f"{self.source}: {self.step}: expected {self.expected}, got {self.got}; {self.remedy}"
@@ -159,6 +164,24 @@ def joined(errors: Sequence[MeasurementError]) -> MeasurementError:
     first, *others = errors
     remedy = ". ".join([first.remedy, *(str(error) for error in others)])
     return type(first)(first.source, first.step, first.expected, first.got, remedy)
+
+
+def all_of(*parts: Callable[[], Any]) -> list[Any]:
+    """Call the functions `parts` and return their results; raise all their errors as one error.
+
+    Raises
+    ------
+    MeasurementError
+    """
+    results, errors = [], []
+    for part in parts:
+        try:
+            results.append(part())
+        except MeasurementError as error:
+            errors.append(error)
+    if errors:
+        raise joined(errors)
+    return results
 
 
 def is_whole(value: object) -> bool:

@@ -210,7 +210,7 @@ def _specimen(
     try:
         return CampaignSpecimen(named, file.path, settings, source, values.get("direction_deg"))
     except MeasurementError as error:
-        raise _at(place, error) from error
+        raise error.at(place) from error
 
 
 def _settings(place: str, values: Mapping[str, Any]) -> PropertySettings:
@@ -224,7 +224,7 @@ def _settings(place: str, values: Mapping[str, Any]) -> PropertySettings:
     try:
         return PropertySettings(area_mm2=area_mm2, area_std_mm2=area_std_mm2, **given)
     except MeasurementError as error:
-        raise _at(place, error) from error
+        raise error.at(place) from error
 
 
 def _area(place: str, values: Mapping[str, Any]) -> tuple[float, float | None]:
@@ -263,11 +263,6 @@ def _source(place: str, file: _File, values: Mapping[str, Any]) -> CurveColumns 
         expected, remedy = "a column and its unit", f'give {without[0]} = "COLUMN:UNIT", such as "Load:kN"'
         raise CurveError(place, " and ".join(without), expected, "none", remedy)
     return CurveColumns(**given)
-
-
-def _at(place: str, error: MeasurementError) -> MeasurementError:
-    """Return an error about settings, changed so that it names the specimen's place in the file."""
-    return type(error)(place, error.step, error.expected, error.got, error.remedy)
 
 
 def _caught(part: Callable[..., Part], *arguments: Any) -> tuple[Part | None, list[MeasurementError]]:

@@ -51,15 +51,7 @@ class CurveColumns:
 
     def measure(self, file: Path, settings: PropertySettings) -> Evaluated:
         """Return the evaluation of the test whose table is `file`."""
-        curve = read_curve(
-            file,
-            load=self.load,
-            strain=self.strain,
-            transverse=self.transverse,
-            time=self.time,
-            gauge_length_mm=self.gauge_length_mm,
-        )
-        return Evaluated(material_properties(curve, settings))
+        return Evaluated(material_properties(read_curve(file, **vars(self)), settings))
 
 
 @dataclass(frozen=True)

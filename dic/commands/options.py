@@ -14,7 +14,7 @@ from typing import Any, Generic, TypeVar, cast, dataclass_transform, get_args, g
 import click
 from click.core import ParameterSource
 
-from dic.errors import CorrelationError, MeasurementError, joined
+from dic.errors import CorrelationError, all_of as all_of
 from dic.settings import Declared, declared_in, default_of
 from dic.shell.console import say
 
@@ -314,21 +314,3 @@ def as_in_results(command: click.Command, *arguments: str) -> None:
         of_group = parameter.name is not None and parameter.name.startswith(tuple(f"{a}_" for a in arguments))
         if isinstance(parameter, click.Option) and of_group:
             parameter.default, parameter.show_default = None, "as in RESULTS"
-
-
-def all_of(*parts: Callable[[], Any]) -> list[Any]:
-    """Call the functions `parts` and return their results; raise all their errors as one error.
-
-    Raises
-    ------
-    MeasurementError
-    """
-    results, errors = [], []
-    for part in parts:
-        try:
-            results.append(part())
-        except MeasurementError as error:
-            errors.append(error)
-    if errors:
-        raise joined(errors)
-    return results

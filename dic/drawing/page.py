@@ -69,13 +69,13 @@ def write_drawing_page(
     title = "".join(sign if sign.isprintable() else "?" for sign in shown)
     shapes = [] if region is None else region_shapes(region, grey.shape)
     shapes += gauge_shapes(gauges, grey.shape)
-    picture = shown_picture(grey)
+    uri, reduction = shown_picture(grey)
     data = {
         "name": title,
         "width": grey.shape[1],
         "height": grey.shape[0],
-        "picture": picture.uri,
-        "reduction": picture.reduction,
+        "picture": uri,
+        "reduction": reduction,
         "shapes": shapes,
         "kept": kept_gauges(gauges, calibration),
         "calibration": None if calibration is None else calibration_nodes(calibration),

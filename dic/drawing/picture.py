@@ -1,7 +1,6 @@
 """The picture of an image that a page shows, as a data URI."""
 
 import base64
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,18 +15,11 @@ _PERCENTILES = (0.5, 99.5)
 """Pixels darker or brighter than these percentiles of the grey levels are shown black or white."""
 
 
-@dataclass(frozen=True)
-class ShownPicture:
-    """A picture for a web page."""
+def shown_picture(grey: Grey) -> tuple[str, int]:
+    """Return a picture of an image with good contrast, as the data URI of a PNG file, and its reduction.
 
-    uri: str
-    """PNG file as a data URI."""
-    reduction: int
-    """Number of image pixels along the side of a pixel of the picture; 1 if the picture has all pixels."""
-
-
-def shown_picture(grey: Grey) -> ShownPicture:
-    """Return a picture of an image with good contrast; an image of more than 4 megapixels is reduced.
+    An image of more than 4 megapixels is reduced. The reduction is the number of image pixels along the side
+    of a pixel of the picture; 1 if the picture has all pixels.
 
     A pixel of a reduced picture is the mean of a square of pixels. If the image does not fill the last
     squares, its pixels at the right and lower edge are repeated.
@@ -43,4 +35,4 @@ def shown_picture(grey: Grey) -> ShownPicture:
     low, high = (float(level) for level in np.percentile(grey, _PERCENTILES))
     levels = np.clip((grey - low) * (255.0 / max(high - low, 1e-9)), 0.0, 255.0).astype(np.uint8)
     _, content = cv2.imencode(".png", levels)
-    return ShownPicture("data:image/png;base64," + base64.b64encode(content.tobytes()).decode(), reduction)
+    return "data:image/png;base64," + base64.b64encode(content.tobytes()).decode(), reduction

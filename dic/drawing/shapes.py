@@ -1,15 +1,17 @@
 """Converts existing regions and gauges to the shapes that a page shows at first."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
-from dic.errors import GaugeError, MeasurementError, joined
+from dic.errors import all_of
 from dic.gauges.declared import Gauge
 from dic.gauges.file import gauge_text
 from dic.image.given import checked_region
+from dic.pictures.places import mapped
 from dic.regions.drawn import DrawnRegion
 from dic.regions.read import is_region_file, read_drawn_region
 from dic.specimen.write import region_polygons
@@ -71,14 +73,7 @@ def gauge_shapes(gauges: Sequence[Gauge], image_shape: tuple[int, ...]) -> list[
 
     Raises `GaugeError` if a gauge lies outside the image. The message names all such gauges together.
     """
-    errors: list[MeasurementError] = []
-    for gauge in gauges:
-        try:
-            gauge.require_inside(image_shape)
-        except GaugeError as error:
-            errors.append(error)
-    if errors:
-        raise joined(errors)
+    all_of(*(partial(gauge.require_inside, image_shape) for gauge in gauges))
     return [_gauge_shape(gauge) for gauge in gauges if gauge.unit == "px"]
 
 
@@ -93,7 +88,7 @@ def kept_gauges(gauges: Sequence[Gauge], calibration: Calibration | None) -> lis
     for gauge in gauges:
         if gauge.unit == "px":
             continue
-        lines = [] if homography is None else [_mapped(homography, line) for line in gauge.drawn_lines()]
+        lines = [] if homography is None else [mapped(homography, line) for line in gauge.drawn_lines()]
         note = "saved without a change" if lines else "not shown without --calibration"
         shown = [np.round(line, 1).tolist() for line in lines]
         found.append(
@@ -117,8 +112,3 @@ def _to_px(calibration: Calibration) -> Float:
 
     found, _ = cv2.findHomography(calibration.grid.xy_mm, calibration.grid.uv_px)
     return np.asarray(found, np.float64)
-
-
-def _mapped(homography: Float, points: Float) -> Float:
-    mapped = np.column_stack([points, np.ones(len(points))]) @ homography.T
-    return np.asarray(mapped[:, :2] / mapped[:, 2:])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dic.errors import is_whole, require_kind
-from dic.gauges.plot import cameras_of, chosen_kinds, refused, require_one_unit
+from dic.gauges.plot import NAMES, cameras_of, chosen_kinds, refused, require_one_unit
 from dic.gauges.reading import Profile
 from dic.gauges.series import GaugeImage, GaugeSeries
 from dic.pictures.contact_sheet import evenly_spaced, shortened
@@ -25,13 +25,7 @@ from dic.pictures.plots import (
 from dic.pictures.settings import PlotSettings
 from dic.typing import PathLike
 
-QUANTITIES = {
-    "u": "displacement to the right",
-    "v": "displacement upwards",
-    "exx": "εxx",
-    "eyy": "εyy",
-    "exy": "εxy",
-}
+QUANTITIES = {name: NAMES[name] for name in ("u", "v", "exx", "eyy", "exy")}
 """The quantities that can be drawn along a cut, and their names on the axis."""
 _LENGTHS = ("u", "v")
 MOST_IMAGES = 8

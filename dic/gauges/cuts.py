@@ -6,7 +6,7 @@ import numpy as np
 
 from dic.gauges.declared import Gauge
 from dic.gauges.field import GaugeField
-from dic.gauges.fits import GRADIENT, LEAST_POINTS, LEAST_SHARE, MOVED, without_points
+from dic.gauges.fits import GRADIENT, LEAST_POINTS, LEAST_SHARE, MOVED, require_points
 from dic.gauges.planes import flat_sets, lie_on_one_line, sums_at, sums_at_places
 from dic.gauges.points import GridPlaces
 from dic.gauges.reading import Profile
@@ -51,8 +51,7 @@ class PlacedCut:
         ways = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
         chosen = [places.around(at, width, window_points) for at in ways]
         most = max(map(len, chosen))
-        if most < LEAST_POINTS:
-            raise without_points(gauge, most, places, "enlarge its width")
+        require_points(gauge, most, places, "enlarge its width")
         rows, columns = np.zeros((2, len(ways), most), np.int64)
         member, place = np.zeros(rows.shape, np.bool_), np.zeros(rows.shape)
         for k, (at, points) in enumerate(zip(ways, chosen, strict=True)):

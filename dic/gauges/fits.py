@@ -120,13 +120,20 @@ class PlacedFit:
         )
 
 
-def without_points(gauge: Gauge, found: int, places: GridPlaces, remedy: str) -> GaugeError:
+def require_points(gauge: Gauge, found: int, places: GridPlaces, remedy: str) -> None:
+    """Raise a `GaugeError` if too few points were measured at a gauge's place to fit a plane."""
+    if found < LEAST_POINTS:
+        expected = f"at least {LEAST_POINTS} measured points"
+        raise without_points(gauge, expected, f"{found} at its place", places, remedy)
+
+
+def without_points(gauge: Gauge, expected: str, got: str, places: GridPlaces, remedy: str) -> GaugeError:
     """Return the error for a gauge that lies at a place with too few measured points."""
     return GaugeError(
         f"gauge {gauge.name!r}",
         "find its points",
-        f"at least {LEAST_POINTS} measured points",
-        f"{found} at its place; the measured points cover {places.extent(gauge.unit)}",
+        expected,
+        f"{got}; the measured points cover {places.extent(gauge.unit)}",
         f"move the gauge onto the measured points, or {remedy}; neighbouring points are"
         f" {places.spacing:.3g} {gauge.unit} apart",
     )

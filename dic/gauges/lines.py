@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dic.errors import GaugeError
 from dic.gauges.declared import LEAST_LINES, Gauge
 from dic.gauges.field import GaugeField
+from dic.gauges.fits import without_points
 from dic.gauges.planes import flat_sets, lie_on_one_line, sums_at, sums_at_places
 from dic.gauges.points import GridPlaces
 from dic.gauges.reading import Reading, SharedPart
@@ -49,9 +49,11 @@ class PlacedLines:
         whole = sum(all(points.size for points in both) for both in zip(*found, strict=True))
         if whole < (LEAST_LINES if len(offsets) > 1 else 1):
             ends = [name for side, name in zip(found, ("start", "end"), strict=True) if not side[0].size]
-            raise _without_points(
-                gauge, f"{whole} of {len(offsets)}" if len(offsets) > 1 else "", ends, places
-            )
+            expected, got = "measured points in both patches", f"none at the {' and the '.join(ends)}"
+            if len(offsets) > 1:
+                expected = f"at least {LEAST_LINES} lines with measured points at both ends"
+                got = f"{whole} of {len(offsets)}"
+            raise without_points(gauge, expected, got, places, "enlarge its patch")
         every = np.unique(np.concatenate([points for side in found for points in side]))
         shape = (2, len(offsets), max(len(points) for side in found for points in side))
         members, patches, place = np.zeros(shape, np.int64), np.zeros(shape, np.bool_), np.zeros(shape)
@@ -146,18 +148,3 @@ class PlacedLines:
         return (
             f"too few points have a displacement: {start} of {first} at the start, {end} of {last} at the end"
         )
-
-
-def _without_points(gauge: Gauge, lines: str, ends: list[str], places: GridPlaces) -> GaugeError:
-    expected = "measured points in both patches"
-    got = f"none at the {' and the '.join(ends)}"
-    if lines:
-        expected, got = f"at least {LEAST_LINES} lines with measured points at both ends", lines
-    return GaugeError(
-        f"gauge {gauge.name!r}",
-        "find its points",
-        expected,
-        f"{got}; the measured points cover {places.extent(gauge.unit)}",
-        f"move the gauge onto the measured points, or enlarge its patch; neighbouring points are"
-        f" {places.spacing:.3g} {gauge.unit} apart",
-    )

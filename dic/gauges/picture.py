@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from dic.gauges.placed import PlacedGauges
+from dic.pictures.places import mapped
 from dic.strain.measurement import Measurement
 from dic.typing import Float, Grey
 
@@ -57,10 +58,7 @@ def _draw(axes: Any, name: str, lines: list[Float], points: Float, colour: str) 
 
 
 def _in_px(line: Float, unit: str, homography: Float) -> Float:
-    if unit == "px":
-        return line * (1.0, -1.0)
-    mapped = np.column_stack([line, np.ones(len(line))]) @ homography.T
-    return np.asarray(mapped[:, :2] / mapped[:, 2:])
+    return line * (1.0, -1.0) if unit == "px" else mapped(homography, line)
 
 
 def _to_px(measurement: Measurement) -> Float:

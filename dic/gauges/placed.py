@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
-from dic.errors import GaugeError, MeasurementError, joined
+from dic.errors import GaugeError, all_of
 from dic.gauges.declared import Gauge, Placed
 from dic.gauges.field import fields_of
 from dic.gauges.file import require_names
@@ -59,18 +60,13 @@ class PlacedGauges:
             if calibration is not None:
                 inside = calibration.inside(field.points).reshape(inside.shape)
             places["mm"] = GridPlaces.of(calibrated.position, field.active & inside, sight)
-        placed, errors = [], []
-        for gauge in gauges:
-            try:
-                _require_unit(gauge, calibrated is not None)
-                gauge.require_inside(image_shape)
-                window = measurement.strain_settings.window_points
-                placed.append(gauge.placed(places[gauge.unit], window))
-            except MeasurementError as error:
-                errors.append(error)
-        if errors:
-            raise joined(errors)
-        return cls(tuple(gauges), tuple(placed), calibration)
+
+        def placed(gauge: Gauge) -> Placed:
+            _require_unit(gauge, calibrated is not None)
+            gauge.require_inside(image_shape)
+            return gauge.placed(places[gauge.unit], measurement.strain_settings.window_points)
+
+        return cls(tuple(gauges), tuple(all_of(*(partial(placed, gauge) for gauge in gauges))), calibration)
 
     def read(self, measurement: Measurement, correction: Correction | None) -> Readings:
         """Return the readings of all gauges in one image."""

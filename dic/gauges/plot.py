@@ -29,7 +29,7 @@ AGAINST = {"image": "number of the image", "time": "time, s", "load": "load, {}"
 _STRAINS = ("strain", "exx", "eyy", "exy", "e1", "e2")
 _LENGTHS = ("extension", "u", "v")
 _KEYS = {"time": "time_s", "load": "load_n"}
-_NAMES = {
+NAMES = {
     "strain": "engineering strain",
     "exx": "εxx",
     "eyy": "εyy",
@@ -153,7 +153,7 @@ def _known_lines(series: GaugeSeries, against: str, quantity: str, kinds: Sequen
 
 
 def _lines(series: GaugeSeries, against: str, quantity: str, kinds: tuple[str, ...]) -> Iterator[_Line]:
-    for what, value, known in (("against", against, AGAINST), ("quantity", quantity, _NAMES)):
+    for what, value, known in (("against", against, AGAINST), ("quantity", quantity, NAMES)):
         if value not in known:
             expected, remedy = f"one of {', '.join(known)}", f"give {next(iter(known))}"
             raise refused(series, f"choose {what}", expected, repr(value), remedy)
@@ -224,7 +224,7 @@ def _draw(
         }
         text = ", ".join(part for part in (line.gauge, line.camera, line.kind) if part)
         draw_banded(axis, line.x / divisor, line.values * scale, line.std * scale, text, style)
-    axis.set(xlabel=label, ylabel=f"{_NAMES[quantity]}, {unit}")
+    axis.set(xlabel=label, ylabel=f"{NAMES[quantity]}, {unit}")
     if against == "image":
         axis.xaxis.get_major_locator().set_params(integer=True)
     legend_below(figure, _note(lines, series, against))

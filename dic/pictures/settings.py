@@ -32,7 +32,7 @@ ON = ("reference", "deformed")
 AXES = ("auto", "mm", "px", "off")
 SCALES = ("series", "image")
 KINDS = ("best", "corrected", "calibrated", "raw")
-_WIDTHS_MM = _HEIGHTS_MM = (20.0, 2000.0)
+_SIDES_MM = (20.0, 2000.0)
 _DPI = (20, 1200)
 _MOST_WIDTH_PX = 12_000
 """A wider picture takes gigabytes of memory while it is drawn."""
@@ -54,23 +54,16 @@ def _scale_of(text: str) -> tuple[str, tuple[float, float]]:
     return quantity, (low, high)
 
 
-def _size(default: float, what: str, pictures: str, sentence: str) -> Any:
-    """Declare the width or the height of pictures, mm."""
-    low, high = _WIDTHS_MM
-    return setting(
-        f"{what} of {pictures}",
-        sentence,
-        default=default,
-        expected=f"{low:g} to {high:g} mm",
-        remedy="give 85 for a column of a paper, 250 for a screen",
-        ge=low,
-        le=high,
-    )
+def _side_mm(default: float, what: str, sentence: str, remedy: str) -> Any:
+    low, high = _SIDES_MM
+    expected = f"{low:g} to {high:g} mm"
+    return setting(what, sentence, default=default, expected=expected, remedy=remedy, ge=low, le=high)
 
 
 def width_mm(default: float, pictures: str) -> Any:
     """Declare the width of pictures, which messages call `pictures`, mm."""
-    return _size(default, "width", pictures, "Width of a picture on paper.")
+    remedy = "give 85 for a column of a paper, 250 for a screen"
+    return _side_mm(default, f"width of {pictures}", "Width of a picture on paper.", remedy)
 
 
 def dpi(default: int, pictures: str) -> Any:
@@ -189,15 +182,7 @@ class PlotSettings:
     """Size and resolution of a picture of lines; the height is that of one panel."""
 
     width_mm: Number = width_mm(160.0, "plots")
-    height_mm: Number = setting(
-        "height of plots",
-        "Height of each panel on paper.",
-        default=100.0,
-        expected=f"{_HEIGHTS_MM[0]:g} to {_HEIGHTS_MM[1]:g} mm",
-        remedy="give 100",
-        ge=_HEIGHTS_MM[0],
-        le=_HEIGHTS_MM[1],
-    )
+    height_mm: Number = _side_mm(100.0, "height of plots", "Height of each panel on paper.", "give 100")
     dpi: Number = dpi(200, "plots")
 
     def __post_init__(self) -> None:

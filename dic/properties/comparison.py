@@ -46,10 +46,7 @@ def compared(
 
 def _slope(record: Record, low_mpa: float, high_mpa: float) -> float | None:
     """Return the slope between two stresses during the first loading; None if there are too few points."""
-    stress = record.strained_stress
-    stop = int(np.argmax(stress > high_mpa))
-    below = np.flatnonzero(stress[:stop] < low_mpa)
-    first = int(below[-1]) + 1 if below.size else 0
+    first, stop = record.between(low_mpa, high_mpa)
     if stop - first < LEAST_POINTS or np.ptp(record.strain[first:stop]) == 0.0:
         return None
-    return fit_line(record.strain, stress, first, stop).slope
+    return fit_line(record.strain, record.strained_stress, first, stop).slope

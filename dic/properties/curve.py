@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.errors import CurveError, require_all
-from dic.records.table import CellTable
+from dic.records.machine import require_forwards, require_numbers
 from dic.records.table_file import read_table
 from dic.records.units import FORCE, STRESS, TIME, ColumnUnit, column_unit, strain_units
 from dic.typing import Float, PathLike
@@ -59,7 +59,9 @@ class Curve:
             got, remedy = str(len(self.load_n)), "give the whole record"
             raise self._wrong("values", f"at least {LEAST_POINTS} points", got, remedy)
         self._require_whole()
-        self._require_forwards()
+        if self.time_s is not None:
+            require_numbers(self.source, "time", self.time_s)
+            require_forwards(self.source, self.time_s)
         self._require_tension()
 
     @property
@@ -69,10 +71,7 @@ class Curve:
         return int(missing[0]) if missing.size else len(self.strain)
 
     def _require_whole(self) -> None:
-        gaps = ~np.isfinite(self.load_n)
-        if gaps.any():
-            remedy = "fill in or delete the line"
-            raise self._wrong("load", "a number at each point", _missing_at(gaps), remedy)
+        require_numbers(self.source, "load", self.load_n)
         end = self.measured
         # Strain may end early, because an extensometer is taken off. It cannot begin again later.
         if np.isfinite(self.strain[end:]).any():
@@ -87,19 +86,6 @@ class Curve:
             raise self._wrong(
                 "strain", f"at least {LEAST_POINTS} numbers from the first point on", str(end), remedy
             )
-
-    def _require_forwards(self) -> None:
-        if self.time_s is None:
-            return
-        if not np.isfinite(self.time_s).all():
-            got = _missing_at(~np.isfinite(self.time_s))
-            raise self._wrong("time", "a number at each point", got, "fill in or delete the line")
-        back = np.flatnonzero(np.diff(self.time_s) < 0.0)
-        if back.size:
-            k = int(back[0])
-            got = f"{self.time_s[k + 1]:g} s after {self.time_s[k]:g} s at point {k + 2}"
-            remedy = "give the record of one test, in the order of the test"
-            raise self._wrong("time", "time that does not run backwards", got, remedy)
 
     def _require_tension(self) -> None:
         low, high = float(self.load_n.min()), float(self.load_n.max())
@@ -124,10 +110,6 @@ class Curve:
 
     def _wrong(self, step: str, expected: str, got: str, remedy: str) -> CurveError:
         return CurveError(self.source, step, expected, got, remedy)
-
-
-def _missing_at(gaps: np.ndarray) -> str:
-    return f"an empty cell or no number at point {int(np.flatnonzero(gaps)[0]) + 1}"
 
 
 def read_curve(
@@ -190,8 +172,8 @@ def read_curve(
         str(path),
         (1.0 if stress is None else area_mm2) * table.values(pull),
         table.values(along),
-        transverse=_optional(table, across),
-        time_s=_optional(table, instants),
+        transverse=table.values_if(across),
+        time_s=table.values_if(instants),
     )
 
 
@@ -204,7 +186,3 @@ def _pull(path: PathLike, load: str | None, stress: str | None) -> ColumnUnit:
     got = "none" if load is None else "both"
     remedy = "give --load COLUMN:UNIT, such as --load Load:kN, or --stress COLUMN:MPa for a table of stress"
     raise CurveError(str(path), "--load", "a column of load or of stress, and its unit", got, remedy)
-
-
-def _optional(table: CellTable, column: ColumnUnit | None) -> Float | None:
-    return None if column is None else table.values(column)

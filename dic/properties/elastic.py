@@ -10,7 +10,7 @@ from dic.properties.objective_slope import RULE, objective_slope
 from dic.properties.record import Record
 from dic.properties.settings import PropertySettings
 from dic.properties.value import NORMAL_95, PropertyValue, missing, root_sum
-from dic.properties.windows import FittedLine, fit_line
+from dic.properties.windows import FittedLine, fit_line, std_of_slope
 from dic.typing import Float
 
 FIXED_RULE = "least squares between fixed stresses"
@@ -90,10 +90,7 @@ def elastic_line(
 def _in_fixed_window(record: Record, window_mpa: tuple[float, float]) -> Elastic | PropertyValue:
     low, high = window_mpa
     stress = record.strained_stress
-    above = np.flatnonzero(stress > high)
-    stop = int(above[0]) if above.size else 0
-    below = np.flatnonzero(stress[:stop] < low)
-    first = int(below[-1]) + 1 if below.size else 0
+    first, stop = record.between(low, high)
     if stop - first < LEAST_POINTS:
         reason = f"few points: {stop - first} between {low:g} MPa and {high:g} MPa"
         return missing("GPa", FIXED_RULE, reason)
@@ -149,7 +146,7 @@ def _noise_of_slope(record: Record, line: FittedLine, x: Float, y: Float) -> tup
     rest = y - line.slope * x - line.intercept
     across = float(((x - x.mean()) ** 2).sum())
     free = max(len(x) - 2, 1)
-    std = float(np.sqrt(rest @ rest / free / across))
+    std = std_of_slope(x, y, line)
     # Few points give an inaccurate scatter, so use the 95 % interval of Student's distribution.
     std *= float(student.ppf(0.975, free)) / NORMAL_95
     # Points with correlated errors, as in a filtered signal, contain less information than independent ones.

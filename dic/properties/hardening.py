@@ -11,7 +11,7 @@ from dic.properties.elastic import Elastic
 from dic.properties.record import Record
 from dic.properties.settings import PropertySettings
 from dic.properties.value import PropertyValue, missing, root_sum
-from dic.properties.windows import fit_line
+from dic.properties.windows import fit_line, std_of_slope
 from dic.properties.yielding import Plateau
 from dic.typing import Float
 
@@ -68,8 +68,7 @@ def hardening_exponent(curve: TrueCurve, part: slice, window: dict[str, Any]) ->
     line = fit_line(x, y, 0, len(x))
     if line.slope <= 0.0:
         return missing("1", N_RULE, "the true stress does not rise in the range")
-    rest = y - line.slope * x - line.intercept
-    std = float(np.sqrt(rest @ rest / (len(x) - 2) / ((x - x.mean()) ** 2).sum()))
+    std = std_of_slope(x, y, line)
     middle = len(x) // 2
     halves = [fit_line(x, y, *each).slope for each in ((0, middle + 1), (middle - 1, len(x)))]
     bend = halves[1] - halves[0]

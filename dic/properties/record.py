@@ -83,6 +83,16 @@ class Record:
             k -= 1
         return self.top + k if k < stop else None
 
+    def between(self, low_mpa: float, high_mpa: float) -> tuple[int, int]:
+        """Return the first point between two stresses during the first loading, and the point after the last.
+
+        The window is empty if the stress never exceeds `high_mpa`.
+        """
+        stress = self.strained_stress
+        stop = int(np.argmax(stress > high_mpa))
+        below = np.flatnonzero(stress[:stop] < low_mpa)
+        return int(below[-1]) + 1 if below.size else 0, stop
+
     def noise(self, values: Float) -> float:
         """Return a robust standard deviation of the white noise of values, from third differences."""
         if len(values) < 8:

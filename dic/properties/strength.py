@@ -73,10 +73,10 @@ def uniform_elongations(
     record: Record, elastic: Elastic, settings: PropertySettings, at: int, plateau: Plateau | None = None
 ) -> tuple[PropertyValue, PropertyValue]:
     """Return the total and the plastic extension at the largest force, Agt and Ag."""
-    if reason := why_no_strain(record, at, plateau):
-        return missing("%", AGT_RULE, reason), missing("%", AG_RULE, reason)
-    if at >= len(record.stress) - 2:
+    reason = why_no_strain(record, at, plateau)
+    if not reason and at >= len(record.stress) - 2:
         reason = "the largest stress is the last one, so the record may end before Rm"
+    if reason:
         return missing("%", AGT_RULE, reason), missing("%", AG_RULE, reason)
     stress = record.strained_stress
     noise = record.noise(stress)

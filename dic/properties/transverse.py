@@ -6,7 +6,7 @@ from dic.properties.elastic import Elastic
 from dic.properties.record import Record
 from dic.properties.settings import PropertySettings
 from dic.properties.value import PropertyValue, missing, root_sum
-from dic.properties.windows import FittedLine, fit_line
+from dic.properties.windows import fit_line, std_of_slope
 from dic.typing import Float
 
 NU_RULE = "slope of transverse strain over slope of axial strain, both against the load (rule of ASTM E132)"
@@ -30,9 +30,7 @@ def poisson_ratio(record: Record, elastic: Elastic) -> PropertyValue:
     if len(across) < LEAST_POINTS or len(across) < LEAST_SHARE * (line.stop - line.first):
         return missing("1", NU_RULE, _too_few(len(across), line.stop - line.first, "the window of E"))
     lines = [fit_line(stress, values, 0, len(stress)) for values in (axial, across)]
-    shares = [
-        _std_of_slope(stress, values, each) for values, each in zip((axial, across), lines, strict=True)
-    ]
+    shares = [std_of_slope(stress, values, each) for values, each in zip((axial, across), lines, strict=True)]
     ratio = -lines[1].slope / lines[0].slope
     halves = [_ratio(stress[half], axial[half], across[half]) for half in _halves(len(stress))]
     spread = abs(halves[1] - halves[0]) / 4.0
@@ -72,7 +70,7 @@ def strain_ratio(
         return missing(
             "1", R_RULE, f"the width changes by {share:.2f} of the length, so the thickness would grow"
         )
-    std = _std_of_slope(length, width, line) / (1.0 - share) ** 2
+    std = std_of_slope(length, width, line) / (1.0 - share) ** 2
     halves = [
         -fit_line(length[half], width[half], 0, len(length[half])).slope for half in _halves(len(length))
     ]
@@ -97,9 +95,3 @@ def _halves(count: int) -> tuple[slice, slice]:
 def _ratio(stress: Float, axial: Float, across: Float) -> float:
     lines = [fit_line(stress, values, 0, len(stress)) for values in (axial, across)]
     return -lines[1].slope / lines[0].slope
-
-
-def _std_of_slope(x: Float, y: Float, line: FittedLine) -> float:
-    rest = y - line.slope * x - line.intercept
-    across = float(((x - x.mean()) ** 2).sum())
-    return float(np.sqrt(rest @ rest / max(len(x) - 2, 1) / across))

@@ -39,6 +39,13 @@ def fit_line(x: Float, y: Float, first: int, stop: int) -> FittedLine:
     return FittedLine(first, stop, slope, y_mean - slope * x_mean, residual)
 
 
+def std_of_slope(x: Float, y: Float, line: FittedLine) -> float:
+    """Return the standard deviation of a line's slope, from the scatter of the points (n,) about the line."""
+    rest = y - line.slope * x - line.intercept
+    across = float(((x - x.mean()) ** 2).sum())
+    return float(np.sqrt(rest @ rest / max(len(x) - 2, 1) / across))
+
+
 def straightest(x: Float, y: Float, least: int) -> FittedLine | None:
     """Return the line of the window with the least normalised residual.
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.errors import CurveError
-from dic.records.table import CellTable
 from dic.records.table_file import read_table
 from dic.records.units import FORCE, LENGTH, TIME, ColumnUnit, column_unit
 from dic.typing import Float, PathLike
@@ -43,19 +42,10 @@ class MachineRecord:
             got = ", ".join(f"{name} {count}" for name, count in counts.items())
             raise self.wrong("values", "columns of one length", got, "give one value of each per line")
         for name, step in (("load_n", "load"), ("displacement_mm", "displacement"), ("time_s", "time")):
-            values = getattr(self, name)
-            if values is None:
-                continue
-            gaps = np.flatnonzero(~np.isfinite(values))
-            if gaps.size:
-                got = f"an empty cell or no number at point {gaps[0] + 1}"
-                raise self.wrong(step, "a number at each point", got, "fill in or delete the line")
-        back = np.flatnonzero(np.diff([] if self.time_s is None else self.time_s) < 0.0)
-        if self.time_s is not None and back.size:
-            k = int(back[0])
-            got = f"{self.time_s[k + 1]:g} s after {self.time_s[k]:g} s at point {k + 2}"
-            remedy = "give the record of one test, in the order of the test"
-            raise self.wrong("time", "time that does not run backwards", got, remedy)
+            if (values := getattr(self, name)) is not None:
+                require_numbers(self.source, step, values)
+        if self.time_s is not None:
+            require_forwards(self.source, self.time_s)
 
     def __len__(self) -> int:
         return len(self.load_n)
@@ -63,6 +53,24 @@ class MachineRecord:
     def wrong(self, step: str, expected: str, got: str, remedy: str) -> CurveError:
         """Return an error about this record."""
         return CurveError(self.source, step, expected, got, remedy)
+
+
+def require_numbers(source: str, step: str, values: Float) -> None:
+    """Raise a `CurveError` if a record lacks a number at a point."""
+    gaps = np.flatnonzero(~np.isfinite(values))
+    if gaps.size:
+        got = f"an empty cell or no number at point {gaps[0] + 1}"
+        raise CurveError(source, step, "a number at each point", got, "fill in or delete the line")
+
+
+def require_forwards(source: str, time_s: Float) -> None:
+    """Raise a `CurveError` if the time of a record runs backwards."""
+    back = np.flatnonzero(np.diff(time_s) < 0.0)
+    if back.size:
+        k = int(back[0])
+        got = f"{time_s[k + 1]:g} s after {time_s[k]:g} s at point {k + 2}"
+        remedy = "give the record of one test, in the order of the test"
+        raise CurveError(source, "time", "time that does not run backwards", got, remedy)
 
 
 def read_machine_record(
@@ -95,19 +103,14 @@ def read_machine_record(
     CurveError
         If the file, a column or a unit cannot be used, or time runs backwards.
     """
-    columns = [
-        column_unit("--load", load, FORCE),
-        None if displacement is None else column_unit("--displacement", displacement, LENGTH),
-        None if time is None else column_unit("--time", time, TIME),
-    ]
+    pull = column_unit("--load", load, FORCE)
+    way = None if displacement is None else column_unit("--displacement", displacement, LENGTH)
+    instants = None if time is None else column_unit("--time", time, TIME)
     names = None if image is None else ColumnUnit("--image-column", image, "", 1.0, {})
-    table = read_table(path, with_names=names is not None)
-    table = table.until_empty(*columns, names)
-    load_n, displacement_mm, time_s = (_values(table, column) for column in columns)
-    if load_n is None:
-        raise ValueError("the load has a column")
+    table = read_table(path, with_names=names is not None).until_empty(pull, way, instants, names)
+    images = None if names is None else tuple(table.texts(names))
     return MachineRecord(
-        str(path), load_n, displacement_mm, time_s, None if names is None else tuple(table.texts(names))
+        str(path), table.values(pull), table.values_if(way), table.values_if(instants), images
     )
 
 
@@ -135,7 +138,3 @@ def read_image_times(path: PathLike, *, image: str, time: str) -> dict[str, floa
         remedy = "delete the line that does not belong to it"
         raise CurveError(str(path), "image times", "one line for each image", f"{twice[0]!r} twice", remedy)
     return dict(zip(names, table.values(stamps).tolist(), strict=True))
-
-
-def _values(table: CellTable, column: ColumnUnit | None) -> Float | None:
-    return None if column is None else table.values(column)

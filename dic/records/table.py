@@ -69,6 +69,10 @@ class CellTable:
         except Ambiguous as marks:
             raise self._wrong(f"column '{column.name}'", *marks.args) from None
 
+    def values_if(self, column: ColumnUnit | None) -> Float | None:
+        """Return the numbers of a column as `values` does; None if no column is named."""
+        return None if column is None else self.values(column)
+
     def _marks_beside(self, place: int) -> set[str]:
         """Return the certain decimal marks of all columns of numbers but one."""
         columns = (

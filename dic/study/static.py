@@ -8,7 +8,7 @@ import numpy as np
 from dic.correlation.correlator import Correlator
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import CorrelationError, MeasurementError
+from dic.errors import CorrelationError
 from dic.strain.measurement import measure
 from dic.strain.resolution import Filters
 from dic.strain.settings import StrainSettings
@@ -169,8 +169,3 @@ def _phase(values: Float, axis: int, square: float, noise: float) -> float:
     behind = values.take(range(values.shape[axis] - 1), axis)
     difference = float(np.nanmean((ahead - behind) ** 2)) / 2.0 - noise
     return math.acos(min(1.0, max(-1.0, 1.0 - difference / square)))
-
-
-def unreadable(label: str, error: MeasurementError) -> MeasurementError:
-    """Return the same error, with the name of the image that cannot be compared with the reference."""
-    return type(error)(label, error.step, error.expected, error.got, error.remedy)

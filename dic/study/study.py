@@ -19,7 +19,7 @@ from dic.strain.settings import StrainSettings
 from dic.study.parts import ImagePart, chosen_parts
 from dic.study.pattern import corner_noise
 from dic.study.result import StudiedSettings, Study
-from dic.study.static import StaticMotion, motion_between, require_rest, unreadable, wave_of
+from dic.study.static import StaticMotion, motion_between, require_rest, wave_of
 from dic.study.sweep import Sweep
 from dic.study.trials import Trial, TrialImages, rms, trial_images, tried
 from dic.study.wave import Wave
@@ -142,7 +142,7 @@ def _companions(
         try:
             motion = StaticMotion.of(motion_between(grey, other, region, settings))
         except MeasurementError as error:
-            raise unreadable(label, error) from error
+            raise error.at(label) from error
         named = number == 0 and first_is_static
         if named:
             require_rest(motion, label)

@@ -1,11 +1,10 @@
 """The lists of values from which a study makes its combinations of settings."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 from dic.correlation.settings import SHAPES, CorrelationSettings
-from dic.errors import Check, CorrelationError, MeasurementError, is_whole, joined, require_all
+from dic.errors import Check, CorrelationError, all_of, is_whole, require_all
 from dic.strain.settings import StrainSettings
 
 _MOST = 2000
@@ -57,9 +56,12 @@ class Sweep:
         whole = is_whole(self.parts) and 1 <= self.parts <= _MOST_PARTS
         checks.append((whole, "parts", f"a whole number from 1 to {_MOST_PARTS}", self.parts, "give 4 parts"))
         require_all(CorrelationError, "settings", checks)
-        errors = _errors(self)
-        if errors:
-            raise joined(errors)
+        all_of(
+            *(partial(CorrelationSettings, subset_px=value) for value in self.subsets_px),
+            *(partial(CorrelationSettings, step_px=value) for value in self.steps_px),
+            *(partial(CorrelationSettings, shape=value) for value in self.shapes),
+            *(partial(StrainSettings, window_points=value) for value in self.windows_points),
+        )
         if self.combinations > _MOST:
             remedy = "give fewer subsets, steps or windows"
             raise CorrelationError(
@@ -87,19 +89,3 @@ class Sweep:
     def measured_steps_px(self) -> tuple[int, ...]:
         """The steps at which points are correlated; see `measured_with`."""
         return tuple(sorted({self.measured_with(step) for step in self.steps_px}))
-
-
-def _errors(sweep: Sweep) -> Sequence[MeasurementError]:
-    errors: list[MeasurementError] = []
-    tried: list[Callable[[], object]] = [
-        *(partial(CorrelationSettings, subset_px=value) for value in sweep.subsets_px),
-        *(partial(CorrelationSettings, step_px=value) for value in sweep.steps_px),
-        *(partial(CorrelationSettings, shape=value) for value in sweep.shapes),
-        *(partial(StrainSettings, window_points=value) for value in sweep.windows_points),
-    ]
-    for settings in tried:
-        try:
-            settings()
-        except MeasurementError as error:
-            errors.append(error)
-    return errors

@@ -98,11 +98,10 @@ class StrainGauge(Gauge):
 
     def placed(self, places: "GridPlaces", window_points: int) -> Placed:
         """Find the gauge's points in the grid of measured points."""
-        from dic.gauges.fits import LEAST_POINTS, PlacedFit, without_points
+        from dic.gauges.fits import PlacedFit, require_points
 
         chosen = places.in_polygon(self.outline)
-        if len(chosen) < LEAST_POINTS:
-            raise without_points(self, len(chosen), places, "enlarge the area")
+        require_points(self, len(chosen), places, "enlarge the area")
         pieces = places.pieces(chosen)
         reason = ""
         if pieces > 1:

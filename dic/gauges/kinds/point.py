@@ -49,10 +49,9 @@ class PointGauge(Gauge):
 
     def placed(self, places: "GridPlaces", window_points: int) -> Placed:
         """Find the gauge's points in the grid of measured points."""
-        from dic.gauges.fits import LEAST_POINTS, PlacedFit, without_points
+        from dic.gauges.fits import PlacedFit, require_points
 
         (at,) = self.declared_places()
         chosen = places.around(at, self.width, window_points)
-        if len(chosen) < LEAST_POINTS:
-            raise without_points(self, len(chosen), places, "enlarge its width")
+        require_points(self, len(chosen), places, "enlarge its width")
         return PlacedFit.of(chosen, places, at, self.direction_deg)

@@ -65,15 +65,15 @@ def test_a_reduced_picture_has_means_of_squares(shape):
     grey = np.zeros(shape, np.float32)
     grey[:, ::2] = 100.0
     grey[: shape[0] // 2] += 100.0
-    shown = shown_picture(grey)
-    content = base64.b64decode(shown.uri.partition(",")[2])
+    uri, reduction = shown_picture(grey)
+    content = base64.b64decode(uri.partition(",")[2])
     picture = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     assert picture.size <= 4.01e6
-    assert picture.shape == tuple(-(-side // shown.reduction) for side in shape)
+    assert picture.shape == tuple(-(-side // reduction) for side in shape)
     # The step in the middle lies where it does in the image, to a pixel of the picture.
     step = np.argmax(picture[:, 0] < 128)
-    assert abs(step - shape[0] / 2 / shown.reduction) <= 1.0
-    if shown.reduction % 2 == 0:
+    assert abs(step - shape[0] / 2 / reduction) <= 1.0
+    if reduction % 2 == 0:
         assert np.ptp(picture[: step - 1, :-1].astype(int)) <= 1
 
 
