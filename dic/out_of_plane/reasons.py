@@ -29,16 +29,9 @@ _LEAST_TANGENT = 0.1
 def uneven_reason(misfit: float, limit: float, suspicion: Suspicion, half_width_mm: float, local: str) -> str:
     """Return the reason why no model explains a displacement field in tension.
 
-    Parameters
-    ----------
-    misfit, limit : float
-        Misfit of the best model, and the largest misfit that counts as explained.
-    suspicion : Suspicion
-        Fits of strong single causes to the field.
-    half_width_mm : float
-        Half width of the field of points.
-    local : str
-        Text about residuals that no smooth field explains; "" without such residuals.
+    `misfit`, `limit`: misfit of the best model, and the largest misfit that counts as explained. `suspicion`:
+    fits of strong single causes to the field. `half_width_mm`: half width of the field of points. `local`:
+    text about residuals that no smooth field explains; "" without such residuals.
     """
     bent, graded = suspicion.misfit_bent, suspicion.misfit_graded
     if local:
@@ -123,16 +116,9 @@ def not_rigid_reason(
     strain across this direction changes with the rotation in a known way. If there is no other strain across
     this direction, the stage's axis tilted differently in each step.
 
-    Parameters
-    ----------
-    left : float
-        Remaining strain, rms in standard deviations.
-    calibrated, remaining : ndarray, shape (k, 3)
-        Strains xx, yy, xy in the specimen's axes, before and after the correction.
-    angles_deg : ndarray, shape (k,)
-        Rotation of the specimen.
-    centre_mm : ndarray, shape (3,)
-        The camera's centre.
+    `left`: remaining strain, rms in standard deviations. `calibrated`, `remaining`, shape (k, 3): strains xx,
+    yy, xy in the specimen's axes, before and after the correction. `angles_deg`, shape (k,): rotation of the
+    specimen. `centre_mm`, shape (3,): the camera's centre.
     """
     not_rigid = f"the specimen was not rigid: strain of {left:.1f} standard deviations (rms) remains"
     tangent = float(np.hypot(*centre_mm[:2]) / centre_mm[2])

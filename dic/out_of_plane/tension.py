@@ -59,17 +59,9 @@ def correct_tilt(
 
     If the image cannot be corrected, the result keeps the calibrated strain and gives the reason.
 
-    Parameters
-    ----------
-    measurement : Measurement
-        The calibrated measurement of the image.
-    calibration : Calibration
-        Calibration of the camera.
-    poisson_ratio : float
-        Poisson's ratio of the specimen.
-    shift : Shift, optional
-        Knowledge about the specimen's shift towards the camera since the reference. Default: the expected
-        shift, without a hinge.
+    `measurement`: the calibrated measurement of the image. `calibration`: calibration of the camera.
+    `poisson_ratio`: Poisson's ratio of the specimen. `shift`: knowledge about the specimen's shift towards
+    the camera since the reference. Default: the expected shift, without a hinge.
     """
     shift = shift or Shift()
     pinhole = calibration.pinhole

@@ -77,16 +77,9 @@ class TiltFit:
 def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float, shift: Shift) -> TiltFit:
     """Find the motion out of the plane and the strain that together explain a displacement field.
 
-    Parameters
-    ----------
-    points : Points
-        The points of the displacement field, at least a few dozen.
-    centre_mm : ndarray, shape (3,)
-        The camera's centre in the grid's axes.
-    poisson_ratio : float
-        Poisson's ratio of the specimen.
-    shift : Shift
-        Knowledge about the specimen's shift towards the camera.
+    `points`: the points of the displacement field, at least a few dozen. `centre_mm`, shape (3,): the
+    camera's centre in the grid's axes. `poisson_ratio`: Poisson's ratio of the specimen. `shift`: knowledge
+    about the specimen's shift towards the camera.
     """
     fit = _fit(points, centre_mm, poisson_ratio, shift, None)
     if fit.misfit > _STRANGE:

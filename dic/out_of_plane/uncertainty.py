@@ -170,17 +170,6 @@ class Points:
             of_centre = np.pad(of_centre, ((0, 0), (own, 0)))
         return np.asarray(of_map), of_centre
 
-    def covariance(self, weights: Float, by_centre: Float | None = None) -> Float:
-        """Return the covariance (p, p) of estimates that noise, interpolation and calibration errors cause.
-
-        `weights`, shape (n, 2, p): weights of the displacements in the estimates. `by_centre`, shape (p, 3):
-        derivative of the estimates with respect to the camera's centre, per mm.
-        """
-        of_map, of_centre = self.calibration_factors(weights)
-        factors = of_map if by_centre is None else of_map + by_centre @ of_centre
-        by_images = self.noise_covariance(weights) + self.smooth_covariance(weights)
-        return np.asarray(by_images + factors @ factors.T)
-
 
 def weighted_sums(weights: Float, field: Float) -> Float:
     """Return p weighted sums of a displacement field, or of k fields.

@@ -76,7 +76,7 @@ def hardening_exponent(curve: TrueCurve, part: slice, window: dict[str, Any]) ->
     return PropertyValue(line.slope, root_sum(std, bend / 4.0), "1", N_RULE, window, flags)
 
 
-def necking(record: Record, elastic: Elastic, agt: PropertyValue) -> PropertyValue:
+def necking(record: Record, agt: PropertyValue) -> PropertyValue:
     """Return the true strain at which necking begins."""
     if agt.value is None or agt.std is None:
         return missing("1", NECK_RULE, agt.flags[0].removeprefix("missing: "))

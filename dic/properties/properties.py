@@ -184,10 +184,10 @@ def _with_line(
         reason = part if record.curve.transverse is not None else NO_TRANSVERSE
         values |= {"r": missing("1", R_RULE, reason), "n": missing("1", N_RULE, part)}
     else:
-        values["r"] = strain_ratio(record, elastic, settings, *part)
+        values["r"] = strain_ratio(record, elastic, *part)
         values["n"] = hardening_exponent(curve, *part)
     laws = hardening_laws(curve, plateau)
-    return Properties(record, settings, elastic, plateau, values, necking(record, elastic, agt), laws, curve)
+    return Properties(record, settings, elastic, plateau, values, necking(record, agt), laws, curve)
 
 
 def _no_plateau(reason: str) -> dict[str, PropertyValue]:

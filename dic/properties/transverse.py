@@ -4,7 +4,6 @@ import numpy as np
 
 from dic.properties.elastic import Elastic
 from dic.properties.record import Record
-from dic.properties.settings import PropertySettings
 from dic.properties.value import PropertyValue, missing, root_sum
 from dic.properties.windows import fit_line, std_of_slope
 from dic.typing import Float
@@ -41,9 +40,7 @@ def poisson_ratio(record: Record, elastic: Elastic) -> PropertyValue:
     return PropertyValue(ratio, std, "1", NU_RULE, elastic.window, tuple(flags))
 
 
-def strain_ratio(
-    record: Record, elastic: Elastic, settings: PropertySettings, part: slice, window: dict[str, object]
-) -> PropertyValue:
+def strain_ratio(record: Record, elastic: Elastic, part: slice, window: dict[str, object]) -> PropertyValue:
     """Return the plastic strain ratio r from a part of the record with uniform plastic strain."""
     if record.curve.transverse is None:
         return missing("1", R_RULE, NO_TRANSVERSE)

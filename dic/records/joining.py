@@ -105,22 +105,12 @@ def join_by_time(
 ) -> JoinedRecord:
     """Interpolate the record at the time of each image.
 
-    Parameters
-    ----------
-    images : sequence of str
-        Names of the images, for messages.
-    image_times_s : ndarray, shape (images,)
-        Times of the images on the camera's clock.
-    offset_s : float or None
-        Machine's time minus image's time. None to find it from the strain.
-    strain : ndarray, shape (images,), optional
-        The strain in each image, needed to find the offset; NaN for an image without strain.
+    `images`: names of the images, for messages. `image_times_s`, shape (images,): times of the images on the
+    camera's clock. `offset_s`: machine's time minus image's time. None to find it from the strain. `strain`,
+    shape (images,): the strain in each image, needed to find the offset; NaN for an image without strain.
 
-    Raises
-    ------
-    CurveError
-        If the record has no time, a time of the record or the images runs backwards, an image was taken
-        before the record begins or after it ends, or the offset cannot be found.
+    Raises `CurveError` if the record has no time, a time of the record or the images runs backwards, an image
+    was taken before the record begins or after it ends, or the offset cannot be found.
     """
     if record.time_s is None:
         raise record.wrong("join by time", "a column of time", "none", "name it, such as --time Time:s")

@@ -66,22 +66,19 @@ def outlines_of(polygons: Sequence[tuple[str, object]]) -> list[Outline]:
     return outlines
 
 
-def region_text(
-    polygons: Sequence[Float], image_size_px: tuple[int, int], holes: Sequence[Float] = ()
-) -> str:
-    """Return polygons as the text of a region file.
+def region_text(polygons: Sequence[Float], image_size_px: tuple[int, int]) -> str:
+    """Return polygons (corners, 2) as the text of a region file.
 
-    `image_size_px`: width and height of the image on which the polygons were drawn. Each of `polygons` and
-    `holes` has the shape (corners, 2).
+    `image_size_px`: width and height of the image on which the polygons were drawn.
     """
     lines = [
         "# Corners [x, y] in px from the centre of the first pixel, x to the right, y downwards.",
         "# A polygon inside another one is a hole; holes may also cross outlines.",
         f"image_size_px = [{image_size_px[0]}, {image_size_px[1]}]",
+        "polygons = [",
+        *(line for corners in polygons for line in _corner_lines(corners)),
+        "]",
     ]
-    for key, outlines in (("polygons", polygons), ("holes", holes)):
-        if outlines or key == "polygons":
-            lines += [f"{key} = [", *(line for corners in outlines for line in _corner_lines(corners)), "]"]
     return "\n".join([*lines, ""])
 
 

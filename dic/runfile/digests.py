@@ -23,9 +23,6 @@ from numpy.typing import NDArray
 BLOCK_BYTES = 4096
 """A page of the operating system's memory, so that each of HDF5's pages behind the block is such a page."""
 
-DIGEST_BYTES = 64
-"""Length of a digest as hexadecimal text."""
-
 _TITLE = "offaxis run file; HDF5 begins at byte"
 _PIECE_BYTES = 1 << 20
 _BEGIN = re.compile(rf"{_TITLE} (512|{BLOCK_BYTES})\n")

@@ -184,16 +184,10 @@ def see_from(at: Indices, x_px: Indices, y_px: Indices, free_px: Grey, seen: Mas
     The places on a line at which the region is looked up are those of `Sight.clear`. If the next pixel
     outside the region is far away, so are all places up to there, which are left out.
 
-    Parameters
-    ----------
-    at : ndarray of int, shape (n, 2)
-        Row and column of the given points.
-    x_px, y_px : ndarray of int, shapes (columns,) and (rows,)
-        Coordinates of the columns and of the rows of points.
-    free_px : ndarray of float32, shape (height, width)
-        Distance of each pixel to the next one outside the region, the larger one along x and y; 0 outside.
-    seen : ndarray of bool, shape (n, window, window)
-        Output.
+    `at`, shape (n, 2): row and column of the given points. `x_px`, `y_px`, shapes (columns,) and (rows,):
+    coordinates of the columns and of the rows of points. `free_px`, shape (height, width): distance of each
+    pixel to the next one outside the region, the larger one along x and y; 0 outside. `seen`, shape (n,
+    window, window): output.
     """
     reach = seen.shape[1] // 2
     for k in range(at.shape[0]):

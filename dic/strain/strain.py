@@ -203,16 +203,9 @@ def bias_of_mean(displacement: Displacement, valid: Mask | None, measure: str) -
 def strain_of_gradient(gradient: Float, covariance: Float | None, points: int, measure: str) -> MeanStrain:
     """Return the strain of a region from its displacement gradient.
 
-    Parameters
-    ----------
-    gradient : ndarray, shape (2, 2)
-        Displacement gradient, with ∂u_i/∂x_j at [i, j].
-    covariance : ndarray, shape (4, 4), or None
-        Covariance of the gradient's elements xx, xy, yx, yy; None if it is not known.
-    points : int
-        Number of points from which the gradient was computed.
-    measure : str
-        Strain measure: "green-lagrange", "small" or "hencky".
+    `gradient`, shape (2, 2): displacement gradient, with ∂u_i/∂x_j at [i, j]. `covariance`, shape (4, 4):
+    covariance of the gradient's elements xx, xy, yx, yy; None if it is not known. `points`: number of points
+    from which the gradient was computed. `measure`: strain measure: "green-lagrange", "small" or "hencky".
     """
     F = gradient + np.eye(2)
     rotation_deg = np.degrees(np.arctan2(F[1, 0] - F[0, 1], F[0, 0] + F[1, 1]))

@@ -10,7 +10,6 @@ from dic.typing import PathLike
 _SHAPES = {"affine": ("o", "#0072b2"), "quadratic": ("s", "#d55e00")}
 """Marker and colour of each shape function; the colours of Okabe and Ito suit colour-blind people."""
 _BEST, _FRONT = "#000000", "0.45"
-_TABLE = 5
 
 
 def draw_study(study: Study) -> Any:

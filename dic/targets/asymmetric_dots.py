@@ -12,10 +12,9 @@ from functools import partial
 
 import numpy as np
 
-from dic.errors import CalibrationError
 from dic.targets.arrangement import Arrangement, half_pitch_vectors, half_pitches
 from dic.targets.axes import Axes, XAxis, axes_in_image
-from dic.targets.dot_lattice import measure_dots
+from dic.targets.dot_lattice import dots_not_found, measure_dots
 from dic.targets.points import GridPoints
 from dic.typing import Grey, Indices
 
@@ -33,7 +32,9 @@ def find_asymmetric_dots(
     Raises `CalibrationError` if fewer than 90 % of the dots are found, or the dots do not form an asymmetric
     grid.
     """
-    refusal = partial(_refusal, source, dots)
+    expected = f"an asymmetric grid of {dots[0]} × {dots[1]} dots, at least {_SUFFICIENT:.0%} of them"
+    counts = "--asymmetric-dots gives the numbers of dots in a row and of rows"
+    refusal = partial(dots_not_found, source, expected, counts)
     found = measure_dots(grey, dots[0] * dots[1], source, refusal)
     seen = Arrangement.of(found.index)
     if not seen.asymmetric or sorted(seen.box) != sorted((2 * dots[0], dots[1])):
@@ -82,21 +83,3 @@ def _axes(
         return dots[1] % 2 == 0 or begins_left
 
     return axes_in_image(vectors_px, x_axis, source, possible)
-
-
-def _refusal(
-    source: str,
-    dots: tuple[int, int],
-    got: str,
-    kind: type[CalibrationError] = CalibrationError,
-    remedy: str = "",
-) -> CalibrationError:
-    return kind(
-        source,
-        "find dots",
-        f"an asymmetric grid of {dots[0]} × {dots[1]} dots, at least {_SUFFICIENT:.0%} of them",
-        got,
-        remedy
-        or "check that all dots are in view, sharp and evenly lit, and that --asymmetric-dots gives "
-        "the numbers of dots in a row and of rows",
-    )

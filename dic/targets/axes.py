@@ -73,24 +73,15 @@ def axes_in_image(
 ) -> Axes:
     """Return the axes X and Y, where X is the direction of the lattice closest to `x_axis`.
 
-    Parameters
-    ----------
-    vectors : ndarray, shape (2, 2)
-        The two lattice vectors in the image at the middle of the target, px.
-    x_axis : str or float, optional
-        Wanted direction of X in the image: ``"right"``, ``"up"``, ``"left"``, ``"down"``, or an angle in
-        degrees, anticlockwise from the right. Default: ``"right"``.
-    source : str
-        Name of the image file, used in error messages.
-    possible : callable, optional
-        Function that returns True if the target allows the given axes. For an asymmetric target the function
-        returns True for some axes only, but at least for one pair. Default: all axes are allowed.
+    `vectors`, shape (2, 2): the two lattice vectors in the image at the middle of the target, px. `x_axis`:
+    wanted direction of X in the image: ``"right"``, ``"up"``, ``"left"``, ``"down"``, or an angle in degrees,
+    anticlockwise from the right. Default: ``"right"``. `source`: name of the image file, used in error
+    messages. `possible`: function that returns True if the target allows the given axes. For an asymmetric
+    target the function returns True for some axes only, but at least for one pair. Default: all axes are
+    allowed.
 
-    Raises
-    ------
-    CalibrationError
-        If `x_axis` is not one of these words or a number, or is within 5° of the middle between two lattice
-        directions.
+    Raises `CalibrationError` if `x_axis` is not one of these words or a number, or is within 5° of the middle
+    between two lattice directions.
     """
     wanted_deg = _direction_deg(x_axis, source)
     orientation = "assumed" if x_axis is None else "option"

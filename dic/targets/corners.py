@@ -49,18 +49,11 @@ def fit_corners(
     """Return fitted corners, and how much the grey levels around them differ from the model of crossing
     edges.
 
-    Parameters
-    ----------
-    grey : ndarray, shape (height, width)
-    px : ndarray, shape (n, 2)
-        Approximate corners, to about 2 px.
-    along : ndarray, shape (n, 2, 2)
-        For each corner, the two vectors, px, along the edges to the neighbouring corners.
-    reach : float
-        Length of the edges that is used on either side of the corner, as a fraction of the vectors `along`.
-    margin : float
-        In the bright squares, only pixels up to this distance from an edge are used. The distance is a
-        fraction of the vectors `along`. A ChArUco board has its markers farther inside. Default: all pixels.
+    `px`, shape (n, 2): approximate corners, to about 2 px. `along`, shape (n, 2, 2): for each corner, the two
+    vectors, px, along the edges to the neighbouring corners. `reach`: length of the edges that is used on
+    either side of the corner, as a fraction of the vectors `along`. `margin`: in the bright squares, only
+    pixels up to this distance from an edge are used. The distance is a fraction of the vectors `along`. A
+    ChArUco board has its markers farther inside. Default: all pixels.
 
     Returns
     -------

@@ -108,6 +108,19 @@ def measure_dots(
     return MeasuredDots(found.index, centre, sound, found.hollow, vectors, int(np.count_nonzero(glare)))
 
 
+def dots_not_found(
+    source: str,
+    expected: str,
+    counts: str,
+    got: str,
+    kind: type[CalibrationError] = CalibrationError,
+    remedy: str = "",
+) -> CalibrationError:
+    """Return the error about an image without the dots; `counts` says which option gives their numbers."""
+    check = f"check that all dots are in view, sharp and evenly lit, and that {counts}"
+    return kind(source, "find dots", expected, got, remedy or check)
+
+
 def round_dots(grey: Grey) -> tuple[Indices, Mask] | None:
     """Return the lattice indices (n, 2) of the largest lattice's dots, and which dots are rings; or None."""
     lattice = _Lattice.in_image(grey, grey.size)

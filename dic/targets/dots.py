@@ -1,5 +1,6 @@
 """Detection of a square lattice of round dots, with or without three hollow dots as marks."""
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from dic.errors import CalibrationError
 from dic.targets.arrangement import Arrangement
 from dic.targets.axes import Axes, XAxis, axes_in_image
-from dic.targets.dot_lattice import FEWEST_DOTS, measure_dots, round_dots
+from dic.targets.dot_lattice import FEWEST_DOTS, dots_not_found, measure_dots, round_dots
 from dic.targets.hollow_marks import HollowMarks, find_hollow_marks
 from dic.targets.points import GridPoints
 from dic.typing import Float, Grey, Indices
@@ -29,7 +30,7 @@ def find_dots(grey: Grey, dots: tuple[int, int], pitch_mm: float, source: str, x
     differ from `dots`. For a plate with marks: if fewer than half of the dots in the picture are found, or
     the dots do not fit into a lattice of this size.
     """
-    refusal = partial(_refusal, source, dots)
+    refusal = _refusal(source, dots)
     found = measure_dots(grey, dots[0] * dots[1], source, refusal)
     marks = find_hollow_marks(found.index, found.hollow, found.vectors_px)
     index, centre = found.index[found.sound], found.centre_px[found.sound]
@@ -63,12 +64,12 @@ def _axes_and_spans(
     """Return the axes and the ranges of lattice indices of a plate without marks, all of it in view."""
     seen = Arrangement.of(index)
     if seen.asymmetric and seen.filled >= _SUFFICIENT and not seen.in_turn:
-        raise _refusal(source, dots, str(seen), remedy=f"give {seen.options}")
+        raise _refusal(source, dots)(str(seen), remedy=f"give {seen.options}")
     if len(index) < _SUFFICIENT * dots[0] * dots[1]:
-        raise _refusal(source, dots, f"{len(index)} dots in a lattice, without three hollow dots as marks")
+        raise _refusal(source, dots)(f"{len(index)} dots in a lattice, without three hollow dots as marks")
     counts = tuple(int(count) for count in np.ptp(index, axis=0) + 1)
     if sorted(counts) != sorted(dots):
-        raise _refusal(source, dots, f"{counts[0]} × {counts[1]} dots, without three hollow dots as marks")
+        raise _refusal(source, dots)(f"{counts[0]} × {counts[1]} dots, without three hollow dots as marks")
     low = index.min(axis=0)
     spans = (range(int(low[0]), int(low[0]) + counts[0]), range(int(low[1]), int(low[1]) + counts[1]))
 
@@ -87,14 +88,14 @@ def _numbered_by_marks(
     low, high = from_mark.min(axis=0), from_mark.max(axis=0)
     seen = high - low + 1
     if (seen > dots).any():
-        raise _refusal(source, dots, f"{seen[0]} × {seen[1]} dots, with the marks of a plate")
+        raise _refusal(source, dots)(f"{seen[0]} × {seen[1]} dots, with the marks of a plate")
     # On most plates the marks lie symmetrically about the middle, which gives the number of each column and
     # row. If the visible dots contradict this, take the nearest numbering that contains all dots. X and Y do
     # not depend on the numbering.
     symmetric = (np.array(dots) - 1 - np.array(marks.pitches)) // 2
     column_row = from_mark + np.clip(symmetric, -low, np.array(dots) - 1 - high)
     if len(index) < max(FEWEST_DOTS, _SUFFICIENT_WITH_MARKS * _of_hull(index)):
-        raise _refusal(source, dots, f"only {len(index)} whole dots between the outermost ones")
+        raise _refusal(source, dots)(f"only {len(index)} whole dots between the outermost ones")
     by_row = np.lexsort((column_row[:, 0], column_row[:, 1]))
     xy_mm = from_mark[by_row].astype(np.float64) * pitch_mm
     return GridPoints(column_row[by_row], xy_mm, centre[by_row], dots, pitch_mm, (), "mark")
@@ -110,18 +111,8 @@ def _of_hull(index: Indices) -> float:
     return float(hull.volume + hull.area / 2 + 1)
 
 
-def _refusal(
-    source: str,
-    dots: tuple[int, int],
-    got: str,
-    kind: type[CalibrationError] = CalibrationError,
-    remedy: str = "",
-) -> CalibrationError:
-    return kind(
-        source,
-        "find dots",
-        f"{dots[0]} × {dots[1]} dots, at least {_SUFFICIENT:.0%} of them, or a plate with three hollow dots",
-        got,
-        remedy
-        or "check that all dots are in view, sharp and evenly lit, and that --dots gives their numbers",
+def _refusal(source: str, dots: tuple[int, int]) -> Callable[..., CalibrationError]:
+    expected = (
+        f"{dots[0]} × {dots[1]} dots, at least {_SUFFICIENT:.0%} of them, or a plate with three hollow dots"
     )
+    return partial(dots_not_found, source, expected, "--dots gives their numbers")

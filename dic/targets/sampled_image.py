@@ -55,23 +55,14 @@ def as_bytes(grey: Grey) -> NDArray[np.uint8]:
 def profiles_across(image: GridImage, shape: LatticeShape, axis: int, numbers: range, across: range) -> Float:
     """Return grey level profiles across the predicted lines, at three places ("stations") of every segment.
 
-    Parameters
-    ----------
-    image, shape
-        The image, and the map that predicts the positions of the lattice points in the image.
-    axis : int
-        Direction of the lines: 0 for lines of constant first index, 1 for lines of constant second index.
-    numbers : range
-        Indices of the lines.
-    across : range
-        Indices of the lines of the other direction, which divide the lines into segments.
+    `image`, `shape`: the image, and the map that predicts the positions of the lattice points in the image.
+    `axis`: direction of the lines: 0 for lines of constant first index, 1 for lines of constant second index.
+    `numbers`: indices of the lines. `across`: indices of the lines of the other direction, which divide the
+    lines into segments.
 
-    Returns
-    -------
-    ndarray, shape (lines, segments, 3, 37)
-        Grey levels of the profiles, in which lines are bright; NaN outside the image. The three measuring
-        places ("stations") are at 0.38, 0.5 and 0.62 of the length of a segment. The distances of the 37
-        samples from the line are `PROFILE_OFFSETS`, in pitches.
+    Result, shape (lines, segments, 3, 37): grey levels of the profiles, in which lines are bright; NaN
+    outside the image. The three measuring places ("stations") are at 0.38, 0.5 and 0.62 of the length of a
+    segment. The distances of the 37 samples from the line are `PROFILE_OFFSETS`, in pitches.
     """
     index = station_index(axis, numbers, across, np.array([0.38, 0.5, 0.62]))
     step = shape.step(index, axis)

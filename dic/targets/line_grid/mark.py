@@ -40,16 +40,9 @@ def find_mark(
 
     The function returns None if no mark agrees with the visible lines, or if several marks agree with them.
 
-    Parameters
-    ----------
-    image, shape
-        The image, and the map that predicts the positions of the lattice points in the image.
-    spans : tuple of range
-        Lattice indices of the visible lines.
-    vectors : ndarray, shape (2, 2)
-        The two vectors, px, from the middle of the grid to the next intersections.
-    lines : tuple of int
-        Numbers of lines along X and along Y.
+    `image`, `shape`: the image, and the map that predicts the positions of the lattice points in the image.
+    `spans`: lattice indices of the visible lines. `vectors`, shape (2, 2): the two vectors, px, from the
+    middle of the grid to the next intersections. `lines`: numbers of lines along X and along Y.
     """
     darkness = _darkness(image, shape, spans)
     found = []

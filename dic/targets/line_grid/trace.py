@@ -154,17 +154,10 @@ def regional_median(values: Float) -> Float:
 def trace_lines(image: GridImage, shape: LatticeShape, axis: int, numbers: range, across: range) -> LineTrace:
     """Measure points on the centres of all lines of one direction.
 
-    Parameters
-    ----------
-    image, shape
-        The image, and the map that predicts the positions of the lattice points in the image, with an error
-        of at most about a quarter of the pitch.
-    axis : int
-        Direction of the lines: 0 for lines of constant first index, 1 for lines of constant second index.
-    numbers : range
-        Indices of the lines.
-    across : range
-        Indices of the lines of the other direction, which divide the lines into segments.
+    `image`, `shape`: the image, and the map that predicts the positions of the lattice points in the image,
+    with an error of at most about a quarter of the pitch. `axis`: direction of the lines: 0 for lines of
+    constant first index, 1 for lines of constant second index. `numbers`: indices of the lines. `across`:
+    indices of the lines of the other direction, which divide the lines into segments.
 
     Notes
     -----
