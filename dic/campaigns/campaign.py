@@ -11,6 +11,8 @@ from dic.properties.anisotropy import DIRECTIONS_DEG, planar_anisotropy
 from dic.properties.properties import Properties
 from dic.properties.value import PropertyValue
 
+COMPARE_FIRST = "compare specimens first: dic.campaigns.compare_specimens(properties)"
+"""Remedy if a function that needs a campaign gets something else."""
 MOST_TOLD = 5
 """If no test could be evaluated, the error gives the reasons of at most this number of tests."""
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from dic.campaigns.campaign import Campaign, Group
+from dic.campaigns.campaign import COMPARE_FIRST, Campaign, Group
 from dic.errors import require_kind
 from dic.results.csv import write_rows
 from dic.typing import PathLike
@@ -30,9 +30,7 @@ def write_campaign_table(campaign: Campaign, path: PathLike, *, decimal_comma: b
     OSError
         If the file cannot be written.
     """
-    require_kind(
-        "campaign", campaign, Campaign, "compare specimens first: dic.campaigns.compare_specimens(properties)"
-    )
+    require_kind("campaign", campaign, Campaign, COMPARE_FIRST)
     rows = [*_specimens(campaign), *(row for group in campaign.groups for row in _statistics(group))]
     columns = list(dict.fromkeys(["line", "specimen", "direction_deg", *_value_columns(campaign)]))
     columns += ["strain_kind", "left_out"] if campaign.kinds else []

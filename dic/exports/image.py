@@ -65,11 +65,7 @@ class ExportImage:
 class Exporter(ABC):
     """Writes a series of images in one format; of earlier images it keeps at most the mean strains.
 
-    Parameters
-    ----------
-    folder : Path
-        The folder for the files of this format; it must exist.
-    series : ExportSeries
+    The folder for the files of this format must exist.
     """
 
     def __init__(self, folder: Path, series: ExportSeries) -> None:

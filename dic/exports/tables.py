@@ -9,12 +9,7 @@ from dic.results.csv import write_points
 class CsvExporter(Exporter):
     """Writes the same tables of points as `dic correlate --csv`.
 
-    Parameters
-    ----------
-    folder, series
-        As for `Exporter`.
-    decimal_comma : bool
-        True for numbers with a decimal comma and semicolons between cells.
+    With `decimal_comma`, numbers have a decimal comma, and semicolons stand between cells.
     """
 
     def __init__(self, folder: Path, series: ExportSeries, *, decimal_comma: bool = False) -> None:

@@ -31,11 +31,8 @@ def local_name(text: str) -> str:
 class Statements:
     """Statements about subjects, in the order in which the subjects were first named.
 
-    Parameters
-    ----------
-    prefixes : mapping of str to str
-        The beginning of the IRIs of each prefix. Subjects, predicates and objects are given as in Turtle,
-        such as "obo:BFO_0000030".
+    `prefixes` has the beginning of the IRIs of each prefix. Subjects, predicates and objects are given as in
+    Turtle, such as "obo:BFO_0000030".
     """
 
     def __init__(self, prefixes: Mapping[str, str]) -> None:

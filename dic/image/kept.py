@@ -30,15 +30,9 @@ class KeptImage:
     A camera program may write each image into the same array or file. If an image becomes a reference after
     its correlation, its array or file may already contain the next image.
 
-    Parameters
-    ----------
-    read : callable
-        Function that returns the image, or its path.
-    state : callable, optional
-        Function that returns a value by which a changed source is recognised, such as a digest. By default
-        the identity of a file is used, and arrays are copied.
-    again : bool
-        False if the image will not be needed after its correlation.
+    `read` returns the image, or its path. `state` returns a value by which a changed source is recognised,
+    such as a digest; by default the identity of a file is used, and arrays are copied. `again` is False if
+    the image will not be needed after its correlation.
     """
 
     def __init__(

@@ -34,13 +34,7 @@ class ImageTime:
 
 
 class SeriesTimes:
-    """The times of images, relative to their reference.
-
-    Parameters
-    ----------
-    reference : path
-        The reference image, or a page of a file.
-    """
+    """The times of images, relative to their reference: an image, or a page of a file."""
 
     def __init__(self, reference: PathLike) -> None:
         self._reference = Path(reference)

@@ -7,6 +7,7 @@ import numpy as np
 
 from dic.errors import require_kind
 from dic.files.writing import write_figure
+from dic.properties.elastic import Elastic
 from dic.properties.properties import Properties, offset_key
 from dic.typing import Float, PathLike
 
@@ -58,7 +59,7 @@ def draw_properties(properties: Properties) -> Any:
     if elastic is None:
         beginning.set_title("no elastic line was found")
         return figure
-    _draw_beginning(beginning, properties, strain, stress)
+    _draw_beginning(beginning, properties, elastic, strain, stress)
     return figure
 
 
@@ -75,11 +76,10 @@ def plot_properties(properties: Properties, path: PathLike) -> None:
     write_figure(draw_properties(properties), path, 120, "png")
 
 
-def _draw_beginning(axes: Any, properties: Properties, strain: Float, stress: Float) -> None:
+def _draw_beginning(
+    axes: Any, properties: Properties, elastic: Elastic, strain: Float, stress: Float
+) -> None:
     """Draw the elastic line, its window, the offset lines and the marks of yielding, each with its name."""
-    elastic = properties.elastic
-    if elastic is None:
-        return
     reach = _reach(properties, strain)
     inside = (strain <= reach) & (np.arange(len(strain)) <= max(int(np.argmax(stress)), 1))
     low, top = _with_room(stress[inside], 0.15)
@@ -96,7 +96,7 @@ def _draw_beginning(axes: Any, properties: Properties, strain: Float, stress: Fl
     )  # fmt: skip
     marks = []
     for order, offset in enumerate(sorted(properties.settings.offsets_percent)):
-        marks += _draw_offset(axes, properties, offset, top, order)
+        marks += _draw_offset(axes, properties, offset, (slope, top), order)
     for extreme in ("ReH_mpa", "ReL_mpa"):
         marks += _draw_extreme(axes, properties, strain, extreme)
     _name_below(axes, marks)
@@ -119,12 +119,11 @@ def _reach(properties: Properties, strain: Float) -> float:
     return float(min(max(ends), strain.max()))
 
 
-def _draw_offset(axes: Any, properties: Properties, offset: float, top: float, order: int) -> list[_Mark]:
-    elastic = properties.elastic
-    if elastic is None:
-        return []
-    key = offset_key(offset)
-    slope = elastic.line.slope / 100.0
+def _draw_offset(
+    axes: Any, properties: Properties, offset: float, line: tuple[float, float], order: int
+) -> list[_Mark]:
+    """Draw the line of an offset with the slope and up to the stress of `line`, and its intersection."""
+    key, (slope, top) = offset_key(offset), line
     axes.plot([offset, offset + top / slope], [0, top], "--", color=_OFFSET, linewidth=1)
     value = properties.values[key]
     if value.value is None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dic.campaigns.campaign import Campaign, Group, SpecimenTest
+from dic.campaigns.campaign import COMPARE_FIRST, Campaign, Group, SpecimenTest
 from dic.campaigns.grubbs import RULE
 from dic.campaigns.scatter import Scatter
 from dic.errors import require_kind
@@ -20,7 +20,6 @@ from dic.report.tensile_page import DECIMALS, value_cell
 from dic.report.tensile_record import SYMBOLS
 from dic.typing import PathLike
 
-_COMPARE_FIRST = "compare specimens first: dic.campaigns.compare_specimens(properties)"
 _DASHES, _WIDTHS = ("-", "--", ":", "-."), (1.3, 2.6)
 _MOST_NAMED = 40
 """A figure of more curves than this has no legend: no more styles of line can be told apart."""
@@ -101,7 +100,7 @@ def write_campaign_report(
     OutputError
         If `pdf` is given and WeasyPrint is not installed.
     """
-    require_kind("campaign", campaign, Campaign, _COMPARE_FIRST)
+    require_kind("campaign", campaign, Campaign, COMPARE_FIRST)
     if pdf is not None:
         require_pdf(pdf)
     with plot_style():
@@ -126,7 +125,7 @@ def plot_campaign(campaign: Campaign, path: PathLike) -> None:
     OSError
         If the file cannot be written.
     """
-    require_kind("campaign", campaign, Campaign, _COMPARE_FIRST)
+    require_kind("campaign", campaign, Campaign, COMPARE_FIRST)
     with plot_style():
         write_figure(_curves(campaign), path, 130)
 
@@ -158,7 +157,7 @@ def symbol_of(key: str) -> str:
     return SYMBOLS[key][0] if key in SYMBOLS else key.partition("_")[0]
 
 
-def _unit(value: PropertyValue) -> str:
+def _unit(value: PropertyValue | Scatter) -> str:
     return "" if value.unit == "1" else value.unit
 
 
@@ -193,14 +192,8 @@ def _flags(campaign: Campaign, name: str, keys: Sequence[str]) -> list[str]:
 
 def _scatter_rows(group: Group) -> list[ScatterRow]:
     return [
-        ScatterRow(
-            symbol_of(key),
-            "" if scatter.unit == "1" else scatter.unit,
-            scatter.count,
-            statistics_cells(scatter),
-            outlier_text(scatter),
-        )
-        for key, scatter in group.scatter.items()
+        ScatterRow(symbol_of(key), _unit(found), found.count, statistics_cells(found), outlier_text(found))
+        for key, found in group.scatter.items()
     ]
 
 

@@ -84,7 +84,9 @@ def _facts_of(
     def stated(key: str, measured: Fact | None = None) -> Fact:
         return facts.stated("cameras", key, camera, measured)
 
-    of_run = partial(_recorded_fact, run_file, f"/entry/instrument/{camera}", recorded)
+    def of_run(text: str, rule: str) -> Fact:
+        return Fact(text, run_file, f"/entry/instrument/{camera}", rule) if recorded and text else Fact()
+
     height, width = images.series.reference.shape
     bits = f"{recorded['bits']} bit" if "bits" in recorded else ""
     optics = _optics(images, results_file(result))
@@ -107,10 +109,6 @@ def _facts_of(
         "Pattern feature size as made": facts.stated("pattern", "feature_size_mm"),
         "Pattern feature size": _feature_size(images, results_file(result)),
     }
-
-
-def _recorded_fact(file: str, group: str, recorded: Mapping[str, Any], text: str, rule: str) -> Fact:
-    return Fact(text, file, group, rule) if recorded and text else Fact()
 
 
 def _identity(recorded: Mapping[str, Any]) -> str:

@@ -112,7 +112,8 @@ def _draw_differences(axis: Any, test: TensileTest) -> None:
         micro: Float = _MICRO * (record.strain - other)
         furthest = max(furthest, float(np.nanmax(np.abs(micro), initial=0.0)))
         axis.plot(micro, record.strained_stress, **_style(test.columns, order) | {"label": None})
-    axis.axvline(0.0, **_reference_line(test))
+    reference = _style(test.columns, len(test.columns) - 1)
+    axis.axvline(0.0, color=reference["color"], linewidth=_NARROWEST)
     if furthest > 5.0 * _LINEAR_MICRO:
         axis.set_xscale("symlog", linthresh=_LINEAR_MICRO)
         low, high = axis.get_xlim()
@@ -121,11 +122,6 @@ def _draw_differences(axis: Any, test: TensileTest) -> None:
         axis.set_xlim(low, high)
     axis.xaxis.set_major_formatter("{x:g}")
     axis.set(title="difference of strain", xlabel="strain minus that of the best, µε")
-
-
-def _reference_line(test: TensileTest) -> dict[str, Any]:
-    style = _style(test.columns, len(test.columns) - 1)
-    return {"color": style["color"], "linewidth": _NARROWEST}
 
 
 def beginning_of(properties: Properties) -> tuple[float, float]:

@@ -173,13 +173,13 @@ class TensileTest:
             "joined": None if self.joined is None else self.joined.as_dict(),
             "known": dict(self.known),
             "stated_facts": self.details.facts.as_dict(),
-            "provenance": self._origin(),
+            "provenance": {
+                "command": self.provenance.command,
+                "versions": self.provenance.versions,
+                "inputs": dict(self.provenance.inputs),
+            },
             "columns": [column.as_dict() for column in self.columns],
         }
-
-    def _origin(self) -> dict[str, Any]:
-        origin = self.provenance
-        return {"command": origin.command, "versions": origin.versions, "inputs": dict(origin.inputs)}
 
 
 def tensile_test(

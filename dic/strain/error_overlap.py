@@ -76,16 +76,8 @@ def _weights(used: Mask, shape: str) -> Grey:
 class ClippedSubsets:
     """Correlations between the errors of points with clipped subsets and of the points around them.
 
-    Parameters
-    ----------
-    grid : PointGrid
-        The points, and the pixels that their subsets use.
-    settings : CorrelationSettings
-
-    Attributes
-    ----------
-    numbers : ndarray of int, shape (rows, columns)
-        Indices of clipped points in `correlations`; -1 for other points.
+    `grid` has the points, and the pixels that their subsets use. The attribute `numbers`, shape (rows,
+    columns), has the indices of clipped points in `correlations`; -1 for other points.
     """
 
     def __init__(self, grid: PointGrid, settings: CorrelationSettings) -> None:

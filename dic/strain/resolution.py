@@ -31,13 +31,7 @@ _POINTS = 250_000
 
 @dataclass(frozen=True)
 class Filters:
-    """The transfer functions of local strain for one combination of settings.
-
-    Parameters
-    ----------
-    correlation : CorrelationSettings
-    strain : StrainSettings
-    """
+    """The transfer functions of local strain for one combination of settings."""
 
     correlation: CorrelationSettings
     strain: StrainSettings
