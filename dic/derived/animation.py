@@ -164,10 +164,7 @@ class _Whole:
 def _whole(source: ExportSource, settings: MapSettings, count: Callable[[], None]) -> _Whole:
     """Read all images once, and return the data that are common to all frames.
 
-    Raises
-    ------
-    CorrelationError
-        If no image has a value.
+    Raises `CorrelationError` if no image has a value.
     """
     scale: Scale = {}
     reach: dict[str, tuple[float, float]] = {}

@@ -27,10 +27,8 @@ def beside(path: str, result_file: str) -> Path:
 def deformed_image(results: Loaded, view: CameraView, place: int) -> Grey:
     """Return a deformed image of a camera, read again from its file, or from the run file.
 
-    Raises
-    ------
-    MeasurementError
-        If the image is not at its place any more, or is another image than the measured one.
+    Raises `MeasurementError` if the image is not at its place any more, or is another image than the measured
+    one.
     """
     if isinstance(results, RunResult):
         return deformed_of_run(results, view.camera, view.steps, place)
@@ -42,16 +40,10 @@ def deformed_image(results: Loaded, view: CameraView, place: int) -> Grey:
 def deformed_of_series(result: SeriesResult, place: int) -> Grey:
     """Return a deformed image of a series, read again from its file.
 
-    Parameters
-    ----------
-    result : SeriesResult
-    place : int
-        Index of the image in the series.
+    `place`: index of the image in the series.
 
-    Raises
-    ------
-    MeasurementError
-        If the image is not at its place any more, or is another image than the measured one.
+    Raises `MeasurementError` if the image is not at its place any more, or is another image than the measured
+    one.
     """
     image = result.series.images[place]
     file, page = split_page(image.label)
@@ -69,19 +61,10 @@ def deformed_of_series(result: SeriesResult, place: int) -> Grey:
 def deformed_of_run(result: RunResult, camera: str, steps: Sequence[RunStep], place: int) -> Grey:
     """Return a deformed image of a run, read again from the run file.
 
-    Parameters
-    ----------
-    result : RunResult
-    camera : str
-    steps : sequence of RunStep
-        The steps of the camera that were measured.
-    place : int
-        Index of the step in `steps`.
+    `steps`: the steps of the camera that were measured. `place`: index of the step in `steps`.
 
-    Raises
-    ------
-    MeasurementError
-        If the run file is not at its place any more, or has another image than the measured one.
+    Raises `MeasurementError` if the run file is not at its place any more, or has another image than the
+    measured one.
     """
     step = steps[place]
     name = f"{camera}, step {step.index}"

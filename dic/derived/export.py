@@ -54,24 +54,15 @@ class Export:
 
 @dataclass(frozen=True)
 class ExportSource:
-    """A series of images to export.
-
-    Attributes
-    ----------
-    camera : str
-        Name of the camera of a run; "" for a series of images.
-    images : sequence of MeasuredImage
-    names : list of str
-        Name of each image's files, without suffix.
-    known : list of mapping
-        The known values of each step of a run, such as its load; empty for a series.
-    about : mapping of str to str or float
-    """
+    """A series of images to export."""
 
     camera: str
+    """Name of the camera of a run; "" for a series of images."""
     images: Sequence[MeasuredImage]
     names: list[str]
+    """Name of each image's files, without suffix."""
     known: list[dict[str, Any]]
+    """The known values of each step of a run, such as its load; empty for a series."""
     about: Mapping[str, str | float]
 
     def exported(
@@ -164,10 +155,7 @@ def export_results(
 def sources_of(results: Loaded, camera: str | None) -> list[ExportSource]:
     """Return the series of images in results: one series, or one for each camera of a run.
 
-    Raises
-    ------
-    RunFileError
-        If there is no such camera.
+    Raises `RunFileError` if there is no such camera.
     """
     return [_source_of(results, view) for view in require_camera(results.views, camera, "results")]
 

@@ -147,10 +147,7 @@ def join_record(
 def _require_own_times(record: MachineRecord, times_s: Float) -> None:
     """Raise an error if the times of the image files' last change are probably those of a copy.
 
-    Raises
-    ------
-    CurveError
-        If the images span a small part of the machine's record.
+    Raises `CurveError` if the images span a small part of the machine's record.
     """
     span_s = float(np.ptp(times_s))
     whole_s = 0.0 if record.time_s is None else float(np.ptp(record.time_s))

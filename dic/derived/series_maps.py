@@ -19,18 +19,12 @@ from dic.typing import Grey
 
 @dataclass(frozen=True)
 class MapFiles:
-    """Paths of the pictures of a series.
-
-    Attributes
-    ----------
-    maps : sequence of path
-        The picture of each image; empty for no pictures.
-    sheets : mapping of str to path
-        The file of each contact sheet, keyed by its quantity.
-    """
+    """Paths of the pictures of a series."""
 
     maps: Sequence[Path]
+    """The picture of each image; empty for no pictures."""
     sheets: Mapping[str, Path]
+    """The file of each contact sheet, keyed by its quantity."""
 
     def all(self) -> list[Path]:
         """Return the paths of all pictures."""

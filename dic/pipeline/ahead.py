@@ -31,23 +31,13 @@ def outcomes(
 ) -> Iterator[tuple[int, SeriesImage, FinishedImage]]:
     """Correlate the images of a series; yield each with its number and its outcome, in their order.
 
-    Parameters
-    ----------
-    series : Series
-    images : iterable of (int, SeriesImage)
-        The images with their numbers.
-    workers : Workers, optional
-        The workers that correlate images ahead of their turn. By default, each image is correlated in this
-        thread when the caller asks for it. With a `ThreadWorker` this is also done for large images.
-    together : int
-        Number of series that are correlated at the same time by the same workers.
+    `images`: the images with their numbers. `workers`: the workers that correlate images ahead of their turn.
+    By default, each image is correlated in this thread when the caller asks for it. With a `ThreadWorker`
+    this is also done for large images. `together`: number of series that are correlated at the same time by
+    the same workers.
 
-    Raises
-    ------
-    WorkerError
-        If the workers cannot correlate for a reason other than the image.
-    OutputError
-        If the fields of an earlier image, which becomes a reference, cannot be read again.
+    Raises `WorkerError` if the workers cannot correlate for a reason other than the image. Raises
+    `OutputError` if the fields of an earlier image, which becomes a reference, cannot be read again.
     """
     # The fields of a large image, and those of the next one, would be in memory at the same time.
     alone = isinstance(workers, ThreadWorker) and is_large(series.shape)
@@ -81,17 +71,12 @@ class _Begun:
 
 
 class _Line:
-    """The next images, each with the attempt that will probably be needed when it is the image's turn.
-
-    Attributes
-    ----------
-    waiting : deque of _Begun
-        The attempts in the order of the images; it is the turn of the first image.
-    """
+    """The next images, each with the attempt that will probably be needed when it is the image's turn."""
 
     def __init__(self, series: Series, workers: Workers, together: int = 1) -> None:
         self._series, self._workers, self._together = series, workers, together
         self.waiting: deque[_Begun] = deque()
+        """The attempts in the order of the images; it is the turn of the first image."""
         self._warned: set[tuple[str, str]] = set()
 
     def add(self, number: int, image: SeriesImage) -> None:
@@ -127,13 +112,9 @@ class _Line:
     def _read_here(self, attempt: Attempt, image: SeriesImage, error: MeasurementError | None) -> Field:
         """Return the field of an image that a worker could not read, although its files are not others.
 
-        Raises
-        ------
-        WorkerError
-            If the worker has other files than this program.
-        MeasurementError
-            If this program cannot read the files either, or the image cannot be correlated. Only this image
-            then fails.
+        Raises `WorkerError` if the worker has other files than this program. Raises `MeasurementError` if
+        this program cannot read the files either, or the image cannot be correlated. Only this image then
+        fails.
         """
         grey = image.grey()
         _ = attempt.reference.prepared

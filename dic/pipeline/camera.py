@@ -37,34 +37,25 @@ class CameraImages:
     """One camera of a measurement, and a function that correlates its images, or reads them again.
 
     The images may come one by one, such as those of a test that is going on.
-
-    Attributes
-    ----------
-    camera : str
-        Name of the camera in a run; "" for the camera of a series of image files.
-    reference : ndarray, shape (height, width)
-    calibration : Calibration or None
-    correlate : callable
-        Function that yields the finished images. Its arguments are the images at the beginning that are
-        finished already, and a function of the kind `Kept`, or None.
-    steps : sequence of RunStep
-        The step of each image; empty for a series of image files.
-    before : sequence of FinishedImage
-        The images at the beginning that an earlier measurement has finished.
-    known : bool
-        True if all images are finished already.
-    specimen : Specimen or None
-        The specimen in the reference image; not known before the first image is correlated.
     """
 
     camera: str
+    """Name of the camera in a run; "" for the camera of a series of image files."""
     reference: NDArray[Any]
+    """Shape (height, width)."""
     calibration: Calibration | None
     correlate: Callable[["CameraImages", Kept | None], Iterator[FinishedImage]]
+    """Function that yields the finished images. Its arguments are the images at the beginning that are
+    finished already, and a function of the kind `Kept`, or None.
+    """
     steps: Sequence[RunStep] = ()
+    """The step of each image; empty for a series of image files."""
     before: Sequence[FinishedImage] = ()
+    """The images at the beginning that an earlier measurement has finished."""
     known: bool = False
+    """True if all images are finished already."""
     specimen: Specimen | None = field(default=None, init=False)
+    """The specimen in the reference image; not known before the first image is correlated."""
 
     def images(self, kept: Kept | None) -> Iterator[FinishedImage]:
         """Yield the finished images, one by one."""

@@ -159,14 +159,8 @@ class MeasuredStep:
 class Corrector:
     """Correct strains for out-of-plane motion, step by step. Memory does not grow with the number of steps.
 
-    Parameters
-    ----------
-    calibrations : mapping of str to (Calibration or None)
-        The calibration of each camera, by the camera's name.
-    motions : mapping of str to (Motion or None)
-        The specimen's motion, by the camera's name; None for no correction.
-    pair : tuple of CorrectedCamera, optional
-        Two cameras that correct together.
+    `calibrations`: the calibration of each camera, by the camera's name. `motions`: the specimen's motion, by
+    the camera's name; None for no correction. `pair`: two cameras that correct together.
     """
 
     def __init__(
@@ -216,14 +210,8 @@ class Corrector:
     ) -> MeasuredStep:
         """Correct the images of a step.
 
-        Parameters
-        ----------
-        number : int
-        step : RunStep or None
-        images : mapping of str to MeasuredImage
-            The image of each camera, without a correction.
-        places : mapping of str to int
-            The index of each image among the measurements that `solve` was given.
+        `images`: the image of each camera, without a correction. `places`: the index of each image among the
+        measurements that `solve` was given.
         """
         measured = {
             name: image.measurement for name, image in images.items() if image.measurement is not None
@@ -244,10 +232,7 @@ class Corrector:
     def corrections(self, steps: Sequence[MeasuredStep]) -> "RunCorrections":
         """Return the corrections of all steps, with the findings on the set-up.
 
-        Parameters
-        ----------
-        steps : sequence of MeasuredStep
-            All steps that `corrected` has returned, or their outlines.
+        `steps`: all steps that `corrected` has returned, or their outlines.
         """
         single, findings, kinds = {}, {}, {motion.kind for motion in self._motions.values() if motion}
         motion = kinds.pop() if len(kinds) == 1 else "free"
@@ -314,13 +299,8 @@ def corrected_images(
 
     Memory does not grow with the number of images, if `images` are read when they are used.
 
-    Returns
-    -------
-    sequence of MeasuredImage
-        The given images with their corrections.
-    Alignment or None
-        Alignment of the specimen on the rotation stage: solved from the images if possible, otherwise the
-        alignment in `motion`.
+    Result: the given images with their corrections, and the alignment of the specimen on the rotation stage,
+    which is solved from the images if possible, and otherwise is the alignment in `motion`.
     """
     measured = [k for k, image in enumerate(images) if image.measurement is not None]
     places = {k: place for place, k in enumerate(measured)}

@@ -38,20 +38,11 @@ def correlate_series(
 
     No image and no field stays in memory, except for the data that `Series` needs.
 
-    Parameters
-    ----------
-    series : Series
-    images : iterable of ndarray, path or SeriesImage
-    before : sequence of FinishedImage
-        The outcomes of the first images of the series, which are not correlated again.
-    kept : callable, optional
-        Function that returns the fields of an image that was yielded, by its index among the images with
-        fields. With this function, the fields of the last image need not stay in memory.
-    workers : Workers, optional
-        Threads or processes that correlate images before the caller asks for them. The results have the same
-        bits.
-    together : int
-        Number of series that are correlated at the same time by the same workers.
+    `before`: the outcomes of the first images of the series, which are not correlated again. `kept`: function
+    that returns the fields of an image that was yielded, by its index among the images with fields. With this
+    function, the fields of the last image need not stay in memory. `workers`: threads or processes that
+    correlate images before the caller asks for them. The results have the same bits. `together`: number of
+    series that are correlated at the same time by the same workers.
     """
     remaining = enumerate(_named(images), 1)
     rows = count()
@@ -83,13 +74,8 @@ def _named(images: Iterable[ImageLike | SeriesImage]) -> Iterator[SeriesImage]:
 def series_job(series: Series, reference: str, incremental: str) -> dict[str, Any]:
     """Return everything except the images that determines the fields of a series, for a result file.
 
-    Parameters
-    ----------
-    series : Series
-    reference : str
-        SHA-256 of the reference's file, and its page; see `of_page`.
-    incremental : str
-        The rule for new references.
+    `reference`: SHA-256 of the reference's file, and its page; see `of_page`. `incremental`: the rule for new
+    references.
     """
     region = hashlib.sha256()
     for row in series.region:

@@ -14,46 +14,32 @@ from dic.results.provenance import versions
 
 @dataclass(frozen=True)
 class ImageAnswer:
-    """The answer of an `ImageTask`.
-
-    Attributes
-    ----------
-    field : Field or None
-        The field from the attempt's reference to the image, without the region and the grid, which the caller
-        knows. None if the image could not be correlated.
-    error : MeasurementError or None
-        The reason why the image could not be correlated.
-    warnings : list of (str, str)
-        Arguments of `warn_of_image`.
-    unread : bool
-        True if the image or the reference could not be read.
-    """
+    """The answer of an `ImageTask`."""
 
     field: Field | None
+    """The field from the attempt's reference to the image, without the region and the grid, which the caller
+    knows. None if the image could not be correlated.
+    """
     error: MeasurementError | None
+    """The reason why the image could not be correlated."""
     warnings: list[tuple[str, str]]
+    """Arguments of `warn_of_image`."""
     unread: bool = False
+    """True if the image or the reference could not be read."""
 
 
 @dataclass(frozen=True)
 class ImageTask:
-    """One attempt at the correlation of an image. The object is called without arguments.
-
-    Attributes
-    ----------
-    attempt : Attempt
-    image : SeriesImage
-    versions : str
-        The versions of the program that needs the answer; with other versions, the bits of the result could
-        differ.
-    together : int
-        Number of series whose images are correlated at the same time; each series has a reference.
-    """
+    """One attempt at the correlation of an image. The object is called without arguments."""
 
     attempt: Attempt
     image: SeriesImage
     versions: str
+    """The versions of the program that needs the answer; with other versions, the bits of the result could
+    differ.
+    """
     together: int = 1
+    """Number of series whose images are correlated at the same time; each series has a reference."""
 
     @classmethod
     def of(cls, attempt: Attempt, image: SeriesImage, together: int = 1) -> "ImageTask":
@@ -63,10 +49,8 @@ class ImageTask:
     def __call__(self) -> ImageAnswer:
         """Read the image and correlate it.
 
-        Raises
-        ------
-        WorkerError
-            If the computer that does the task has other versions of offaxis or of its libraries.
+        Raises `WorkerError` if the computer that does the task has other versions of offaxis or of its
+        libraries.
         """
         if own_versions() != self.versions:
             raise WorkerError(

@@ -101,21 +101,16 @@ class MeasuredImage:
 
 @dataclass(frozen=True, kw_only=True)
 class PlacedStrain(StrainField):
-    """Local strain with the positions of the points in the reference.
-
-    Attributes
-    ----------
-    x_px, y_px : ndarray of int, shape (rows, columns)
-        Positions in the image: x to the right, y downwards.
-    x_mm, y_mm : ndarray, shape (rows, columns), or None
-        Positions in the grid's axes: X to the right, Y upwards; NaN where they are not known. None without a
-        calibration.
-    """
+    """Local strain with the positions of the points in the reference."""
 
     x_px: Indices
     y_px: Indices
+    """Shape (rows, columns). Positions in the image: x to the right, y downwards."""
     x_mm: Float | None = None
     y_mm: Float | None = None
+    """Shape (rows, columns). Positions in the grid's axes: X to the right, Y upwards; NaN where they are not
+    known. None without a calibration.
+    """
 
     def __repr__(self) -> str:
         return super().__repr__().replace("StrainField", type(self).__name__, 1)
@@ -174,23 +169,16 @@ class MeasuredSeries:
 
 @dataclass(frozen=True)
 class CameraView:
-    """The results of one camera: what tables, pictures and gauges need to know of it.
-
-    Attributes
-    ----------
-    camera : str
-        Name of the camera; "" for a series of image files.
-    series : MeasuredSeries
-    calibration : Calibration or None
-    steps : sequence of RunStep
-        The steps of the images that could be measured, which are the first ones; empty for a series of image
-        files.
-    """
+    """The results of one camera: what tables, pictures and gauges need to know of it."""
 
     camera: str
+    """Name of the camera; "" for a series of image files."""
     series: MeasuredSeries
     calibration: Calibration | None = None
     steps: Sequence[RunStep] = ()
+    """The steps of the images that could be measured, which are the first ones; empty for a series of image
+    files.
+    """
 
     def known(self, place: int) -> dict[str, Any]:
         """Return what is known of an image: camera, step and readings, or the time of its file."""
@@ -205,10 +193,7 @@ class CameraView:
 def require_camera(views: Sequence[CameraView], camera: str | None, source: str) -> list[CameraView]:
     """Return the view of the named camera, or all views without a name.
 
-    Raises
-    ------
-    RunFileError
-        If there is no such camera.
+    Raises `RunFileError` if there is no such camera.
     """
     names = [view.camera for view in views]
     if camera is None or camera in names:
@@ -222,10 +207,7 @@ def require_camera(views: Sequence[CameraView], camera: str | None, source: str)
 def only_camera(views: Sequence[CameraView], camera: str | None, source: str) -> CameraView:
     """Return the view of the named camera, or the only view.
 
-    Raises
-    ------
-    RunFileError
-        If there is no such camera, or if there are several and no name.
+    Raises `RunFileError` if there is no such camera, or if there are several and no name.
     """
     chosen = require_camera(views, camera, source)
     if len(chosen) != 1:

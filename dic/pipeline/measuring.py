@@ -42,15 +42,8 @@ def measuring_into(
 ) -> "Iterator[Measuring]":
     """Provide a measurement that writes a result file, or none.
 
-    Parameters
-    ----------
-    place : ResultPlace or None
-    cameras, set_up
-        As for `Measuring`.
-    origin, images_before
-        As for `MeasurementWriter`.
-    **how
-        Further arguments of `Measuring`.
+    `cameras`, `set_up`: as for `Measuring`. `origin`, `images_before`: as for `MeasurementWriter`. `**how`:
+    further arguments of `Measuring`.
     """
     if place is None:
         yield Measuring(cameras, set_up, **how)

@@ -108,10 +108,7 @@ def use_results(path: PathLike, use: Callable[[AnyResult], Result], *, local_str
     The file is closed afterwards. Without `local_strain`, the local strains are not read, and must not be
     used.
 
-    Raises
-    ------
-    RunFileError
-        If the file is not a result file of these commands, or is damaged.
+    Raises `RunFileError` if the file is not a result file of these commands, or is damaged.
     """
     path, series = Path(path), is_series_result(path)
     read: Callable[..., AnyResult] = _read_series if series else _read_run
@@ -124,12 +121,8 @@ def with_results(results: Results, use: Callable[[Loaded], Result], *, local_str
 
     Without `local_strain`, the local strains of a file are not read, and must not be used.
 
-    Raises
-    ------
-    CorrelationError
-        If the argument is neither a path nor results.
-    RunFileError
-        As for `use_results`.
+    Raises `CorrelationError` if the argument is neither a path nor results. Raises `RunFileError` as for
+    `use_results`.
     """
     if isinstance(results, str | Path):
         return use_results(results, use, local_strain=local_strain)
@@ -140,10 +133,7 @@ def with_results(results: Results, use: Callable[[Loaded], Result], *, local_str
 def load_results(path: PathLike) -> AnyResult:
     """Read a result file of `dic correlate` or of `dic process`.
 
-    Raises
-    ------
-    RunFileError
-        As for `load_series_result` and `load_run_result`.
+    Raises `RunFileError` as for `load_series_result` and `load_run_result`.
     """
     return load_series_result(path) if is_series_result(path) else load_run_result(path)
 
@@ -151,10 +141,7 @@ def load_results(path: PathLike) -> AnyResult:
 def load_fields(path: Path) -> AnyResult:
     """Read the displacement fields of a result file, whose strains may be missing.
 
-    Raises
-    ------
-    RunFileError
-        If the file cannot be read.
+    Raises `RunFileError` if the file cannot be read.
     """
 
     def read(file: Any) -> AnyResult:
@@ -176,12 +163,7 @@ def load_fields(path: Path) -> AnyResult:
 
 
 def require_fields(result: AnyResult) -> None:
-    """Read all displacement fields once, so that a damaged file is refused before the fields are used.
-
-    Raises
-    ------
-    RunFileError
-    """
+    """Read all displacement fields once; a damaged file is a `RunFileError` before the fields are used."""
     try:
         for camera in result.cameras:
             deque(camera.finished_images, maxlen=0)
@@ -297,10 +279,7 @@ def _read_about(file: h5py.File) -> tuple[RunInfo, CorrelationSettings, Correcti
 def _read_info(run: Mapping[str, Any]) -> RunInfo:
     """Return the properties of a run.
 
-    Raises
-    ------
-    TypeError
-        If a value is not of the type of its property, such as two numbers for the thickness.
+    Raises `TypeError` if a value is not of the type of its property, such as two numbers for the thickness.
     """
     values = {each.name: plain(run[each.name]) for each in fields(RunInfo)}
     for each in fields(RunInfo):

@@ -45,14 +45,7 @@ _ROWS = 512
 class MeasurementWriter:
     """Writes the result file of a measurement image by image; use it in a `with` statement.
 
-    Parameters
-    ----------
-    place : ResultPlace
-    cameras : sequence of CorrectedCamera
-    set_up : SetUp
-    origin : Provenance
-    images_before : float
-        As for `ResultWriter`.
+    `images_before`: as for `ResultWriter`.
     """
 
     def __init__(
@@ -133,18 +126,11 @@ class MeasurementWriter:
     ) -> None:
         """Write what is known only after the last step.
 
-        Parameters
-        ----------
-        alignments : mapping of str to (Alignment or None)
-            The alignment of each camera, if the images of a rotation have solved it.
-        steps : mapping of str to sequence of RunStep
-            The steps of a run that each camera has measured.
-        corrections : RunCorrections, optional
-            The corrections of a run, with the findings on its set-up.
-        failures : mapping of str to sequence of str, optional
-            One sentence for each step of a run that a camera could not measure. Default: from the images.
-        whole : bool
-            False if the measurement was stopped before the last image.
+        `alignments`: the alignment of each camera, if the images of a rotation have solved it. `steps`: the
+        steps of a run that each camera has measured. `corrections`: the corrections of a run, with the
+        findings on its set-up. `failures`: one sentence for each step of a run that a camera could not
+        measure. Default: from the images. `whole`: False if the measurement was stopped before the last
+        image.
         """
         for camera, alignment in alignments.items():
             group = self._writer.group(CameraLayout.of(camera).place)

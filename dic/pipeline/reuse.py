@@ -25,48 +25,29 @@ FIELDS = "its displacement fields are used again; nothing is correlated"
 
 @dataclass(frozen=True)
 class EarlierMeasurement:
-    """What an earlier measurement has left.
-
-    Attributes
-    ----------
-    images : mapping of str to sequence of FinishedImage
-        The images at the beginning of each camera's series that are finished, by the camera's name.
-    known : bool
-        True if these are all images.
-    same : SeriesResult or RunResult or None
-        The results at the place, if they are those of this measurement.
-    images_before : float
-        How many images a new file must have before it replaces the one at its place; see `ResultWriter`.
-    note : str
-        A sentence about the use of the result file; "" if none is used.
-    """
+    """What an earlier measurement has left."""
 
     images: Mapping[str, Sequence[FinishedImage]] = field(default_factory=dict)
+    """The images at the beginning of each camera's series that are finished, by the camera's name."""
     known: bool = False
+    """True if these are all images."""
     same: SeriesResult | RunResult | None = None
+    """The results at the place, if they are those of this measurement."""
     images_before: float = 0
+    """How many images a new file must have before it replaces the one at its place; see `ResultWriter`."""
     note: str = ""
+    """A sentence about the use of the result file; "" if none is used."""
 
 
 def look_up(place: ResultPlace, job: Job, images: Callable[[], Outcomes]) -> EarlierMeasurement:
     """Search for a result file whose fields are those of a measurement.
 
-    Parameters
-    ----------
-    place : ResultPlace
-        The place that names the file: the result file to be written, or the file whose fields the user wants
-        to use.
-    job : Job
-        Everything except the images that determines the results.
-    images : callable
-        Function that returns the images of the measurement.
+    `place`: the place that names the file: the result file to be written, or the file whose fields the user
+    wants to use. `job`: everything except the images that determines the results. `images`: function that
+    returns the images of the measurement.
 
-    Raises
-    ------
-    RunFileError
-        If the user named a file whose fields belong to another measurement or cannot be used.
-    OutputError
-        If there is a file at the place of the results that must not be replaced.
+    Raises `RunFileError` if the user named a file whose fields belong to another measurement or cannot be
+    used. Raises `OutputError` if there is a file at the place of the results that must not be replaced.
     """
     if place.fields_from is not None:
         found = load_fields(place.fields_from)
@@ -98,12 +79,7 @@ def look_up(place: ResultPlace, job: Job, images: Callable[[], Outcomes]) -> Ear
 
 
 def require_replaceable(place: ResultPlace) -> None:
-    """Raise an error if the file contains other results that must not be replaced.
-
-    Raises
-    ------
-    OutputError
-    """
+    """Raise an `OutputError` if the file contains other results that must not be replaced."""
     if place.path.exists() and not place.replace:
         expected, remedy = "a file of its own", "name another place, or replace it with --force"
         raise OutputError(str(place.path), "write results", expected, "one that exists", remedy)
@@ -136,10 +112,7 @@ def _used(
     """Return which images of a result file with the same fields are used, and whether its results are the
     same.
 
-    Raises
-    ------
-    OutputError
-        If the file would be replaced by other results, and must not be.
+    Raises `OutputError` if the file would be replaced by other results, and must not be.
     """
     equal = {camera.camera: _equal(camera.outcomes, wanted[camera.camera]) for camera in found.cameras}
     held = sum(len(camera.outcomes) for camera in found.cameras)

@@ -35,27 +35,17 @@ _BAND_PX = 128
 
 @dataclass(frozen=True)
 class RunCameras:
-    """The cameras of a run, and how their images are correlated.
-
-    Attributes
-    ----------
-    run : RunFile
-    regions : mapping of str to ndarray of bool
-        The region to measure of each camera that has one, by the camera's name.
-    settings : CorrelationSettings
-    incremental : str
-    plate_mm : float
-        Distance of the specimen's surface behind the grid's lines.
-    workers : Workers or None
-        Workers that correlate the images of all cameras. By default each camera has a thread of its own.
-    """
+    """The cameras of a run, and how their images are correlated."""
 
     run: RunFile
     regions: Mapping[str, Mask]
+    """The region to measure of each camera that has one, by the camera's name."""
     settings: CorrelationSettings
     incremental: str
     plate_mm: float
+    """Distance of the specimen's surface behind the grid's lines."""
     workers: Workers | None = None
+    """Workers that correlate the images of all cameras. By default each camera has a thread of its own."""
 
     def calibrated(self) -> list[CameraImages]:
         """Calibrate all cameras at the same time, and return them with their images."""
@@ -136,10 +126,7 @@ def step_content(run: RunFile, camera: str, step: RunStep) -> str:
 def calibrate_camera(run: RunFile, camera: str) -> Calibration:
     """Return the calibration of a run's camera, from the first image of the grid.
 
-    Raises
-    ------
-    MeasurementError
-        If the run has no image of the grid, or the grid is not found.
+    Raises `MeasurementError` if the run has no image of the grid, or the grid is not found.
     """
     image = run.image(camera, run.step_of_kind("grid"))
     source = f"{run.path}: {camera}"

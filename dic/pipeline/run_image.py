@@ -16,14 +16,7 @@ from dic.runfile.reader import RunFile, RunStep
 
 @dataclass(frozen=True)
 class RunImage:
-    """The image of a camera at a step of a run, which is read when the object is called.
-
-    Attributes
-    ----------
-    run : RunFile
-    camera : str
-    step : RunStep
-    """
+    """The image of a camera at a step of a run, which is read when the object is called."""
 
     run: RunFile
     camera: str

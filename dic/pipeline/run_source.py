@@ -72,18 +72,13 @@ def _mask(region: Region, shape: tuple[int, int]) -> Mask:
 
 @dataclass(frozen=True)
 class RunFiles:
-    """The run files that paths name.
-
-    Attributes
-    ----------
-    paths : list of Path
-    continued : dict of Path to Path
-        The files of folders that are left out, because another run of the folder continues them. Each has the
-        file of the run that continues it and contains its steps.
-    """
+    """The run files that paths name."""
 
     paths: list[Path]
     continued: dict[Path, Path]
+    """The files of folders that are left out, because another run of the folder continues them. Each has the
+    file of the run that continues it and contains its steps.
+    """
 
 
 def list_run_files(paths: Iterable[PathLike]) -> RunFiles:

@@ -69,28 +69,18 @@ class SeriesSetUp:
 
 @dataclass(frozen=True)
 class RunSetUp:
-    """A run, and the inputs that are needed to compute strains from the run's displacement fields.
-
-    Attributes
-    ----------
-    source : str
-        Path of the run file.
-    info : RunInfo
-    settings : CorrelationSettings
-        Settings of the correlation that gave the fields.
-    strain : StrainSettings
-    correcting : CorrectionSettings
-        Settings of the corrections, with the values that the run file declares.
-    plate_mm : float
-        Distance of the specimen's surface behind the grid's lines.
-    """
+    """A run, and the inputs that are needed to compute strains from the run's displacement fields."""
 
     source: str
+    """Path of the run file."""
     info: RunInfo
     settings: CorrelationSettings
+    """Settings of the correlation that gave the fields."""
     strain: StrainSettings
     correcting: CorrectionSettings
+    """Settings of the corrections, with the values that the run file declares."""
     plate_mm: float
+    """Distance of the specimen's surface behind the grid's lines."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return a dict for JSON of all values that determine strain and corrections."""
@@ -119,11 +109,8 @@ def plate_of_job(job: Job) -> float:
 def require_calibration(motion: Motion | None, calibration: Calibration | None) -> None:
     """Raise an error if the motion is to be corrected but there is no calibration.
 
-    Raises
-    ------
-    CorrelationError
-        If the motion is not "free", or the shift is stated, and there is no calibration, or an argument has
-        the wrong type.
+    Raises `CorrelationError` if the motion is not "free", or the shift is stated, and there is no
+    calibration, or an argument has the wrong type.
     """
     require_kind("motion", motion, Motion | None, 'give dic.Motion("tension")')
     require_kind("calibration", calibration, Calibration | None, "read it with dic.load_calibration(path)")
@@ -146,12 +133,7 @@ def require_calibration(motion: Motion | None, calibration: Calibration | None) 
 
 
 def require_size(calibration: Calibration | None, shape: tuple[int, ...]) -> None:
-    """Raise an error if the calibration belongs to images of another size than `shape` (height, width).
-
-    Raises
-    ------
-    CalibrationError
-    """
+    """Raise a `CalibrationError` if the calibrated images have another size than `shape`: height, width."""
     if calibration is None or calibration.image_shape == shape:
         return
     (height, width), (own_height, own_width) = calibration.image_shape, shape

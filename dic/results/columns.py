@@ -10,10 +10,6 @@ class Columns:
 
     A dataset with one value per image is returned as an array, and read when it is needed for the first time.
     Other datasets stay in the file; each of their rows is read when it is used.
-
-    Parameters
-    ----------
-    group : h5py.Group
     """
 
     def __init__(self, group: Any) -> None:

@@ -24,11 +24,8 @@ _OTHERS = {*_PIXELS, *_MILLIMETRES, "std_u_px", "std_v_px", "valid"}
 class CsvTable:
     """Writes the lines of a CSV table that a spreadsheet can open directly.
 
-    Attributes
-    ----------
-    decimal_comma : bool
-        True for numbers with a decimal comma and semicolons between cells, False for a decimal point and
-        commas.
+    `decimal_comma`: True for numbers with a decimal comma and semicolons between cells, False for a decimal
+    point and commas.
     """
 
     def __init__(self, file: Any, *, decimal_comma: bool) -> None:

@@ -39,10 +39,7 @@ def plain(value: Any) -> Any:
 def read_reference(group: Any) -> Grey:
     """Return the grey levels of the reference image in a group of the file, shape (height, width).
 
-    Raises
-    ------
-    ValueError
-        If the group has no image of this shape.
+    Raises `ValueError` if the group has no image of this shape.
     """
     grey: Grey = group["reference"][:]
     if grey.ndim != 2 or not grey.size:
@@ -53,20 +50,11 @@ def read_reference(group: Any) -> Grey:
 class StoredFields:
     """The fields of a series, each of which is read from the open result file when it is used.
 
-    Parameters
-    ----------
-    series : h5py.Group
-        Group of the file that `ResultWriter.add_field` wrote.
-    shared : mapping of str to object, optional
-        Region and grid, if they are known; they are read from the file by default.
+    `series`: group of the file that `ResultWriter.add_field` wrote. `shared`: region and grid, if they are
+    known; they are read from the file by default.
 
-    Attributes
-    ----------
-    settings : CorrelationSettings
-    region : ndarray of bool, shape (height, width), or None
-        The region of interest; None in files of earlier versions.
-    grid : PointGrid or None
-        The points, and the pixels that their subsets used; None in files of earlier versions.
+    `region`, shape (height, width): the region of interest; None in files of earlier versions. `grid`: the
+    points, and the pixels that their subsets used; None in files of earlier versions.
     """
 
     def __init__(self, series: Any, shared: Mapping[str, Any] | None = None) -> None:
@@ -135,10 +123,7 @@ class StoredFields:
     def images(self, outcomes: Sequence[ImageOutcome]) -> Sequence[FinishedImage]:
         """Return the correlated images of the series in their order, with the fields of this file.
 
-        Parameters
-        ----------
-        outcomes : sequence of ImageOutcome
-            The outcomes of all images of the series, from `read_outcomes`.
+        `outcomes`: the outcomes of all images of the series, from `read_outcomes`.
         """
         rows = np.cumsum([each.failure is None for each in outcomes]) - 1
 

@@ -22,30 +22,20 @@ _COLUMNS = ("row", "points", "rows", "columns", "converged_share", "median_zncc"
 
 @dataclass(frozen=True)
 class FinishedImage:
-    """The outcome of the correlation of an image.
-
-    Attributes
-    ----------
-    label : str
-        Name of the image.
-    digest : str
-        SHA-256 of the image's file, or of its frames; "" if it is not known.
-    fields : SeriesFields or None
-        None if the image could not be correlated.
-    failure : str or None
-        The reason why the image could not be correlated.
-    content : str
-        The result of `dic.results.job.content_of`; "" if it is not known.
-    time : ImageTime
-        When the image was taken.
-    """
+    """The outcome of the correlation of an image."""
 
     label: str
+    """Name of the image."""
     digest: str = ""
+    """SHA-256 of the image's file, or of its frames; "" if it is not known."""
     fields: SeriesFields | None = None
+    """None if the image could not be correlated."""
     failure: str | None = None
+    """The reason why the image could not be correlated."""
     content: str = ""
+    """The result of `dic.results.job.content_of`; "" if it is not known."""
     time: ImageTime = dataclass_field(default_factory=ImageTime)
+    """When the image was taken."""
 
     @property
     def outcome(self) -> ImageOutcome:
@@ -63,13 +53,8 @@ class FinishedImage:
 def append_earlier(series: Any, row: int, fields: SeriesFields) -> None:
     """Append what later images begin with, for an image that was correlated with a later reference.
 
-    Parameters
-    ----------
-    series : h5py.Group
-        Group of the series in an open result file.
-    row : int
-        Row of the image in the datasets of the series.
-    fields : SeriesFields
+    `series`: group of the series in an open result file. `row`: row of the image in the datasets of the
+    series.
     """
     if fields.earlier is None or fields.quality is None:
         return
@@ -85,10 +70,7 @@ def append_earlier(series: Any, row: int, fields: SeriesFields) -> None:
 class EarlierFields:
     """The data that `append_earlier` has written, by the row of the image.
 
-    Parameters
-    ----------
-    series : h5py.Group
-        Group of the series in an open result file.
+    `series`: group of the series in an open result file.
     """
 
     def __init__(self, series: Any) -> None:

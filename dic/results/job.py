@@ -39,24 +39,16 @@ def as_text(values: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class ImageOutcome:
-    """The outcome of the correlation for one image of a series.
-
-    Attributes
-    ----------
-    label : str
-        Name of the image.
-    content : str
-        The result of `content_of`; "" if the image could not be read.
-    failure : str or None
-        The reason why the image could not be correlated; None if it was correlated.
-    time : ImageTime
-        When the image was taken. Not set for a step of a run, because the run file contains the time.
-    """
+    """The outcome of the correlation for one image of a series."""
 
     label: str
+    """Name of the image."""
     content: str
+    """The result of `content_of`; "" if the image could not be read."""
     failure: str | None = None
+    """The reason why the image could not be correlated; None if it was correlated."""
     time: ImageTime = field(default_factory=ImageTime)
+    """When the image was taken. Not set for a step of a run, because the run file contains the time."""
 
 
 def content_of(digest: str, guess: Iterable[float] = ()) -> str:

@@ -62,10 +62,7 @@ def alone(result: Path | None) -> Iterator[None]:
     The lock is a hidden file beside the result file, which is removed at the end. Files that killed programs
     have left unpublished are removed.
 
-    Raises
-    ------
-    OutputError
-        If another program writes this result file, or the folder cannot be written to.
+    Raises `OutputError` if another program writes this result file, or the folder cannot be written to.
     """
     if result is None:
         yield

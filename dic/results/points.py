@@ -20,33 +20,26 @@ CORRECTED, RAW = "corrected_", "raw_"
 
 @dataclass(frozen=True)
 class PointValues:
-    """All values at the points of an image, under the names that are used in files.
-
-    Attributes
-    ----------
-    label : str
-        The path of the image file, or the run's step to which the image belongs.
-    x_px : ndarray of int, shape (columns,)
-    y_px : ndarray of int, shape (rows,)
-    active : ndarray of bool, shape (rows, columns)
-        True for the points of the region.
-    values : mapping of str to ndarray, shape (rows, columns)
-        Numbers at the points; NaN at a point without a value. The end of a name gives the unit: `_px`, `_mm`
-        or `_deg`; other values have no unit. `status` contains the numbers of `Status`. `valid` is 1 if the
-        calibrated displacement of the point is not extrapolated. `docs/results.md` explains the names.
-    strain_kind : str
-        Kind of the strains `exx` …: "raw" or "calibrated". The strains `raw_exx` … are always raw.
-    measurement : Measurement
-        The measurement. Some kinds of files take further values from it.
-    """
+    """All values at the points of an image, under the names that are used in files."""
 
     label: str
+    """The path of the image file, or the run's step to which the image belongs."""
     x_px: NDArray[Any]
+    """Shape (columns,)."""
     y_px: NDArray[Any]
+    """Shape (rows,)."""
     active: Mask
+    """Shape (rows, columns). True for the points of the region."""
     values: Mapping[str, NDArray[Any]]
+    """Each of shape (rows, columns). Numbers at the points; NaN at a point without a value. The end of a name
+    gives the unit: `_px`, `_mm` or `_deg`; other values have no unit. `status` contains the numbers of
+    `Status`. `valid` is 1 if the calibrated displacement of the point is not extrapolated. `docs/results.md`
+    explains the names.
+    """
     strain_kind: str
+    """Kind of the strains `exx` …: "raw" or "calibrated". The strains `raw_exx` … are always raw."""
     measurement: Measurement
+    """Some kinds of files take further values from it."""
 
     @classmethod
     def of(

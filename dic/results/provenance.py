@@ -15,24 +15,16 @@ _PACKAGES = ("offaxis", "numpy", "scipy", "numba", "opencv-python-headless")
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where the results of a file come from.
-
-    Attributes
-    ----------
-    command : str
-        The command line of the program that wrote the results.
-    versions : str
-        The versions of this program and of the libraries that it computes with.
-    inputs : mapping of str to str
-        The SHA-256 of each input file except the images of a series, keyed by the file's name.
-    job : Job or None
-        Everything except the images that determines the results; None for files of earlier versions.
-    """
+    """Where the results of a file come from."""
 
     command: str
+    """The command line of the program that wrote the results."""
     versions: str
+    """The versions of this program and of the libraries that it computes with."""
     inputs: Mapping[str, str]
+    """The SHA-256 of each input file except the images of a series, keyed by the file's name."""
     job: Job | None = None
+    """Everything except the images that determines the results; None for files of earlier versions."""
 
     @classmethod
     def of(
@@ -43,13 +35,8 @@ class Provenance:
     ) -> "Provenance":
         """Return the provenance of results that this program computes from files.
 
-        Parameters
-        ----------
-        inputs : iterable of Path or None
-            The input files except the images of a series; None means "no file".
-        job : Job, optional
-        digest : callable, optional
-            Function that returns the SHA-256 of a file, for a caller that already knows some digests.
+        `inputs`: the input files except the images of a series; None means "no file". `digest`: function that
+        returns the SHA-256 of a file, for a caller that already knows some digests.
         """
         program, *arguments = sys.argv
         of_file = digest or file_sha256

@@ -48,20 +48,11 @@ def read_measurements(
 
     The calibrated displacements lack gradients and errors, because result files do not store them.
 
-    Parameters
-    ----------
-    series : h5py.Group
-        Group of the file that `ResultWriter.add` wrote.
-    calibration : Calibration or None
-        Calibration of the camera. The reader uses the calibration only if the file lacks values.
-    local_strain : bool
-        False to leave out local strains and gradients, which take most of the time of reading. Then the
-        strains of the measurements must not be used.
+    `series`: group of the file that `ResultWriter.add` wrote. `calibration`: used only if the file lacks
+    values. `local_strain`: False to leave out local strains and gradients, which take most of the time of
+    reading. Then the strains of the measurements must not be used.
 
-    Raises
-    ------
-    KeyError, TypeError
-        If the group does not contain the measurements of a series of images.
+    Raises `KeyError` or `TypeError` if the group does not contain the measurements of a series of images.
     """
     stored, strain = StoredFields(series), read_strain_settings(series)
 
@@ -95,15 +86,9 @@ def read_corrections(
 
     If the corrected values of an image are stored in another group of the file, the returned values are NaN.
 
-    Parameters
-    ----------
-    group : h5py.Group
-        Group of the file that `ResultWriter.add_corrections` wrote.
-    measurements : sequence of Measurement
-        The measurements to which the corrections belong.
-    anew : sequence of Correction, optional
-        The same corrections, computed again. Give these corrections if the file is of an earlier version that
-        lacks values.
+    `group`: group of the file that `ResultWriter.add_corrections` wrote. `measurements`: the measurements to
+    which the corrections belong. `anew`: the same corrections, computed again. Give these corrections if the
+    file is of an earlier version that lacks values.
     """
     columns = Columns(group)
     return Computed(
@@ -117,20 +102,11 @@ def read_two_cameras(
 ) -> tuple[tuple[str, str], Mapping[int, TwoCameraStep]]:
     """Return the results that two cameras give together from a result file.
 
-    Parameters
-    ----------
-    group : h5py.Group
-        Group of the file that `ResultWriter.add_two_cameras` wrote.
-    measurements : mapping of str to mapping of int to Measurement
-        The measurements, keyed by the camera's name and then by the step's number.
+    `group`: group of the file that `ResultWriter.add_two_cameras` wrote. `measurements`: the measurements,
+    keyed by the camera's name and then by the step's number.
 
-    Returns
-    -------
-    tuple of str
-        Names of the two cameras.
-    mapping of int to TwoCameraStep
-        Result of both cameras together for each step, keyed by the step's number. A result is read when it is
-        used.
+    Result: the names of the two cameras, and the result of both cameras together for each step, keyed by the
+    step's number. The result of a step is read when it is used.
     """
     first, second = map(str, group.attrs["cameras"])
     indices = group["step"][:].tolist() if "step" in group else []

@@ -32,21 +32,13 @@ STEP_UNITS = {
 
 @dataclass(frozen=True)
 class CameraLayout:
-    """The groups of a result file that contain what is known of one camera.
-
-    Attributes
-    ----------
-    place : str
-        Group of the camera.
-    rows : str
-        Group with the displacements and strains of the images.
-    calibration : str
-        Group of the calibration.
-    """
+    """The groups of a result file that contain what is known of one camera."""
 
     place: str
     rows: str
+    """Group with the displacements and strains of the images."""
     calibration: str
+    """Group of the calibration."""
 
     @classmethod
     def of(cls, camera: str) -> "CameraLayout":

@@ -27,19 +27,10 @@ def require_shapes(series: Any, reference: Any, joint: Any = None) -> None:
 
     Only shapes are read, no values.
 
-    Parameters
-    ----------
-    series : h5py.Group
-        Group of the file that `ResultWriter.add` wrote.
-    reference : h5py.Dataset
-        The reference image.
-    joint : h5py.Group, optional
-        Group of the same camera that `ResultWriter.add_two_cameras` wrote.
+    `series`: group of the file that `ResultWriter.add` wrote. `joint`: group of the same camera that
+    `ResultWriter.add_two_cameras` wrote.
 
-    Raises
-    ------
-    Contradiction
-        Names the first dataset of another shape.
+    Raises a `Contradiction` that names the first dataset of another shape.
     """
     grid = (len(series["y_px"]), len(series["x_px"]))
     corrected = [

@@ -61,22 +61,12 @@ class ResultWriter:
 
     No fields stay in memory. Several threads may append fields.
 
-    Parameters
-    ----------
-    path : Path
-        The file to create. A file at this place is replaced; without any image, it stays.
-    origin : Provenance
-        Where the results come from.
-    outputs : iterable of Path
-        Other files that the measurement writes; see `outputs_of`.
-    images_before : float
-        Number of images of a file at the same place, which is replaced when this file has as many. Infinity
-        if that file is replaced only at the end.
+    `path`: the file to create. A file at this place is replaced; without any image, it stays. `origin`: where
+    the results come from. `outputs`: other files that the measurement writes; see `outputs_of`.
+    `images_before`: number of images of a file at the same place, which is replaced when this file has as
+    many. Infinity if that file is replaced only at the end.
 
-    Attributes
-    ----------
-    has_results : bool
-        True if the file is worth keeping. The writer sets this with the first field.
+    `has_results`: True if the file is worth keeping. The writer sets this with the first field.
     """
 
     def __init__(
@@ -130,10 +120,7 @@ class ResultWriter:
     def commit(self, *, if_due: bool = False) -> None:
         """Make sure that the file can be read as it is now; if `if_due`, only if much is new.
 
-        Raises
-        ------
-        OutputError
-            If the disk is full.
+        Raises `OutputError` if the disk is full.
         """
         with self._turn, self._room():
             if if_due and not self._is_due():
@@ -211,16 +198,10 @@ class ResultWriter:
     ) -> None:
         """Append the strains of an image, whose field has been appended.
 
-        Parameters
-        ----------
-        layout : CameraLayout
-            Where the file contains the images of the camera.
-        measurement : Measurement
-        correction : Correction, optional
-            The correction of the measurement. Give a correction for every image of a series, or for none.
-        elsewhere : bool
-            True if the corrected displacements and strains are stored in another group of the file. Corrected
-            fields are not stored twice, because they take most of the space in the file.
+        `layout`: where the file contains the images of the camera. `correction`: given for every
+        image of a series, or for none. `elsewhere`: True if the
+        corrected displacements and strains are stored in another group of the file. Corrected fields are not
+        stored twice, because they take most of the space in the file.
         """
         with self._turn, self._room():
             group, n = self._file[layout.rows], self._next(f"{layout.rows}/strain")
