@@ -34,22 +34,12 @@ def replica_shares(
 ) -> tuple[dict[Replica, Float], float]:
     """Return the share of each replica in the recorded power, and the variance of the noise.
 
-    Parameters
-    ----------
-    spectrum : PatternSpectrum
-        The recorded spectrum, with its noise.
-    noise_variance : float
-        Variance of the white noise.
-    noise_known : bool
-        True if `noise_variance` is known, from two images. False if `noise_variance` is only an upper bound.
-        The fit then determines the variance.
+    `spectrum`: the recorded spectrum, with its noise. `noise_variance`: variance of the white noise.
+    `noise_known`: True if `noise_variance` is known, from two images. False if `noise_variance` is only an
+    upper bound. The fit then determines the variance.
 
-    Returns
-    -------
-    shares : dict
-        One array of shape (n + 1, n + 1) for each replica: the replica's share of the power at each
-        frequency. The sum of all arrays is the pattern's share, and the rest of the power is noise.
-    noise_variance : float
+    Result: one array of shape (n + 1, n + 1) for each replica: the replica's share of the power at each
+    frequency. The sum of all arrays is the pattern's share, and the rest of the power is noise.
     """
     frequency = spectrum.frequencies
     radius = np.hypot(frequency[:, None], frequency)

@@ -26,19 +26,12 @@ A displacement is extrapolated, and not interpolated, where one of the four surr
 def chain(first: Field, second: Field) -> Field:
     """Return the displacements from the first reference to an image, by way of a later reference.
 
-    Parameters
-    ----------
-    first : Field
-        The field from the first reference to a later reference.
-    second : Field
-        The field from the later reference to an image, on a grid of its own.
+    `first`: the field from the first reference to a later reference. `second`: the field from the later
+    reference to an image, on a grid of its own.
 
-    Returns
-    -------
-    Field
-        A field on the grid of `first`, with affine warps. The gradients are those of F₂F₁, the product of
-        both deformation gradients. The variances of both fields are added, and so are their biases. A point
-        that failed in either field also fails in the result.
+    Result: a field on the grid of `first`, with affine warps. The gradients are those of F₂F₁, the product of
+    both deformation gradients. The variances of both fields are added, and so are their biases. A point that
+    failed in either field also fails in the result.
     """
     rows, columns = np.nonzero(first.converged)
     x, y = first.x_px[columns] + first.u_px[rows, columns], first.y_px[rows] + first.v_px[rows, columns]
@@ -149,17 +142,10 @@ def moved_region(region: Mask, field: Field) -> Mask:
     to the converged point. For a pixel inside an open crack the place is far from the point, so the pixel is
     excluded.
 
-    Parameters
-    ----------
-    region : ndarray of bool, shape (height, width)
-        The region in the reference.
-    field : Field
-        The field from the reference to the deformed image.
+    `region`, shape (height, width): the region in the reference. `field`: the field from the reference to the
+    deformed image.
 
-    Returns
-    -------
-    ndarray of bool, shape (height, width)
-        The region in the deformed image; the mask is read-only.
+    Result: the region in the deformed image; the mask is read-only.
     """
     import cv2
 

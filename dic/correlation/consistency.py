@@ -27,17 +27,10 @@ The left neighbour is not in this list, because it is checked before the other n
 def consistent_seeds(points: Indices, warps: Float) -> Mask:
     """Return True for scattered points whose displacement one of the four nearest points predicts.
 
-    Parameters
-    ----------
-    points : ndarray of int, shape (n, 2)
-        Coordinates (x, y) of the points, px.
-    warps : ndarray, shape (n, 6)
+    `points`, shape (n, 2): coordinates (x, y) of the points, px. `warps`: shape (n, 6).
 
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        True for consistent points. If fewer than three points have a warp that a real surface can have,
-        neighbours are not compared, and the result is True for these points.
+    Result, shape (n,): True for consistent points. If fewer than three points have a warp that a real surface
+    can have, neighbours are not compared, and the result is True for these points.
     """
     plausible = _plausible(warps.T)
     if plausible.sum() < 3:
@@ -59,17 +52,11 @@ def consistent_seeds(points: Indices, warps: Float) -> Mask:
 def consistent_field(x_px: Indices, y_px: Indices, warps: Float, converged: Mask) -> Mask:
     """Return True for converged points whose displacement is predicted by one of their eight neighbours.
 
-    Parameters
-    ----------
-    x_px, y_px : ndarray of int, shapes (columns,) and (rows,)
-    warps : ndarray, shape (rows, columns, 6)
-    converged : ndarray of bool, shape (rows, columns)
+    `x_px`, `y_px`: shape (columns,) and (rows,). `warps`: shape (rows, columns, 6). `converged`: shape (rows,
+    columns).
 
-    Returns
-    -------
-    ndarray of bool, shape (rows, columns)
-        True for consistent points. If only one point has a warp that a real surface can have, this point
-        counts as consistent.
+    Result, shape (rows, columns): True for consistent points. If only one point has a warp that a real
+    surface can have, this point counts as consistent.
     """
     planes = np.ascontiguousarray(np.moveaxis(warps[..., :6], -1, 0))
     # Failed points still hold the warp of the last IC-GN iteration, which may be infinite.

@@ -18,15 +18,9 @@ _NEIGHBOUR_REACH = 3
 def limited_to(reference: KernelReference, x: int, y: int, usable: Mask, radius: int) -> KernelReference:
     """Return a reference that holds one subset only, without the pixels beyond a crack.
 
-    Parameters
-    ----------
-    reference : KernelReference
-    x, y : int
-        Centre of the subset. A pixel of the subset is hidden if a crack separates it from the centre.
-    usable : ndarray of bool, shape (height, width)
-        True for pixels that subsets may use.
-    radius : int
-        Number of pixels of the subset on either side of its centre.
+    `x`, `y`: centre of the subset. A pixel of the subset is hidden if a crack separates it from the centre.
+    `usable`, shape (height, width): True for pixels that subsets may use. `radius`: number of pixels of the
+    subset on either side of its centre.
     """
     width = 2 * radius + 1
     first = reference.origin + (y - radius) * reference.pitch + x - radius
@@ -48,22 +42,11 @@ def limited_to(reference: KernelReference, x: int, y: int, usable: Mask, radius:
 def visible_neighbours(
     grid: PointGrid, usable: Mask, row: int, column: int, known: Mask
 ) -> Iterator[tuple[int, int]]:
-    """Yield points of `known` near a given point, if the line between the two points is in the region.
+    """Yield row and column of points of `known` near a given point, the nearest point first.
 
-    Parameters
-    ----------
-    grid : PointGrid
-    usable : ndarray of bool, shape (height, width)
-        True for pixels of the region.
-    row, column : int
-        The given point.
-    known : ndarray of bool, shape (rows, columns)
-        True for points that may be chosen.
-
-    Yields
-    ------
-    (int, int)
-        Row and column of a known point; the nearest point comes first.
+    The line between the given point at `row` and `column` and a yielded point is in the region. `usable`,
+    shape (height, width): True for pixels of the region. `known`, shape (rows, columns): True for points that
+    may be chosen.
     """
     reach = _NEIGHBOUR_REACH
     top, left = max(0, row - reach), max(0, column - reach)

@@ -13,17 +13,12 @@ class EarlierField:
     """The parts of an earlier image's field with which the correlation of an image begins.
 
     They are much smaller than the field, so they can be kept for several images and sent to other processes.
-
-    Attributes
-    ----------
-    warps : ndarray, shape (n, 6)
-        The warps of the points that are tried as seeds: of `scattered`, in the same order.
-    converged : ndarray of bool, shape (rows, columns)
-        True for the converged points.
     """
 
     warps: Float
+    """Shape (n, 6). The warps of the points that are tried as seeds: of `scattered`, in the same order."""
     converged: Mask
+    """Shape (rows, columns). True for the converged points."""
 
     @classmethod
     def of(cls, field: Field) -> Self:

@@ -41,19 +41,13 @@ _TOLERANCE_PX, _TOLERANCE = 2.0, 0.15
 
 @dataclass(frozen=True)
 class Matches:
-    """Features of the reference, and the matching features of the deformed image; some matches are wrong.
-
-    Attributes
-    ----------
-    here, there : ndarray, shape (n, 2)
-        Positions (x, y) of the features in the reference and in the deformed image, px.
-    gradient : ndarray, shape (n, 2, 2)
-        Deformation gradients, computed from the rotations and scales of the features.
-    """
+    """Features of the reference, and the matching features of the deformed image; some matches are wrong."""
 
     here: Float
     there: Float
+    """Shape (n, 2). Positions (x, y) of the features in the reference and in the deformed image, px."""
     gradient: Float
+    """Shape (n, 2, 2). Deformation gradients, computed from the rotations and scales of the features."""
 
     def warps_at(self, points: Float) -> Float:
         """Return affine warps (n, 6) at `points` (n, 2), fitted to nearby matches.
@@ -90,11 +84,7 @@ class Matches:
 class FeatureFinder:
     """Find the features of one reference in deformed images.
 
-    Parameters
-    ----------
-    reference : StoredImage
-    usable : ndarray of bool, shape (height, width)
-        True at pixels where features of the reference may lie.
+    `usable`, shape (height, width): True at pixels where features of the reference may lie.
     """
 
     def __init__(self, reference: StoredImage, usable: Mask) -> None:

@@ -44,20 +44,10 @@ def guesses(
 
     The most likely and cheapest guesses come first.
 
-    Parameters
-    ----------
-    reference, deformed : StoredImage
-    features : FeatureFinder
-        The feature finder of the reference.
-    points : ndarray of int, shape (n, 2)
-        Coordinates (x, y) of the points in the reference.
-    half_px : int
-        Half of the template width. The width is 2 * half_px + 1 pixels.
-    previous : ndarray, shape (n, 6), optional
-        The warps of the points in an earlier image. A warp is NaN if the point failed there.
-    hint : ndarray, shape (3, 3), optional
-        Expected homography from the reference to the deformed image.
-    threads : int
+    `features`: the feature finder of the reference. `points`, shape (n, 2): coordinates (x, y) of the points
+    in the reference. `half_px`: half of the template width. The width is 2 * half_px + 1 pixels. `previous`,
+    shape (n, 6): the warps of the points in an earlier image. A warp is NaN if the point failed there.
+    `hint`, shape (3, 3): expected homography from the reference to the deformed image.
     """
 
     def found_around(motion: Float, radius_px: int) -> Float:
@@ -135,10 +125,7 @@ def rigid_motion(angle_deg: float, shift_px: tuple[float, float], centre_px: tup
 def checked_homography(hint: object) -> Float:
     """Return the homography of an expected motion as an array (3, 3).
 
-    Raises
-    ------
-    CorrelationError
-        If `hint` is not a 3 x 3 array of finite numbers, or if its last element is 0.
+    Raises `CorrelationError` if `hint` is not a 3 x 3 array of finite numbers, or if its last element is 0.
     """
     try:
         motion = np.array(hint, np.float64)
@@ -161,11 +148,8 @@ def checked_homography(hint: object) -> Float:
 def homography_warps(homography: Float, points: Float) -> Float:
     """Return the affine warps (n, 6) of a homography at `points` (n, 2).
 
-    Parameters
-    ----------
-    homography : ndarray, shape (3, 3)
-        The matrix that maps pixel coordinates (x, y, 1) of the reference to the deformed image.
-    points : ndarray, shape (n, 2)
+    `homography`, shape (3, 3): the matrix that maps pixel coordinates (x, y, 1) of the reference to the
+    deformed image.
     """
     x, y = points[:, 0], points[:, 1]
     (a, b, c), (d, e, f), (g, h, k) = homography
@@ -186,24 +170,13 @@ def search(
 ) -> Float:
     """Find subsets by normalised cross-correlation at whole pixels around their expected positions.
 
-    Parameters
-    ----------
-    reference, deformed : StoredImage
-    points : ndarray of int, shape (n, 2)
-        Centres (x, y) of the templates in the reference.
-    half_px : int
-        Half of the template width. The width is 2 * half_px + 1 pixels.
-    radius_px : int
-        Largest difference between a displacement and the displacement that `motion` predicts.
-    motion : ndarray, shape (3, 3)
-        Expected homography from the reference to the deformed image. If no motion is expected, give the
-        identity matrix.
+    `points`, shape (n, 2): centres (x, y) of the templates in the reference. `half_px`: half of the template
+    width. The width is 2 * half_px + 1 pixels. `radius_px`: largest difference between a displacement and the
+    displacement that `motion` predicts. `motion`, shape (3, 3): expected homography from the reference to the
+    deformed image. If no motion is expected, give the identity matrix.
 
-    Returns
-    -------
-    ndarray, shape (n, 6)
-        The warps of the points. A warp is NaN if the template is too close to the image's edge or has no
-        contrast.
+    Result, shape (n, 6): the warps of the points. A warp is NaN if the template is too close to the image's
+    edge or has no contrast.
     """
     moved_back = _MovedBack(deformed, motion)
     found = np.full((len(points), 2), np.nan)

@@ -52,17 +52,10 @@ def greatest_bias(
 ) -> tuple[float, float]:
     """Return the greatest bias of u and of v, px, which occurs at a sub-pixel displacement of 1/4 px.
 
-    Parameters
-    ----------
-    spectrum : PatternSpectrum
-        The spectrum of the pattern, without noise.
-    order : int
-        Degree of the interpolating B-spline, 3 or 5.
-    smoothing : tuple of float
-        Taps of the filter that smooths both images along x and along y before interpolation.
-    shares : dict, optional
-        Share of the power that belongs to each replica, shape (n + 1, n + 1). The default assumes that the
-        camera has not aliased the pattern: all power belongs to the recorded frequencies.
+    `spectrum`: the spectrum of the pattern, without noise. `order`: degree of the interpolating B-spline, 3
+    or 5. `smoothing`: taps of the filter that smooths both images along x and along y before interpolation.
+    `shares`: share of the power that belongs to each replica, shape (n + 1, n + 1). The default assumes that
+    the camera has not aliased the pattern: all power belongs to the recorded frequencies.
     """
     passed = filter_transfer(spectrum.frequencies, smoothing) ** 2
     power = spectrum.power * spectrum.counts * np.outer(passed, passed)
@@ -99,16 +92,9 @@ def bias_at(displacement_px: Float, gradient: Float, subset_px: int, greatest_px
     A displacement gradient gives the pixels of a subset different sub-pixel parts, so the bias is averaged
     over the subset.
 
-    Parameters
-    ----------
-    displacement_px : ndarray, shape (…)
-        Displacements along one axis.
-    gradient : ndarray, shape (…, 2)
-        Derivatives of these displacements along x and y.
-    subset_px : int
-        Width of the subset.
-    greatest_px : float
-        Bias at a sub-pixel part of 1/4 px.
+    `displacement_px`, shape (…): displacements along one axis. `gradient`, shape (…, 2): derivatives of these
+    displacements along x and y. `subset_px`: width of the subset. `greatest_px`: bias at a sub-pixel part of
+    1/4 px.
     """
     averaged = np.sinc(subset_px * gradient[..., 0]) * np.sinc(subset_px * gradient[..., 1])
     return np.asarray(greatest_px * np.sin(2 * np.pi * displacement_px) * averaged)
@@ -153,16 +139,9 @@ def strain_error(greatest_px: float, gauge_px: float, subset_px: int, strain_ran
     line that fits this wave best (`fitted_slope`). The function returns the greatest slope for strains up to
     `strain_range`.
 
-    Parameters
-    ----------
-    greatest_px : float
-        Bias at a sub-pixel part of 1/4 px.
-    gauge_px : float
-        Width of the virtual strain gauge. Points lie in the gauge's middle part, of width `gauge_px` minus
-        `subset_px`.
-    subset_px : int
-    strain_range : float
-        Largest strain of the experiment.
+    `greatest_px`: bias at a sub-pixel part of 1/4 px. `gauge_px`: width of the virtual strain gauge. Points
+    lie in the gauge's middle part, of width `gauge_px` minus `subset_px`. `strain_range`: largest strain of
+    the experiment.
     """
     strain = np.linspace(0.0, strain_range, 400)
     slope = fitted_slope(2 * np.pi * strain, (gauge_px - subset_px) / 2) * np.sinc(strain * subset_px)

@@ -19,22 +19,12 @@ _SAMPLE_PX = 500_000
 class LaidReference:
     """The reference, of which rows are laid for the kernel.
 
-    Parameters
-    ----------
-    image : StoredImage
-    usable : ndarray of bool, shape (height, width)
-        True for pixels that subsets may use.
-    order : int
-        Degree of the interpolating spline.
-    mean : float
-        Mean grey level of the reference, which the kernel subtracts from all images.
-    threads : int
-        Number of threads that lay a small image. Each band of a large image is laid by one thread.
+    `usable`, shape (height, width): True for pixels that subsets may use. `order`: degree of the
+    interpolating spline. `mean`: mean grey level of the reference, which the kernel subtracts from all
+    images. `threads`: number of threads that lay a small image. Each band of a large image is laid by one
+    thread.
 
-    Attributes
-    ----------
-    in_bands : bool
-        True if the image is so large that it is laid in bands.
+    `in_bands`: True if the image is so large that it is laid in bands.
     """
 
     def __init__(self, image: StoredImage, usable: Mask, order: int, mean: float, threads: int) -> None:
@@ -62,20 +52,10 @@ class LaidReference:
 class LaidDeformed:
     """A deformed image, of which rows are laid for the kernel; its shape may differ from the reference's.
 
-    Parameters
-    ----------
-    image : StoredImage
-    order : int
-        Degree of the interpolating spline.
-    mean : float
-        Mean grey level of the reference.
-    threads : int
-        Number of threads that lay a small image.
+    `order`: degree of the interpolating spline. `mean`: mean grey level of the reference. `threads`: number
+    of threads that lay a small image.
 
-    Attributes
-    ----------
-    height : int
-        Height of the image, px.
+    `height`: height of the image, px.
     """
 
     def __init__(self, image: StoredImage, order: int, mean: float, threads: int) -> None:

@@ -20,17 +20,13 @@ _CORNER = 0.8
 
 @dataclass(frozen=True)
 class PatternSpectrum:
-    """The power spectrum of the grey levels.
-
-    Attributes
-    ----------
-    power : ndarray, shape (n + 1, n + 1)
-        Power at the angular frequencies `frequencies`; the first axis is y. The mean over both signs of the
-        frequency has been taken. The mean of the power over all frequencies is the variance of the grey
-        levels, so the power of white noise equals its variance at every frequency.
-    """
+    """The power spectrum of the grey levels."""
 
     power: Float
+    """Shape (n + 1, n + 1). Power at the angular frequencies `frequencies`; the first axis is y. The mean
+    over both signs of the frequency has been taken. The mean of the power over all frequencies is the
+    variance of the grey levels, so the power of white noise equals its variance at every frequency.
+    """
 
     @property
     def frequencies(self) -> Float:
@@ -65,10 +61,7 @@ def pattern_spectrum(grey: Grey, region: Mask) -> PatternSpectrum | None:
     Each tile is multiplied by a Hann window (P. D. Welch, IEEE Transactions on Audio and Electroacoustics 15
     (1967) 70-73). Tiles are 64 px wide, or 32 or 16 px in a narrow region.
 
-    Parameters
-    ----------
-    grey : ndarray, shape (height, width)
-    region : ndarray of bool, shape (height, width)
+    `grey`: shape (height, width). `region`: shape (height, width).
     """
     tile_px = _TILE_PX
     while tile_px >= _SMALLEST_TILE_PX:

@@ -49,25 +49,14 @@ class SubsetMemory:
 
 @dataclass(frozen=True)
 class PreparedReference:
-    """All data of a reference that do not depend on the deformed image.
-
-    Attributes
-    ----------
-    image : LaidReference
-    mean : float
-        Mean grey level of the reference, which the kernel subtracts from all images.
-    grid : PointGrid
-    settings : CorrelationSettings
-    threads : int
-    smoothing : Smoothing
-        The filter that was applied to the reference and must be applied to all images.
-    memory : SubsetMemory
-    """
+    """All data of a reference that do not depend on the deformed image."""
 
     image: LaidReference
     mean: float
+    """Mean grey level of the reference, which the kernel subtracts from all images."""
     grid: PointGrid
     settings: CorrelationSettings
     threads: int
     smoothing: Smoothing = NO_SMOOTHING
+    """The filter that was applied to the reference and must be applied to all images."""
     memory: SubsetMemory = field(default_factory=SubsetMemory)

@@ -12,15 +12,9 @@ from dic.typing import Float, Indices
 def quarters_of(warps: Float) -> int:
     """Return the number of quarter turns by `numpy.rot90` that undo most of the deformed image's rotation.
 
-    Parameters
-    ----------
-    warps : ndarray, shape (n, 6 or 12)
-        Guesses of the warps. Guesses with NaN are ignored.
+    `warps`, shape (n, 6 or 12): guesses of the warps. Guesses with NaN are ignored.
 
-    Returns
-    -------
-    int
-        Number of quarter turns, from 0 to 3. The number is 0 without a guess.
+    Result: number of quarter turns, from 0 to 3. The number is 0 without a guess.
     """
     known = warps[np.isfinite(warps[:, :6]).all(axis=1)]
     # The rotation nearest to a gradient F has the angle atan2(F21 - F12, F11 + F22); the y axis points down.
@@ -33,17 +27,10 @@ def turn_warps(warps: Float, x: Indices, y: Indices, shape: tuple[int, int], qua
 
     A quarter turn moves the pixel (X, Y) of an image of width W to (Y, W - 1 - X).
 
-    Parameters
-    ----------
-    warps : ndarray, shape (…, 6 or 12)
-        Warps from the reference to the image before the turn.
-    x, y : ndarray of int
-        Coordinates of the points in the reference, which is not turned. The arrays are broadcast with
-        `warps[..., 0]`.
-    shape : (int, int)
-        Height and width of the image before the turn.
-    quarters : int
-        Number of quarter turns. Negative numbers turn in the opposite direction.
+    `warps`, shape (…, 6 or 12): warps from the reference to the image before the turn. `x`, `y`: coordinates
+    of the points in the reference, which is not turned. The arrays are broadcast with `warps[..., 0]`.
+    `shape`: height and width of the image before the turn. `quarters`: number of quarter turns. Negative
+    numbers turn in the opposite direction.
     """
     turned = warps.copy()
     for k in range(quarters % 4):

@@ -33,16 +33,10 @@ class Reference:
     The reference is prepared when it is first used. Another process gets the place of the image and not the
     prepared data, and prepares the reference for itself.
 
-    Parameters
-    ----------
-    read : callable
-        Function that returns the image, or its path. The function must be picklable if images are correlated
-        in other processes.
-    region : callable
-        Function that returns the region of interest as for `Correlator`. It is called at the first use.
-    settings : CorrelationSettings or None
-    clip, within, threads
-        As for `Correlator`. In another process, `threads` is 0.
+    `read`: function that returns the image, or its path. The function must be picklable if images are
+    correlated in other processes. `region`: function that returns the region of interest as for `Correlator`.
+    It is called at the first use. `clip`, `within`, `threads`: as for `Correlator`. In another process,
+    `threads` is 0.
     """
 
     def __init__(

@@ -53,17 +53,9 @@ def icgn(
 
     The default number of iterations is so large that the warp no longer changes in the last iterations.
 
-    Parameters
-    ----------
-    reference, deformed : SplineImage
-    region : ndarray of bool, shape (height, width)
-        True at pixels that the subset may use.
-    point : tuple of int
-        Coordinates x and y of the point in the reference, px.
-    radius : int
-        Half of the subset's width.
-    start : ndarray, shape (6,) or (12,)
-        First guess of the warp, in the order of `dic.correlation.kernel.warps`.
+    `region`, shape (height, width): True at pixels that the subset may use. `point`: coordinates x and y of
+    the point in the reference, px. `radius`: half of the subset's width. `start`, shape (6,) or (12,): first
+    guess of the warp, in the order of `dic.correlation.kernel.warps`.
     """
     dy, dx = np.mgrid[-radius : radius + 1, -radius : radius + 1]
     inside = region[point[1] + dy, point[0] + dx]

@@ -31,35 +31,24 @@ _SMALLEST_TEMPLATE_RADIUS_PX = 15
 
 
 class Seeds(NamedTuple):
-    """Seeds, which are the points from which propagation starts.
-
-    Attributes
-    ----------
-    start : str
-        Name of the first guess from which the seeds converged, such as "previous", "hint", "search" or
-        "features".
-    quarters : int
-        Number of quarter turns by which the deformed image was turned.
-    indices : ndarray of int, shape (n, 2)
-        Row and column of the seeds on the grid of points.
-    solution : Solution
-        Warps and other results of the seeds in the turned image.
-    """
+    """Seeds, which are the points from which propagation starts."""
 
     start: str
+    """Name of the first guess from which the seeds converged, such as "previous", "hint", "search" or
+    "features".
+    """
     quarters: int
+    """Number of quarter turns by which the deformed image was turned."""
     indices: Indices
+    """Shape (n, 2). Row and column of the seeds on the grid of points."""
     solution: Solution
+    """Warps and other results of the seeds in the turned image."""
 
 
 class SeedFinder:
     """Find seeds (start points of the propagation) for deformed images with one reference.
 
-    Parameters
-    ----------
-    reference : PreparedReference
-    image : StoredImage
-        The smoothed reference.
+    `image`: the smoothed reference.
     """
 
     def __init__(self, reference: PreparedReference, image: StoredImage) -> None:
@@ -77,23 +66,12 @@ class SeedFinder:
     ) -> Seeds:
         """Try first guesses, and return the seeds from the guess that gives the most consistent points.
 
-        Parameters
-        ----------
-        image : TurnableImage
-        indices : ndarray of int, shape (n, 2)
-            Row and column of the points to try.
-        previous : ndarray, shape (n, 6), optional
-            Warps of the points in an earlier image.
-        hint : ndarray, shape (3, 3), optional
-            Expected homography from the reference to the deformed image.
-        quarters : int, optional
-            Number of quarter turns of the image. By default the number of quarter turns follows from each
-            first guess.
+        `indices`, shape (n, 2): row and column of the points to try. `previous`, shape (n, 6): warps of the
+        points in an earlier image. `hint`, shape (3, 3): expected homography from the reference to the
+        deformed image. `quarters`: number of quarter turns of the image. By default the number of quarter
+        turns follows from each first guess.
 
-        Returns
-        -------
-        Seeds
-            The seeds; their number may be 0.
+        Result: the seeds; their number may be 0.
         """
         settings, points = self._reference.settings, self._reference.grid.points_at(indices)
         template_radius_px = max(settings.radius_px, _SMALLEST_TEMPLATE_RADIUS_PX)

@@ -26,22 +26,16 @@ The first value is the fraction in the first image that was correlated with the 
 
 @dataclass(frozen=True)
 class SeriesFields:
-    """The fields of an image of a series.
-
-    Attributes
-    ----------
-    from_first : Field
-        The field from the first reference to the image, which is the result.
-    earlier : EarlierField or None
-        The parts of the field from the image's own reference with which later images begin. None if this
-        reference is the first one; then the parts are those of `from_first`.
-    quality : (float, float) or None
-        The quality of the field from the image's own reference, or None in the same way; see `quality_of`.
-    """
+    """The fields of an image of a series."""
 
     from_first: Field
+    """The field from the first reference to the image, which is the result."""
     earlier: EarlierField | None = None
+    """The parts of the field from the image's own reference with which later images begin. None if this
+    reference is the first one; then the parts are those of `from_first`.
+    """
     quality: tuple[float, float] | None = None
+    """The quality of the field from the image's own reference, or None in the same way; see `quality_of`."""
 
 
 @dataclass(frozen=True)
@@ -54,20 +48,13 @@ class LastImage:
 
 @dataclass(frozen=True)
 class Attempt:
-    """One correlation of an image: with which reference, and from which first guess.
-
-    Attributes
-    ----------
-    reference : Reference
-    earlier : EarlierField or None
-        The field of an earlier image.
-    hint : ndarray, shape (3, 3), or None
-        Expected homography from the reference to the image.
-    """
+    """One correlation of an image: with which reference, and from which first guess."""
 
     reference: Reference
     earlier: EarlierField | None
+    """The field of an earlier image."""
     hint: Float | None
+    """Shape (3, 3). Expected homography from the reference to the image."""
 
     def correlate(self, deformed: ImageLike) -> Field:
         """Return the field from the reference to the image `deformed`."""
@@ -81,29 +68,20 @@ class Attempt:
 
 @dataclass(frozen=True)
 class CurrentReference:
-    """The current reference of a series.
-
-    Attributes
-    ----------
-    image : Reference
-    before : Field or None
-        The field from the first reference to the current reference. None for the first reference.
-    updates : int
-        Number of earlier references.
-    quality : (float, float) or None
-        Fraction of converged points and median ZNCC of the first image that was correlated with the current
-        reference.
-    last : LastImage or None
-    guesses : tuple of (int, EarlierField)
-        The number in the series, and the field, of the images from which first guesses come.
-    """
+    """The current reference of a series."""
 
     image: Reference
     before: Field | None = None
+    """The field from the first reference to the current reference. None for the first reference."""
     updates: int = 0
+    """Number of earlier references."""
     quality: tuple[float, float] | None = None
+    """Fraction of converged points and median ZNCC of the first image that was correlated with the current
+    reference.
+    """
     last: LastImage | None = None
     guesses: tuple[tuple[int, EarlierField], ...] = ()
+    """The number in the series, and the field, of the images from which first guesses come."""
 
     def attempt(self, number: int, hint: Float | None) -> Attempt:
         """Return the first attempt at the image with this number in the series."""

@@ -40,22 +40,16 @@ _REACH = 4.0
 
 @dataclass(frozen=True)
 class Smoothing:
-    """A Gaussian filter for both images of a correlation, and its effects.
-
-    Attributes
-    ----------
-    width_px : float
-        Standard deviation of the Gaussian; 0 means that images are not smoothed.
-    bias_px : tuple of float
-        Predicted greatest interpolation bias of u and of v in the smoothed images.
-    std_factors : tuple of float
-        Factors by which the correlation of neighbouring pixels' noise changes the standard deviations of u
-        and of v.
-    """
+    """A Gaussian filter for both images of a correlation, and its effects."""
 
     width_px: float = 0.0
+    """Standard deviation of the Gaussian; 0 means that images are not smoothed."""
     bias_px: tuple[float, float] = (0.0, 0.0)
+    """Predicted greatest interpolation bias of u and of v in the smoothed images."""
     std_factors: tuple[float, float] = (1.0, 1.0)
+    """Factors by which the correlation of neighbouring pixels' noise changes the standard deviations of u and
+    of v.
+    """
 
     @property
     def taps(self) -> tuple[float, ...]:
@@ -75,10 +69,7 @@ class Smoothing:
     def applied(self, grey: NDArray[Any]) -> StoredImage:
         """Return an image that is smoothed: a large image when its rows are used, a small image at once.
 
-        Parameters
-        ----------
-        grey : ndarray, shape (height, width)
-            Grey levels as `dic.image.given.grey_levels` returns them.
+        `grey`, shape (height, width): grey levels as `dic.image.given.grey_levels` returns them.
         """
         return StoredImage(grey, self.taps) if is_large(grey.shape) else StoredImage(self.apply(grey))
 
@@ -112,13 +103,8 @@ def chosen_smoothing(grey: Grey, region: Mask, settings: CorrelationSettings) ->
     at most 0.001 px. The prediction assumes that the camera has not aliased the pattern, because aliased
     waves would mostly reduce the bias. The highest frequencies along both axes count as noise.
 
-    Parameters
-    ----------
-    grey : ndarray, shape (height, width)
-        The reference image.
-    region : ndarray of bool, shape (height, width)
-        The region that is measured.
-    settings : CorrelationSettings
+    `grey`, shape (height, width): the reference image. `region`, shape (height, width): the region that is
+    measured.
     """
     spectrum = pattern_spectrum(grey, region)
     if spectrum is None:

@@ -44,11 +44,7 @@ def method_of(settings: CorrelationSettings, smoothing: tuple[float, ...] = (1.0
 class Solver:
     """Correlate the points of a reference with one deformed image.
 
-    Parameters
-    ----------
-    reference : PreparedReference
-    deformed : LaidDeformed
-        The deformed image, which may differ in shape from the reference.
+    `deformed`: the deformed image, which may differ in shape from the reference.
     """
 
     def __init__(self, reference: PreparedReference, deformed: LaidDeformed) -> None:

@@ -10,13 +10,7 @@ from dic.typing import Float, Indices
 
 
 class TurnableImage:
-    """A deformed image that can be turned by 90°, 180° or 270° before it is correlated.
-
-    Parameters
-    ----------
-    reference : PreparedReference
-    image : StoredImage
-    """
+    """A deformed image that can be turned by 90°, 180° or 270° before it is correlated."""
 
     def __init__(self, reference: PreparedReference, image: StoredImage) -> None:
         self.image = image

@@ -22,34 +22,21 @@ _SAMPLE = 2000
 
 
 class PointStrip(NamedTuple):
-    """Points that are solved with the same rows of both images.
-
-    Attributes
-    ----------
-    members : ndarray of int, shape (n,)
-        Indices of the points.
-    here, there : (int, int)
-        Rows of the reference and of the deformed image that the subsets need.
-    """
+    """Points that are solved with the same rows of both images."""
 
     members: Indices
+    """Shape (n,). Indices of the points."""
     here: Rows
     there: Rows
+    """Rows of the reference and of the deformed image that the subsets need."""
 
 
 def strips(points: Indices, warps: Float, radius: int, *, whole: bool) -> Iterator[PointStrip]:
     """Divide points into strips of rows.
 
-    Parameters
-    ----------
-    points : ndarray of int, shape (n, 2)
-        Coordinates (x, y) of the points.
-    warps : ndarray, shape (n, 6 or 12)
-        First guesses.
-    radius : int
-        Number of pixels of a subset on either side of its point.
-    whole : bool
-        True if the images are laid as a whole. All points are then in one strip, in their order.
+    `points`, shape (n, 2): coordinates (x, y) of the points. `warps`, shape (n, 6 or 12): first guesses.
+    `radius`: number of pixels of a subset on either side of its point. `whole`: True if the images are laid
+    as a whole. All points are then in one strip, in their order.
     """
     if not len(points):
         return
@@ -83,16 +70,8 @@ def propagation_rows(
     The first rows are those to which the mean motion of the converged points takes all points of the grid.
     Each time more rows follow; the last are the whole image.
 
-    Parameters
-    ----------
-    grid : kernel.KernelGrid
-        The points.
-    solution : kernel.Solution
-        The results of these points; some of them have converged.
-    radius : int
-        Number of pixels of a subset on either side of its point.
-    height : int
-        Height of the deformed image.
+    `grid`: the points. `solution`: the results of these points; some of them have converged. `radius`: number
+    of pixels of a subset on either side of its point. `height`: height of the deformed image.
     """
     row, column = np.nonzero(solution.converged)
     stride = max(1, len(row) // _SAMPLE)

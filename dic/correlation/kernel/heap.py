@@ -12,18 +12,12 @@ from dic.correlation.kernel.jit import inner
 
 
 class Queue(NamedTuple):
-    """Memory of a priority queue. The caller stores the number of items in the queue.
-
-    Attributes
-    ----------
-    keys : ndarray of float64, shape (places,)
-        Priority of each item.
-    items : ndarray of int64, shape (places,)
-        Indices of the queued points in the grid.
-    """
+    """Memory of a priority queue. The caller stores the number of items in the queue."""
 
     keys: NDArray[np.float64]
+    """Shape (places,). Priority of each item."""
     items: NDArray[np.int64]
+    """Shape (places,). Indices of the queued points in the grid."""
 
     @classmethod
     def with_room_for(cls, places: int) -> "Queue":

@@ -38,58 +38,42 @@ The number is the step of an 8-bit image whose range of grey levels is four stan
 
 
 class Deformed(NamedTuple):
-    """A deformed image for the kernel; its shape may differ from the reference's.
-
-    Attributes
-    ----------
-    c : ndarray of float32, flat
-        Coefficients of the spline, divided by the denominators of the B-spline weights. So the weights in the
-        kernel need no denominators.
-    pitch : int
-        Number of elements from one row to the next.
-    origin : int
-        Index of the element that belongs to the image's first pixel.
-    width, height : int
-        Size of the whole image, px.
-    top, bottom : int
-        The first row that is laid, and the row after the last one. If the band ends at an edge of the image,
-        the number lies far beyond this edge, because every point that is in view is then laid.
-    """
+    """A deformed image for the kernel; its shape may differ from the reference's."""
 
     c: Flat
+    """Coefficients of the spline, divided by the denominators of the B-spline weights. So the weights in the
+    kernel need no denominators.
+    """
     pitch: int
+    """Number of elements from one row to the next."""
     origin: int
+    """Index of the element that belongs to the image's first pixel."""
     width: int
     height: int
+    """Size of the whole image, px."""
     top: int
     bottom: int
+    """The first row that is laid, and the row after the last one. If the band ends at an edge of the image,
+    the number lies far beyond this edge, because every point that is in view is then laid.
+    """
 
 
 class KernelReference(NamedTuple):
-    """The reference image for the kernel.
-
-    Attributes
-    ----------
-    f, fx, fy : ndarray of float32, flat
-        Grey levels and their derivatives along x and y, which are 0 outside the region of interest.
-    inside : ndarray of float32, flat
-        The number 1 at pixels in the region of interest, and 0 outside.
-    pitch : int
-        Number of elements from one row to the next.
-    origin : int
-        Index of the element that belongs to the image's first pixel.
-    flat_variance : float
-        Variance of grey levels that rounding alone can cause. A subset with a smaller variance has no
-        pattern.
-    """
+    """The reference image for the kernel."""
 
     f: Flat
     fx: Flat
     fy: Flat
+    """Grey levels and their derivatives along x and y, which are 0 outside the region of interest."""
     inside: Flat
+    """The number 1 at pixels in the region of interest, and 0 outside."""
     pitch: int
+    """Number of elements from one row to the next."""
     origin: int
+    """Index of the element that belongs to the image's first pixel."""
     flat_variance: float
+    """Variance of grey levels that rounding alone can cause. A subset with a smaller variance has no pattern.
+    """
 
 
 def lay_reference(
@@ -103,17 +87,8 @@ def lay_reference(
 ) -> KernelReference:
     """Return the reference image for the kernel, with `mean` subtracted from its grey levels.
 
-    Parameters
-    ----------
-    spline : SplineImage
-        The image, or a band of its rows.
-    region : ndarray of bool, of the shape of `spline`
-    mean : float
-    threads : int
-    top : int
-        The first row of the band.
-    flat_variance : float, optional
-        Result of `flat_variance_of` for the whole image. By default it is computed from `spline.grey`.
+    `spline`: the image, or a band of its rows. `top`: the first row of the band. `flat_variance`: result of
+    `flat_variance_of` for the whole image. By default it is computed from `spline.grey`.
     """
     height, width = spline.shape
     (f, f_image), (fx, fx_image), (fy, fy_image), (inside, inside_image) = (
@@ -154,16 +129,8 @@ def lay_coefficients(
 ) -> Deformed:
     """Return a deformed image for the kernel, with the reference's `mean` subtracted from its grey levels.
 
-    Parameters
-    ----------
-    spline : SplineImage
-        The image, or a band of its rows.
-    mean : float
-    threads : int
-    top : int
-        The first row of the band.
-    image_height : int, optional
-        Height of the whole image, px. By default `spline` is the whole image.
+    `spline`: the image, or a band of its rows. `top`: the first row of the band. `image_height`: height of
+    the whole image, px. By default `spline` is the whole image.
     """
     factor = np.float32(1.0 / {3: 6.0, 5: 120.0}[spline.order] ** 2)
     flat = np.zeros(spline.coefficients.size + 2 * _SPARE, np.float32)

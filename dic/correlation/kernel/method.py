@@ -17,47 +17,32 @@ The numbers in the tuple are not used. Numba compiles separate code for each len
 
 
 class Method(NamedTuple):
-    """The settings of the correlation that the kernel needs.
-
-    Attributes
-    ----------
-    taps : tuple of 4 or 6 numbers
-        The length of the tuple is 4 for a cubic spline and 6 for a quintic spline.
-    shape : tuple of 6 or 12 numbers
-        The length of the tuple is 6 for affine and 12 for quadratic shape functions.
-    radius : int
-        Half of the subset's width in px, without the pixel at the centre: the width is 2 radius + 1 px.
-    min_zncc, tolerance_px, max_iterations
-        The settings of the same names in `CorrelationSettings`.
-    noise_gain, slope_noise_gain : float
-        Variance of a grey level that is interpolated half-way between two pixels, and variance of the
-        derivative at a pixel, if the pixels have white noise of variance 1 (`dic.image.spline`).
-    """
+    """The settings of the correlation that the kernel needs."""
 
     taps: Taps
+    """The length of the tuple is 4 for a cubic spline and 6 for a quintic spline."""
     shape: Shape
+    """The length of the tuple is 6 for affine and 12 for quadratic shape functions."""
     radius: int
+    """Half of the subset's width in px, without the pixel at the centre: the width is 2 radius + 1 px."""
     min_zncc: float
     tolerance_px: float
     max_iterations: int
+    """The settings of the same names in `CorrelationSettings`."""
     noise_gain: float
     slope_noise_gain: float
+    """Variance of a grey level that is interpolated half-way between two pixels, and variance of the
+    derivative at a pixel, if the pixels have white noise of variance 1 (`dic.image.spline`).
+    """
 
 
 class Subset(NamedTuple):
-    """A subset, which is a square of pixels around a point of the reference.
-
-    Attributes
-    ----------
-    x, y : int
-        Coordinates of the point, px.
-    radius : int
-        Number of pixels on either side of the point.
-    pixels : int
-        Number of the subset's pixels in the region of interest.
-    """
+    """A subset, which is a square of pixels around a point of the reference."""
 
     x: int
     y: int
+    """Coordinates of the point, px."""
     radius: int
+    """Number of pixels on either side of the point."""
     pixels: int
+    """Number of the subset's pixels in the region of interest."""

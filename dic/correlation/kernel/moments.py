@@ -44,36 +44,26 @@ MOMENTS = 15
 
 
 class StripRows(NamedTuple):
-    """The positions of a strip's rows in the deformed image. A strip is a group of columns of a subset.
-
-    Attributes
-    ----------
-    shift : ndarray of float32, shape (2, rows)
-        The part of the displacement along x and y that is the same for all pixels of a row, minus the whole
-        pixels that are kept in `place`.
-    place : ndarray of int64, shape (2, rows)
-        ``place[0]`` is the whole-pixel part of the displacement of each row of the strip, as a number of
-        array elements. ``place[1]`` is 1 if the row of the strip reaches into the next cell between pixels,
-        to the right or below, and otherwise 0.
-    """
+    """The positions of a strip's rows in the deformed image. A strip is a group of columns of a subset."""
 
     shift: Flat
+    """Shape (2, rows). The part of the displacement along x and y that is the same for all pixels of a row,
+    minus the whole pixels that are kept in `place`.
+    """
     place: NDArray[np.int64]
+    """Shape (2, rows). ``place[0]`` is the whole-pixel part of the displacement of each row of the strip, as
+    a number of array elements. ``place[1]`` is 1 if the row of the strip reaches into the next cell between
+    pixels, to the right or below, and otherwise 0.
+    """
 
 
 class Strip(NamedTuple):
-    """A strip: neighbouring columns of a subset that are summed together.
-
-    Attributes
-    ----------
-    left : int
-        Offset x of the first column.
-    rows : StripRows
-        Positions of the strip's rows in the deformed image.
-    """
+    """A strip: neighbouring columns of a subset that are summed together."""
 
     left: int
+    """Offset x of the first column."""
     rows: StripRows
+    """Positions of the strip's rows in the deformed image."""
 
 
 @inner

@@ -25,20 +25,15 @@ _EPSILON = 2.0**-23
 
 
 class Prepared(NamedTuple):
-    """Prepared data of the reference's subsets, with one record for each point of a grid.
-
-    Attributes
-    ----------
-    known : ndarray of bool, shape (rows, columns)
-        True for points whose record is filled.
-    records : ndarray of float32, shape (rows, columns, n)
-        One record for each point. A record contains the mean of the subset's grey levels f, and the sum |f̃|²
-        of squared differences between grey levels and mean (NaN without texture). The record also contains
-        ∑fx², ∑fy², the vectors s and t, and the Cholesky factor of the Hessian H.
-    """
+    """Prepared data of the reference's subsets, with one record for each point of a grid."""
 
     known: NDArray[np.bool_]
+    """Shape (rows, columns). True for points whose record is filled."""
     records: NDArray[np.float32]
+    """Shape (rows, columns, n). One record for each point. A record contains the mean of the subset's grey
+    levels f, and the sum |f̃|² of squared differences between grey levels and mean (NaN without texture). The
+    record also contains ∑fx², ∑fy², the vectors s and t, and the Cholesky factor of the Hessian H.
+    """
 
     @classmethod
     def empty(cls, shape: tuple[int, int], parameters: int) -> "Prepared":

@@ -22,21 +22,14 @@ from dic.typing import Indices, Mask
 
 
 class Task(NamedTuple):
-    """The points of a grid that are to be solved.
-
-    Attributes
-    ----------
-    seeds : ndarray of int, shape (n, 2)
-        Row and column of points that start from their own warps.
-    propagates : bool
-        True to continue from the converged points to their neighbours.
-    pending : ndarray of bool, shape (rows, columns)
-        True for points that are still to be solved.
-    """
+    """The points of a grid that are to be solved."""
 
     seeds: Indices
+    """Shape (n, 2). Row and column of points that start from their own warps."""
     propagates: bool
+    """True to continue from the converged points to their neighbours."""
     pending: Mask
+    """Shape (rows, columns). True for points that are still to be solved."""
 
 
 def correlate_seeds(
@@ -66,19 +59,10 @@ def propagate(
     A pending point starts from the extrapolated warp of its neighbour. A point that fails is tried again from
     its other neighbours.
 
-    Parameters
-    ----------
-    image : KernelReference
-    deformed : Deformed
-    method : Method
-    grid : KernelGrid
-    solution : Solution
-        The solution of the grid, which is updated in place.
-    pending : ndarray of bool, shape (rows, columns)
-        True for points that are still to be solved. Elements of converged points are set to False.
-    prepared : Prepared, optional
-        Prepared data of the reference's subsets. Known records are used, and unknown records are filled. The
-        results of the correlation do not depend on prepared data.
+    `solution`: the solution of the grid, which is updated in place. `pending`, shape (rows, columns): True
+    for points that are still to be solved. Elements of converged points are set to False. `prepared`:
+    prepared data of the reference's subsets. Known records are used, and unknown records are filled. The
+    results of the correlation do not depend on prepared data.
     """
     task = Task(np.empty((0, 2), np.int64), True, pending)
     _run(image, deformed, method, grid, solution, task, prepared)

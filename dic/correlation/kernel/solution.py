@@ -10,43 +10,28 @@ from dic.typing import Float, Indices, Mask
 
 
 class KernelGrid(NamedTuple):
-    """A grid of points in the reference.
-
-    Attributes
-    ----------
-    x, y : ndarray of int, shapes (columns,) and (rows,)
-        Coordinates of the columns and of the rows of points, px.
-    pixels : ndarray of int, shape (rows, columns)
-        Number of pixels of each subset in the region of interest.
-    """
+    """A grid of points in the reference."""
 
     x: Indices
     y: Indices
+    """Shape (columns,) and (rows,). Coordinates of the columns and of the rows of points, px."""
     pixels: Indices
+    """Shape (rows, columns). Number of pixels of each subset in the region of interest."""
 
 
 class Solution(NamedTuple):
-    """The results of IC-GN for a list or a grid of points.
-
-    Attributes
-    ----------
-    warps : ndarray, shape (…, 6 or 12)
-        Warp of each point.
-    std : ndarray, shape (…, 6)
-        Standard deviations of the first six warp parameters.
-    status : ndarray of int8, shape (…)
-        Status of each point, a value of `Status`.
-    zncc : ndarray, shape (…)
-        Correlation coefficient of each point.
-    iterations : ndarray of int16, shape (…)
-        Number of iterations at each point.
-    """
+    """The results of IC-GN for a list or a grid of points."""
 
     warps: Float
+    """Shape (…, 6 or 12). Warp of each point."""
     std: Float
+    """Shape (…, 6). Standard deviations of the first six warp parameters."""
     status: NDArray[np.int8]
+    """Shape (…). Status of each point, a value of `Status`."""
     zncc: Float
+    """Shape (…). Correlation coefficient of each point."""
     iterations: NDArray[np.int16]
+    """Shape (…). Number of iterations at each point."""
 
     @classmethod
     def empty(cls, shape: tuple[int, ...], parameters: int) -> "Solution":

@@ -10,38 +10,31 @@ from dic.typing import Float
 
 
 class Workspace(NamedTuple):
-    """Arrays for one point with n warp parameters; docs/kernel.md explains the symbols.
-
-    Attributes
-    ----------
-    H : ndarray, shape (n, n)
-        Hessian of the normalised criterion. The Cholesky factor later replaces the lower triangle.
-    s, t : ndarray, shape (n,)
-        Vectors that account for an offset and for a gain of the grey levels in the normal equations.
-    b, d : ndarray, shape (n,)
-        Right-hand side of the normal equations, and the step that solves them.
-    p, q : ndarray, shape (n,)
-        The warp in float64 and in float32.
-    Q, S : ndarray of float32
-        Moments (sums over a subset) of the reference alone, and moments with the deformed image.
-    rows : StripRows
-        Positions in the deformed image of the rows of a strip, a group of columns of a subset.
-    D, products : ndarray, shapes (6, 6) and (3, 6)
-        Scratch memory for the composition of quadratic warps.
-    """
+    """Arrays for one point with n warp parameters; docs/kernel.md explains the symbols."""
 
     H: Float
+    """Shape (n, n). Hessian of the normalised criterion. The Cholesky factor later replaces the lower
+    triangle.
+    """
     s: Float
     t: Float
+    """Shape (n,). Vectors that account for an offset and for a gain of the grey levels in the normal
+    equations.
+    """
     b: Float
     d: Float
+    """Shape (n,). Right-hand side of the normal equations, and the step that solves them."""
     p: Float
     q: Flat
+    """Shape (n,). The warp in float64 and in float32."""
     Q: Flat
     S: Flat
+    """Moments (sums over a subset) of the reference alone, and moments with the deformed image."""
     rows: StripRows
+    """Positions in the deformed image of the rows of a strip, a group of columns of a subset."""
     D: Float
     products: Float
+    """Shape (6, 6) and (3, 6). Scratch memory for the composition of quadratic warps."""
 
     @classmethod
     def for_subsets(cls, radius: int, parameters: int) -> "Workspace":
