@@ -15,10 +15,7 @@ _Class = TypeVar("_Class", bound=type)
 def named_settings(cls: _Class) -> _Class:
     """Let a data class name the setting that an unknown keyword resembles, such as subset_px for subset.
 
-    Raises
-    ------
-    TypeError
-        By the class: if a keyword is unknown.
+    The class raises a `TypeError` if a keyword is unknown.
     """
     of_class: Any = cls
     of_class.__init__ = _checked(of_class.__init__, cls.__name__, {})
@@ -28,10 +25,7 @@ def named_settings(cls: _Class) -> _Class:
 def takes_settings(**groups: type) -> Callable[[Callable[_Given, _Result]], Callable[_Given, _Result]]:
     """Let a function say where a setting belongs that is given to the function itself.
 
-    Parameters
-    ----------
-    **groups : type
-        The class of the settings that each of these arguments takes.
+    `**groups`: the class of the settings that each of these arguments takes.
     """
 
     def decorate(function: Callable[_Given, _Result]) -> Callable[_Given, _Result]:

@@ -54,43 +54,29 @@ Names = Annotated[tuple[str, ...], BeforeValidator(_as_tuple)]
 
 
 class Declared(NamedTuple):
-    """What is declared of a setting in addition to its type, its default and its bounds.
-
-    Attributes
-    ----------
-    what : str
-        Name of the setting in messages.
-    sentence : str
-        What the setting is, in one sentence: the help of its option, and the comment in a settings file.
-    expected, remedy : str
-        The possible values, and a value that works, for messages.
-    more : str
-        Further sentences for the documentation in Python.
-    option : str
-        Name of the option; "" for the name of the field without its unit.
-    example : str
-        A value as text in TOML, for a setting without a default.
-    metavar : str
-        The values of the option in the help text; "" for those that its type gives.
-    unit : str
-        Unit of the value that messages show.
-    read : callable or None
-        Function that returns the value of the option's text; it raises a ValueError for another text.
-    several : bool
-        True if the option may be repeated.
-    """
+    """What is declared of a setting in addition to its type, its default and its bounds."""
 
     what: str
+    """Name of the setting in messages."""
     sentence: str
+    """What the setting is, in one sentence: the help of its option, and the comment in a settings file."""
     expected: str
     remedy: str
+    """The possible values, and a value that works, for messages."""
     more: str = ""
+    """Further sentences for the documentation in Python."""
     option: str = ""
+    """Name of the option; "" for the name of the field without its unit."""
     example: str = ""
+    """A value as text in TOML, for a setting without a default."""
     metavar: str = ""
+    """The values of the option in the help text; "" for those that its type gives."""
     unit: str = ""
+    """Unit of the value that messages show."""
     read: Callable[[str], Any] | None = None
+    """Function that returns the value of the option's text; it raises a ValueError for another text."""
     several: bool = False
+    """True if the option may be repeated."""
 
     @staticmethod
     def text(value: Any) -> Any:
@@ -131,18 +117,10 @@ def setting(
 ) -> Any:
     """Declare a setting as a field of a class of settings.
 
-    Parameters
-    ----------
-    what, sentence, expected, remedy
-        As for `Declared`.
-    default : object
-        Default of the setting. Without one, the setting must be given.
-    among : iterable, optional
-        The possible values, such as the names of a registry.
-    check : callable, optional
-        Function that returns True for a possible value.
-    **further
-        Further attributes of `Declared`, and bounds of pydantic: ge, gt, le, lt.
+    `what`, `sentence`, `expected`, `remedy`: as for `Declared`. `default`: default of the setting. Without
+    one, the setting must be given. `among`: the possible values, such as the names of a registry. `check`:
+    function that returns True for a possible value. `**further`: further attributes of `Declared`, and bounds
+    of pydantic: ge, gt, le, lt.
     """
     own = {name: further.pop(name) for name in Declared._fields if name in further}
     declared = Declared(what, sentence, expected, remedy, **own)

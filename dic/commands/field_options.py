@@ -52,13 +52,8 @@ class FieldOptions:
     ) -> tuple[dic.gauges.GaugeSeries, str, dic.records.JoinedRecord | None]:
         """Read the declared gauges, or `gauges` if none are declared, and the load of each image.
 
-        Returns
-        -------
-        GaugeSeries
-        str
-            Name of the gauge along the specimen.
-        JoinedRecord or None
-            The machine's record, if one was joined to the images.
+        Result: the series, the name of the gauge along the specimen, and the machine's record if one was
+        joined to the images.
         """
         gauges = gauges or dic.read_gauges(self.gauges_file, self.texts)
         name = self.gauge or gauges[0].name

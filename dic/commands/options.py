@@ -29,17 +29,8 @@ _COMMON, _GROUP, _SETTING = "dic_common", "dic_group", "dic_setting"
 def option(*names: str, help: str, common: bool = False, default: Any = None, **further: Any) -> Any:
     """Declare an option as a field of a group.
 
-    Parameters
-    ----------
-    *names : str
-        Names of the option, such as "-o", "--output".
-    help : str
-        The help text.
-    common : bool
-        True if `--help` lists the option; `--help-all` lists all.
-    default : object
-    **further
-        Further arguments of `click.option`.
+    `*names`: names of the option, such as "-o", "--output". `help`: the help text. `common`: True if `--help`
+    lists the option; `--help-all` lists all. `**further`: further arguments of `click.option`.
     """
     how = {"names": names, "help": help, "common": common, "default": default, **further}
     return field(metadata={"option": how})
@@ -53,18 +44,12 @@ def options(cls: _Class) -> _Class:
 
 @dataclass(frozen=True)
 class Chosen(Generic[Settings]):
-    """The options of a class of settings that a command was given.
-
-    Attributes
-    ----------
-    kind : type
-        The class of settings.
-    values : dict of str to object
-        The values by the names of the settings; None without the option and without a default.
-    """
+    """The options of a class of settings that a command was given."""
 
     kind: type[Settings]
+    """The class of settings."""
     values: Mapping[str, Any]
+    """The values by the names of the settings; None without the option and without a default."""
 
     def settings(self, known: Settings | None = None, **further: Any) -> Settings:
         """Return the settings; a value that is not given comes from `known`, or is the default."""
@@ -86,25 +71,13 @@ def use(
 ) -> Callable[[Command], Command]:
     """Return a decorator that adds a group of options to a command and passes their values as one argument.
 
-    Parameters
-    ----------
-    argument : str
-        Name of the argument. For a class of settings it is a `Chosen`.
-    kind : type
-        A class that `options` or `settings_class` has made.
-    title : str
-        Heading of the group in the help text.
-    needs : mapping of str to sequence of str, optional
-        Maps an option, such as ``"--decimal-comma"``, to other options of which it needs at least one. If the
-        option is given without any of these, the command raises an error.
-    only : sequence of str, optional
-        Names of the settings that become options. Default: all.
-    prefix : str
-        Text at the beginning of the options of a class of settings, such as "map-".
-    common : sequence of str
-        Names of the settings that `--help` lists.
-    named, defaults : mapping of str
-        Other names of options and other defaults, for this command, by the names of the settings.
+    `argument`: name of the argument. For a class of settings it is a `Chosen`. `kind`: a class that `options`
+    or `settings_class` has made. `title`: heading of the group in the help text. `needs`: maps an option,
+    such as ``"--decimal-comma"``, to other options of which it needs at least one. If the option is given
+    without any of these, the command raises an error. `only`: names of the settings that become options.
+    Default: all. `prefix`: text at the beginning of the options of a class of settings, such as "map-".
+    `common`: names of the settings that `--help` lists. `named`, `defaults`: other names of options and other
+    defaults, for this command, by the names of the settings.
     """
     declared = declared_in(kind) if hasattr(kind, "__pydantic_fields__") else None
     if declared is None:

@@ -60,10 +60,8 @@ class RecordOptions:
     ) -> tuple[dic.gauges.GaugeSeries, dic.records.JoinedRecord | None]:
         """Return the series with the machine's load; without a record, return the series unchanged.
 
-        Raises
-        ------
-        CurveError
-            If the record cannot be read or does not fit the images, or an option has no effect.
+        Raises `CurveError` if the record cannot be read or does not fit the images, or an option has no
+        effect.
         """
         if self.record_file is None:
             self._require_record(load, time)

@@ -48,12 +48,7 @@ class RunOutputOptions:
         return dic.results.ResultPlace(output, self.force, fields_from=self.fields_from, inputs=known)
 
     def require_several(self, count: int) -> None:
-        """Raise an error if an option names a file of one run, because there are several runs.
-
-        Raises
-        ------
-        OutputError
-        """
+        """Raise an `OutputError` if an option names a file of one run, because there are several runs."""
         for name, path in (
             ("--report", self.report_file),
             ("--json", self.json_file),

@@ -42,11 +42,8 @@ class RunRegionOptions:
     def source(self, run: Path) -> dic.pipeline.RunSource:
         """Return a run file with the regions of the options.
 
-        Raises
-        ------
-        CorrelationError
-            If an option lacks the camera or the region, or if a camera has two files. All such mistakes are
-            named together.
+        Raises `CorrelationError` if an option lacks the camera or the region, or if a camera has two files.
+        All such mistakes are named together.
         """
         rois, polygons = all_of(
             partial(self._by_camera, "--roi", self.rois, most=1),

@@ -21,24 +21,7 @@ GOES_ON = "interrupted before the end; give the same command again to go on afte
 
 @dataclass(frozen=True)
 class RunWork:
-    """How runs are processed: the values of the options of `dic process`, except the run files.
-
-    Attributes
-    ----------
-    settings : CorrelationSettings
-    strain : StrainSettings
-    correcting : CorrectionSettings
-    incremental : str
-    plate_mm : float or None
-    gauges : tuple of Gauge
-    inputs : sequence of Path or None
-        Files with settings, regions and gauges; None means "no file".
-    alignments : Path or None
-        Folder for alignments.
-    outputs : RunOutputOptions
-    of_several : bool
-        True for one run of several. Of such a run, known results are not printed again.
-    """
+    """How runs are processed: the values of the options of `dic process`, except the run files."""
 
     settings: dic.CorrelationSettings
     strain: dic.StrainSettings
@@ -47,9 +30,12 @@ class RunWork:
     plate_mm: float | None
     gauges: tuple[dic.gauges.Gauge, ...]
     inputs: Sequence[Path | None]
+    """Files with settings, regions and gauges; None means "no file"."""
     alignments: Path | None
+    """Folder for alignments."""
     outputs: RunOutputOptions
     of_several: bool = False
+    """True for one run of several. Of such a run, known results are not printed again."""
 
     def of_run(self, run: Path) -> RunWork:
         """Return the work for one run of several: its outputs are in folders of their own."""
@@ -63,12 +49,7 @@ class RunWork:
         return replace(self, outputs=own, alignments=alignments, of_several=True)
 
     def require_own_places(self, runs: Sequence[Path]) -> None:
-        """Raise an error if outputs of a run would replace another run, or outputs of another run.
-
-        Raises
-        ------
-        OutputError
-        """
+        """Raise an `OutputError` if outputs of a run would replace another run, or outputs of another run."""
         taken = {_place(run): run for run in runs}
         for run in runs:
             own = self.of_run(run)
@@ -91,10 +72,7 @@ class RunWork:
     ) -> dic.pipeline.RunResult:
         """Process a run, print its table, and write its files.
 
-        Raises
-        ------
-        MeasurementError
-            If the run cannot be processed.
+        Raises `MeasurementError` if the run cannot be processed.
         """
         run, outputs = Path(source.path), self.outputs
         output = self.output(run)
@@ -148,10 +126,7 @@ def process_shelf(
 
     A run that cannot be processed does not end the others. The status is the highest status of all runs.
 
-    Raises
-    ------
-    WorkerError
-        If the workers cannot go on. The table then also has the runs that were not begun.
+    Raises `WorkerError` if the workers cannot go on. The table then also has the runs that were not begun.
     """
     table = {Path(source.path): (NOT_BEGUN, "") for source in sources}
     status = 0

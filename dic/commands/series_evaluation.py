@@ -26,40 +26,16 @@ _UNCORRECTED = (
 
 @dataclass(frozen=True)
 class SeriesPlaces:
-    """The paths and the formats of a series' output files.
-
-    Attributes
-    ----------
-    files : SeriesFiles
-    drawn : MapSettings
-        Settings of the maps and contact sheets among `files`.
-    decimal_comma : bool
-    """
+    """The paths and the formats of a series' output files."""
 
     files: dic.derived.SeriesFiles
     drawn: dic.pictures.MapSettings
+    """Settings of the maps and contact sheets among `files`."""
     decimal_comma: bool
 
 
 class SeriesEvaluation:
-    """The strains of a series: printed, written to the output files, and recorded.
-
-    Parameters
-    ----------
-    reference : ndarray, shape (height, width)
-    labels : sequence of str
-        Names of all images.
-    settings : CorrelationSettings
-        Settings of the correlation.
-    set_up : SeriesSetUp
-    places : SeriesPlaces
-
-    Attributes
-    ----------
-    record : SeriesRecord
-    alignment : Alignment or None
-        The rotation stage's alignment, after the last image.
-    """
+    """The strains of a series: printed, written to the output files, and recorded."""
 
     def __init__(
         self,
@@ -73,17 +49,14 @@ class SeriesEvaluation:
         self._settings, self._set_up, self._places = settings, set_up, places
         self.record = SeriesRecord(labels, calibrated=set_up.calibration is not None)
         self.alignment: dic.out_of_plane.Alignment | None = None
+        """The rotation stage's alignment, after the last image."""
         self._maps: dic.derived.SeriesMaps | None = None
         self._gauges: dict[str, Any] = {}
 
     def measure(self, measuring: dic.pipeline.Measuring, doing: str = "correlating") -> bool:
         """Measure the images; return True after the last one, and False if a signal stopped the series.
 
-        Parameters
-        ----------
-        measuring : Measuring
-        doing : str
-            Text of the progress bar.
+        `doing`: text of the progress bar.
         """
         count = len(self._labels)
         with self._outputs() as results, progress(doing, count) as bar, stopping_between() as stopped:

@@ -12,36 +12,23 @@ from dic.shell.console import fail, say
 
 
 class SeriesRecord:
-    """Print the result of each measured image, and keep the values for the output files.
-
-    Parameters
-    ----------
-    labels : sequence of str
-        Labels of all images of the series.
-    calibrated : bool
-        True if there is a calibration.
-
-    Attributes
-    ----------
-    rows : Spool of dict
-        The summaries and failures of all images by their index in the series, in a temporary file. A failure
-        has the keys `file` and `error`; in a summary, `error` is None, or a sentence about a poor
-        measurement.
-    measured : list of int
-        Indices of the images that could be measured.
-    failures : list of dict
-        Images that could not be measured. Each dictionary has the keys `file` and `error`.
-    bad : list of str
-        One sentence for each image that was measured poorly.
-    """
+    """Print the result of each measured image, and keep the values for the output files."""
 
     def __init__(self, labels: Sequence[str], *, calibrated: bool) -> None:
         self._table = series_table([name_of(label) for label in labels], only_raw=not calibrated)
         self._headed = False
         self.rows: Spool[dict[str, Any]] = Spool()
+        """The summaries and failures of all images by their index in the series, in a temporary file.
+
+        A failure has the keys `file` and `error`; in a summary, `error` is None, or a sentence about a poor
+        measurement.
+        """
         self.measured: list[int] = []
+        """Indices of the images that could be measured."""
         self.failures: list[dict[str, str]] = []
+        """The failures of the images that could not be measured, as in `rows`."""
         self.bad: list[str] = []
+        """One sentence for each image that was measured poorly."""
 
     def add(self, number: int, image: dic.pipeline.MeasuredImage) -> None:
         """Print the result of the image with the index `number`, and add it to the record."""

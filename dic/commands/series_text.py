@@ -28,13 +28,8 @@ def image_lines(table: StrainTable, summary: dict[str, Any], *, first: bool = Tr
 
     Notes that apply to the whole series are printed with the first image.
 
-    Parameters
-    ----------
-    table : StrainTable
-        The table of the series.
-    summary : dict
-        The result of `Measurement.summary`. If the strain of the image was corrected, the key "corrected" has
-        the corrected values.
+    `table`: the table of the series. `summary`: the result of `Measurement.summary`. If the strain of the
+    image was corrected, the key "corrected" has the corrected values.
     """
     rotation_deg = summary["raw"]["rotation_deg"]
     rotation = "" if rotation_deg is None else f"{rotation_deg:z.2f}°"
@@ -102,10 +97,7 @@ def corrected_texts(corrected: dict[str, Any]) -> list[str]:
 
     Each text fits a line of 100 characters. Only a reason may be longer.
 
-    Parameters
-    ----------
-    corrected : dict
-        The result of `Correction.as_dict`.
+    `corrected`: the result of `Correction.as_dict`.
     """
     if not corrected["applied"]:
         return [f"not corrected: {corrected['reason']}"]

@@ -40,10 +40,7 @@ def settings(results: Path | None) -> None:
 def settings_text(values: Mapping[str, Any]) -> str:
     """Return a settings file as text: the given values by table and key, and defaults for all others.
 
-    Parameters
-    ----------
-    values : mapping
-        Values by "table.key".
+    `values`: values by "table.key".
     """
     lines, table = [_HEAD.rstrip()], ""
     for setting in SETTINGS:

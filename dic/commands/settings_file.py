@@ -30,23 +30,15 @@ KEYS = {"correction": {"kind": "motion"}}
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting of the settings file.
-
-    Attributes
-    ----------
-    table, key : str
-        The table and the key of the setting in the file.
-    kind : type
-        The class of settings.
-    name : str
-        Name of the setting in its class.
-    declared : Declared
-    """
+    """A setting of the settings file."""
 
     table: str
     key: str
+    """The table and the key of the setting in the file."""
     kind: type
+    """The class of settings."""
     name: str
+    """Name of the setting in its class."""
     declared: Declared
 
     def refusal(self, value: Any) -> MeasurementError | None:
@@ -70,11 +62,8 @@ SETTINGS = tuple(
 def read_settings(path: Path) -> dict[tuple[type, str], Any]:
     """Read a settings file; return the values by class of settings and name.
 
-    Raises
-    ------
-    CorrelationError
-        If the file cannot be read, or has unknown keys or values of a wrong type. The message names all
-        mistakes together.
+    Raises `CorrelationError` if the file cannot be read, or has unknown keys or values of a wrong type. The
+    message names all mistakes together.
     """
     try:
         content = tomllib.loads(read_text(path))

@@ -31,18 +31,12 @@ class Column:
 
 @dataclass(frozen=True)
 class StrainTable:
-    """The lines of a table with one line for each kind of strain of an image: raw, calibrated and corrected.
-
-    Attributes
-    ----------
-    columns : sequence of Column
-        The columns in front of the strains.
-    only_raw : bool
-        True if there is no calibration. Then all strain is raw, and no column names the kind of strain.
-    """
+    """The lines of a table with a line for each kind of strain of an image: raw, calibrated and corrected."""
 
     columns: Sequence[Column]
+    """The columns in front of the strains."""
     only_raw: bool = False
+    """True if there is no calibration. Then all strain is raw, and no column names the kind of strain."""
 
     def heading(self) -> str:
         """Return the line above the table."""
@@ -54,13 +48,9 @@ class StrainTable:
     def lines(self, cells: Sequence[str], strains: Mapping[str, Mapping[str, Any]]) -> list[str]:
         """Return the lines of one image.
 
-        Parameters
-        ----------
-        cells : sequence of str
-            The text of each column in front of the strains.
-        strains : mapping of str to mapping
-            For each kind of strain that was measured, the values `exx`, `exx_std` and so on; None or NaN for
-            a value that is not known. A kind without values gets no line.
+        `cells`: the text of each column in front of the strains. `strains`: for each kind of strain that was
+        measured, the values `exx`, `exx_std` and so on; None or NaN for a value that is not known. A kind
+        without values gets no line.
         """
         front = " ".join(column.cell(text) for column, text in zip(self.columns, cells, strict=True))
         lines = []

@@ -108,11 +108,8 @@ class TargetOptions(_Described):  # type: ignore[misc]  # its fields are those o
     def read(self) -> dic.targets.Target:
         """Return the target that the options describe.
 
-        Raises
-        ------
-        CalibrationError
-            If the options name several kinds of target, or if an option such as `--marker-mm` is given
-            without the numbers of its kind.
+        Raises `CalibrationError` if the options name several kinds of target, or if an option such as
+        `--marker-mm` is given without the numbers of its kind.
         """
         given: dict[str, Any] = {name: value for name, value in vars(self).items() if value is not None}
         numbers = {kind.option: given.get(kind.option.replace("-", "_")) for kind in TARGETS.values()}

@@ -10,16 +10,9 @@ tensile_options = use("test", PropertySettings)
 def tensile_settings(test: Chosen[PropertySettings], known_mm2: float | None = None) -> PropertySettings:
     """Return the settings of a tensile test. Rp0.2 is always among the properties.
 
-    Parameters
-    ----------
-    test : Chosen
-    known_mm2 : float, optional
-        Area that is used if the option is not given, such as the area in a run's protocol.
+    `known_mm2`: area that is used if the option is not given, such as the area in a run's protocol.
 
-    Raises
-    ------
-    CurveError
-        If the area is not known, or a setting is not possible.
+    Raises `CurveError` if the area is not known, or a setting is not possible.
     """
     area_mm2 = test.values["area_mm2"]
     area_mm2 = known_mm2 if area_mm2 is None else area_mm2

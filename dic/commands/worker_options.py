@@ -51,10 +51,7 @@ def worker_options(command: Command) -> Command:
 def chosen_workers() -> Iterator[dic.workers.Workers | None]:
     """Provide the workers that the options of the running command choose; None for `--workers 1`.
 
-    Raises
-    ------
-    WorkerError
-        If the options contradict each other, or the scheduler cannot be used.
+    Raises `WorkerError` if the options contradict each other, or the scheduler cannot be used.
     """
     chosen = click.get_current_context().meta.get(_CHOSEN, {})
     count, address = chosen.get("workers"), chosen.get("scheduler")

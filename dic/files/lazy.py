@@ -16,12 +16,7 @@ Third = TypeVar("Third")
 class Computed(Sequence[Item]):
     """A sequence whose elements a function returns when they are used; only the last result stays in memory.
 
-    Parameters
-    ----------
-    count : int
-        Number of elements.
-    element : callable
-        Function that returns the element with the given index, from 0.
+    `count`: number of elements. `element`: function that returns the element with the given index, from 0.
     """
 
     def __init__(self, count: int, element: Callable[[int], Item]) -> None:

@@ -13,12 +13,7 @@ def lock_file(path: Path) -> int:
 
     On a system or a file system that has no locks, the file is not protected.
 
-    Raises
-    ------
-    BlockingIOError
-        If another program holds the lock.
-    OSError
-        If the file cannot be opened.
+    Raises `BlockingIOError` if another program holds the lock. Raises `OSError` if the file cannot be opened.
     """
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
@@ -36,10 +31,7 @@ def lock_file(path: Path) -> int:
 def lock_descriptor(descriptor: int) -> None:
     """Lock an open file until its descriptor is closed.
 
-    Raises
-    ------
-    BlockingIOError
-        If another program holds the lock.
+    Raises `BlockingIOError` if another program holds the lock.
     """
     try:
         if sys.platform == "win32":

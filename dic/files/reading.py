@@ -36,11 +36,8 @@ class Content(Protocol):
 class FileContent:
     """The content of an open file. A slice is read when it is asked for, so a large file needs no memory.
 
-    Attributes
-    ----------
-    identity : tuple of int
-        Device, number, size and time of the last change. Two different files have different identities, and a
-        changed file has a new identity.
+    `identity`: device, number, size and time of the last change. Two different files have different
+    identities, and a changed file has a new identity.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -61,10 +58,7 @@ class FileContent:
 def opened(path: str | Path) -> Iterator[FileContent]:
     """Provide the content of a regular file; the file may be larger than the memory.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be opened, or is not a regular file.
+    Raises `OSError` if the file cannot be opened, or is not a regular file.
     """
     with _regular_file(path) as file:
         yield FileContent(file)
@@ -76,17 +70,10 @@ def read_bytes(path: str | Path, most_bytes: int = MOST_IMAGE_BYTES) -> bytes:
     Python's `open` would wait forever for the writer of a named pipe, and would read from a device for ever.
     So this function refuses pipes and devices.
 
-    Parameters
-    ----------
-    path : path
-    most_bytes : int
-        Largest accepted size of the file.
+    `most_bytes`: largest accepted size of the file.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be opened, is not a regular file, or is larger than `most_bytes`. The attribute
-        ``strerror`` describes the file for an error message, such as "a named pipe".
+    Raises `OSError` if the file cannot be opened, is not a regular file, or is larger than `most_bytes`. The
+    attribute ``strerror`` describes the file for an error message, such as "a named pipe".
     """
     with _regular_file(path) as file:
         found = os.fstat(file.fileno())

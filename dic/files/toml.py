@@ -19,18 +19,10 @@ _MOST_REASON = 200
 def read_toml(path: PathLike, error: type[MeasurementError], step: str, remedy: str) -> dict[str, Any]:
     """Return the content of a TOML file.
 
-    Parameters
-    ----------
-    path : path
-    error : type
-        Class of the error to raise.
-    step, remedy : str
-        The step that needs the file, and an example of what to write into it.
+    `error`: class of the error to raise. `step`, `remedy`: the step that needs the file, and an example of
+    what to write into it.
 
-    Raises
-    ------
-    MeasurementError
-        If the file cannot be read, or is not TOML.
+    Raises `MeasurementError` if the file cannot be read, or is not TOML.
     """
     source = str(path)
     try:
@@ -52,18 +44,9 @@ def wrong_values(
 ) -> Iterator[MeasurementError]:
     """Yield an error for each unknown key, and for each value of a wrong type.
 
-    Parameters
-    ----------
-    place : str
-        The file and the table, for messages.
-    table : mapping
-        Keys and values of the table in the file.
-    known : mapping of str to str
-        The kind of value of each known key: `TEXT`, `DATE`, `NUMBER` or `NUMBERS`.
-    error : type
-        Class of the errors.
-    kind : str
-        Description of the table's subject, such as "a result file", for messages.
+    `place`: the file and the table, for messages. `table`: keys and values of the table in the file. `known`:
+    the kind of value of each known key: `TEXT`, `DATE`, `NUMBER` or `NUMBERS`. `error`: class of the errors.
+    `kind`: description of the table's subject, such as "a result file", for messages.
     """
     for key, value in table.items():
         if key not in known:

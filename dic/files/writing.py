@@ -20,11 +20,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
     writes no file, an existing file at `path` stays unchanged. If `path` is a link, the target of the link is
     replaced and the link stays.
 
-    Raises
-    ------
-    OSError
-        If no file can be written to the folder, or if `path` is a folder, a device or a pipe. Folders,
-        devices and pipes are never replaced.
+    Raises `OSError` if no file can be written to the folder, or if `path` is a folder, a device or a pipe.
+    Folders, devices and pipes are never replaced.
     """
     place = require_place(path)
     # The process number gives two programs that write to the same path different temporary files.
@@ -49,10 +46,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 def require_place(path: str | Path) -> Path:
     """Return the place of a file that may be replaced: the path, or the target of the link at the path.
 
-    Raises
-    ------
-    OSError
-        If there is a folder, a device or a pipe, which are never replaced.
+    Raises `OSError` if there is a folder, a device or a pipe, which are never replaced.
     """
     # Otherwise the link itself would be replaced, and its target would stay unchanged.
     place = Path(os.path.realpath(path))
@@ -81,13 +75,7 @@ def write_text(path: str | Path, text: str) -> None:
 def write_figure(figure: Any, path: str | Path, dpi: float, image_format: str | None = None) -> None:
     """Write a matplotlib figure to a file, completely or not at all; raise `OSError` like `replacing`.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-    path : path
-    dpi : float
-    image_format : str, optional
-        Format of the file, such as "png". By default the suffix of `path` determines the format.
+    `image_format`: format of the file, such as "png". By default the suffix of `path` determines the format.
     """
     content = BytesIO()
     figure.savefig(content, dpi=dpi, format=image_format or Path(path).suffix.lstrip(".") or "png")

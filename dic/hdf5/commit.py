@@ -23,18 +23,10 @@ _PLACE = Struct("<QQ")
 def overwrite(file: FileIO, size: int, changes: Mapping[tuple[int, int], bytes]) -> None:
     """Change bytes of an open file as a whole; `size` is the length that the file has afterwards.
 
-    Parameters
-    ----------
-    file : FileIO
-        The file without a buffer of Python.
-    size : int
-    changes : mapping of (int, int) to bytes
-        The new bytes by their offset and length, in the order in which they are written.
+    `file`: the file without a buffer of Python. `changes`: the new bytes by their offset and length, in the
+    order in which they are written.
 
-    Raises
-    ------
-    OSError
-        If the disk is full. The file then has its earlier state.
+    Raises `OSError` if the disk is full. The file then has its earlier state.
     """
     packed = b"".join(_PLACE.pack(*place) + data for place, data in changes.items())
     try:
@@ -51,10 +43,7 @@ def overwrite(file: FileIO, size: int, changes: Mapping[tuple[int, int], bytes])
 def complete(path: Path) -> None:
     """Make the changes that another program could not finish, if the file has any behind its end.
 
-    Raises
-    ------
-    OSError
-        If the file must be changed and cannot be.
+    Raises `OSError` if the file must be changed and cannot be.
     """
     with path.open("rb") as file:
         found = _changes_behind(file)

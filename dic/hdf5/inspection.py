@@ -55,10 +55,7 @@ def open_for_reading(path: Path) -> Any:
 
     A file system without locks, such as some network drives, is read without one.
 
-    Raises
-    ------
-    OSError
-        If the file is truncated or not HDF5, or if another program has it open for writing.
+    Raises `OSError` if the file is truncated or not HDF5, or if another program has it open for writing.
     """
     try:
         return _opened(path)
@@ -86,12 +83,8 @@ def _opened(path: Path, **how: Any) -> Any:
 def inspect(path: Path) -> None:
     """Visit all objects in a file, and read their attributes and small data sets.
 
-    Raises
-    ------
-    RefusedFileError
-        If the file contains an object that files of this program never contain.
-    Exception
-        If the file is damaged. The type of the exception depends on the damage.
+    Raises `RefusedFileError` if the file contains an object that files of this program never contain. Raises
+    `Exception` if the file is damaged. The type of the exception depends on the damage.
     """
     try:
         opened = open_for_reading(path)
@@ -229,10 +222,7 @@ def _inspect_in_child(path: Path) -> tuple[int, str]:
 def limit_memory() -> None:
     """Limit the memory of this process, so that a damaged file cannot fill that of the machine.
 
-    Raises
-    ------
-    ImportError
-        On Windows, where a process has no such limits.
+    Raises `ImportError` on Windows, where a process has no such limits.
     """
     import resource
 

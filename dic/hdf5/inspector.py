@@ -25,26 +25,13 @@ This list keeps the `Popen` objects, because Python would poll the processes whe
 def ask_inspector(path: Path, timeout_s: float) -> tuple[int, str]:
     """Let the inspecting process inspect a file.
 
-    Parameters
-    ----------
-    path : Path
-    timeout_s : float
-        Longest wait for the answer, in seconds of real time.
+    `timeout_s`: longest wait for the answer, in seconds of real time.
 
-    Returns
-    -------
-    status : int
-        Exit status of the process that inspected the file; if a signal ended it, the signal's negative
-        number.
-    said : str
-        The reason why the file is refused; empty if the file is good.
+    Result: the exit status of the process that inspected the file, or the negative number of the signal that
+    ended it; and the reason why the file is refused, which is empty if the file is good.
 
-    Raises
-    ------
-    TimeoutError
-        If no answer came in time. The inspecting process was ended.
-    OSError
-        If no process can be started.
+    Raises `TimeoutError` if no answer came in time. The inspecting process was then ended. Raises `OSError`
+    if no process can be started.
     """
     if not hasattr(os, "fork"):
         return _ask_once(path, timeout_s)

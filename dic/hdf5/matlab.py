@@ -33,34 +33,21 @@ _TIMEOUT_S = 120.0
 
 @dataclass(frozen=True)
 class Element:
-    """One element of a field of a structure.
-
-    Attributes
-    ----------
-    count : int
-        Number of elements of the structure, or of the cell array in the field; 0 if there is no such field.
-    value : ndarray or None
-        The numbers of the element in MATLAB's order of dimensions; None if it is empty or has no numbers.
-    """
+    """One element of a field of a structure."""
 
     count: int
+    """Number of elements of the structure, or of the cell array in the field; 0 if there is no such field."""
     value: Float | None
+    """The numbers of the element in MATLAB's order of dimensions; None if it is empty or has no numbers."""
 
 
 def read_elements(path: Path, wanted: Mapping[str, int]) -> dict[str, Element]:
     """Return elements of fields of a MATLAB file of version 7.3, by the names of the fields.
 
-    Parameters
-    ----------
-    path : Path
-    wanted : mapping of str to int
-        Names of fields with the structures around them, such as "data/displacements/u", and the number of the
-        element, from 1.
+    `wanted`: names of fields with the structures around them, such as "data/displacements/u", and the number
+    of the element, from 1.
 
-    Raises
-    ------
-    NotReadable
-        If the file is damaged, or refused for one of the reasons of `dic.hdf5.inspection`.
+    Raises `NotReadable` if the file is damaged, or refused for one of the reasons of `dic.hdf5.inspection`.
     """
     command = [sys.executable, "-P", "-m", "dic.hdf5.matlab", str(path.absolute())]
     request = json.dumps(dict(wanted)).encode()
@@ -83,10 +70,7 @@ def read_elements(path: Path, wanted: Mapping[str, int]) -> dict[str, Element]:
 def elements_of(file: Any, wanted: Mapping[str, int], walk: Walk) -> list[Element]:
     """Return elements of fields of an open file.
 
-    Raises
-    ------
-    RefusedFileError
-        If an object on the way holds something else than numbers in this file.
+    Raises `RefusedFileError` if an object on the way holds something else than numbers in this file.
     """
     return [_element(file, name.split("/"), number, walk) for name, number in wanted.items()]
 

@@ -27,10 +27,7 @@ def open_hdf5(path: Path) -> Any:
     A damaged file can crash HDF5, and with it the program that reads the file. So another process inspects
     the file first.
 
-    Raises
-    ------
-    NotReadable
-        If the file is missing, damaged, refused, or not HDF5.
+    Raises `NotReadable` if the file is missing, damaged, refused, or not HDF5.
     """
     try:
         if kind := kind_of(path.stat().st_mode):

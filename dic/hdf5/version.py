@@ -12,28 +12,13 @@ _WRITER = re.compile(r"\boffaxis [\w.+!]+")
 def require_version(
     path: Path, step: str, kind: str, found: object, known: int, written_by: str, otherwise: str = ""
 ) -> None:
-    """Raise an error if a file has another format than the one that this program reads.
+    """Raise a `RunFileError` if a file has another format than the one that this program reads.
 
-    Parameters
-    ----------
-    path : Path
-    step : str
-        What the caller does, such as "read run".
-    kind : str
-        Kind of the file, such as "run".
-    found : object
-        The version of the file's format, as it is in the file.
-    known : int
-        The version that this program reads.
-    written_by : str
-        The versions of all programs that wrote the file, as the file states them; "" if it does not.
-    otherwise : str
-        What else the user can do, as a part of a sentence.
-
-    Raises
-    ------
-    RunFileError
-        Names the version of offaxis that wrote the file.
+    `step`: what the caller does, such as "read run". `kind`: kind of the file, such as "run". `found`: the
+    version of the file's format, as it is in the file. `known`: the version that this program reads.
+    `written_by`: the versions of all programs that wrote the file, as the file states them; "" if it does
+    not. `otherwise`: what else the user can do, as a part of a sentence. The error names the version of
+    offaxis that wrote the file.
     """
     if found == known:
         return

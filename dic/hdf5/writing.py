@@ -23,24 +23,12 @@ INDEX_CACHE_BYTES = 2**20
 class NewFile:
     """A new HDF5 file, and the first error of writing it.
 
-    Parameters
-    ----------
-    path : Path
-        The file is created, or emptied if it exists.
-    shown : path, optional
-        Name of the file in errors, for a temporary file. Default: `path`.
-    track_order : bool
-        True to keep the order in which the objects of the file are created.
+    `path`: the file is created, or emptied if it exists. `shown`: name of the file in errors, for a temporary
+    file. Default: `path`. `track_order`: True to keep the order in which the objects of the file are created.
 
-    Attributes
-    ----------
-    hdf5 : h5py.File
-        The open file.
+    `hdf5`: the open file.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be created.
+    Raises `OSError` if the file cannot be created.
     """
 
     def __init__(self, path: Path, shown: PathLike | None = None, *, track_order: bool = False) -> None:
@@ -63,22 +51,14 @@ class NewFile:
             raise
 
     def require_written(self) -> None:
-        """Raise the first error of writing, if there was one.
-
-        Raises
-        ------
-        OSError
-        """
+        """Raise the first `OSError` of writing, if there was one."""
         if self._bytes.error is not None:
             raise self._bytes.error
 
     def commit(self) -> None:
         """Write everything to the disk; the file can be read in this state until the next commit.
 
-        Raises
-        ------
-        OSError
-            If something could not be written. The file then keeps the state of the last commit.
+        Raises `OSError` if something could not be written. The file then keeps the state of the last commit.
         """
         self.hdf5.flush()
         self._bytes.commit()
@@ -90,10 +70,7 @@ class NewFile:
     def close(self) -> None:
         """Close the file.
 
-        Raises
-        ------
-        OSError
-            If the file is not complete.
+        Raises `OSError` if the file is not complete.
         """
         try:
             self.hdf5.close()
@@ -121,18 +98,13 @@ class _Bytes(RawIOBase):
 
     Bytes that the last commit wrote stay as they are in the file until the next commit. What HDF5 writes over
     them, which is its index, is in memory until then.
-
-    Attributes
-    ----------
-    error : OSError or None
-        The first error of writing.
-    committed : int
-        Size of the file at the last commit; 0 before the first one.
     """
 
     def __init__(self, file: FileIO, shown: str) -> None:
         self.error: OSError | None = None
+        """The first error of writing."""
         self.committed = 0
+        """Size of the file at the last commit; 0 before the first one."""
         self._file, self._shown = file, shown
         self._at = self._size = 0
         self._kept: dict[tuple[int, int], bytes] = {}

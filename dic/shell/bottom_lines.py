@@ -21,11 +21,7 @@ def bottom_lines(draw: "Callable[[], RenderableType]", refreshes_per_s: float) -
     Nothing may be drawn if standard output is a pipe, because the reader of the pipe, such as `tee`, may
     print on the same terminal, between the drawn lines.
 
-    Parameters
-    ----------
-    draw : callable
-        Returns the present lines at the bottom of the terminal.
-    refreshes_per_s : float
+    `draw`: returns the present lines at the bottom of the terminal.
     """
     if not sys.stderr.isatty() or os.environ.get("TERM", "").lower() in _DUMB or _leads_to_a_reader():
         return None

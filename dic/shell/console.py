@@ -35,14 +35,9 @@ _NO_GLYPH = re.compile(r"Glyph \d+ .*missing from")
 def run(command: click.Command, foreseen: tuple[type[Exception], ...], prefix: str) -> NoReturn:
     """Run a command and exit; an expected error prints one sentence and exits with status 2.
 
-    Parameters
-    ----------
-    command : click.Command
-        The command to run. If the command exits with a status of its own, the program exits with that status.
-    foreseen : tuple of exception types
-        Expected errors. The message of such an error is the printed sentence.
-    prefix : str
-        Text that is printed before the sentence, for example the program's name.
+    `command`: the command to run. If the command exits with a status of its own, the program exits with that
+    status. `foreseen`: expected errors. The message of such an error is the printed sentence. `prefix`: text
+    that is printed before the sentence, for example the program's name.
     """
     _prepare_streams()
     _unprinted.clear()

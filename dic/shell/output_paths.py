@@ -30,23 +30,13 @@ def require_places(
     """Raise an error if an output file cannot be created, or would replace an input, another output or
     earlier results.
 
-    Parameters
-    ----------
-    inputs, outputs : iterable of path or None
-        Paths of the files to read and of the files to write. None means that the user did not give the
-        option.
-    force : bool
-        True if existing files may be replaced. Folders, devices, pipes and inputs are never replaced.
-    replaceable : iterable of path
-        Existing files that may be replaced in any case, because an interrupted run of the same work wrote
-        them.
-    new_folders : iterable of path
-        Folders that will be made before the work begins, with all folders above them.
+    `inputs`, `outputs`: paths of the files to read and of the files to write. None means that the user did
+    not give the option. `force`: True if existing files may be replaced. Folders, devices, pipes and inputs
+    are never replaced. `replaceable`: existing files that may be replaced in any case, because an interrupted
+    run of the same work wrote them. `new_folders`: folders that will be made before the work begins, with all
+    folders above them.
 
-    Raises
-    ------
-    OutputError
-        If an output file cannot be used. The message names the first such file.
+    Raises `OutputError` if an output file cannot be used. The message names the first such file.
     """
     own = {_resolved(path) for path in replaceable}
     made = {_resolved(folder) for folder in new_folders}
@@ -71,17 +61,9 @@ def require_places(
 
 
 def require_hdf5(path: Path | None, instead: str) -> None:
-    """Raise an error if an HDF5 file would have the ending of another kind of file, such as .csv.
+    """Raise an `OutputError` if an HDF5 file would have the ending of another kind of file, such as .csv.
 
-    Parameters
-    ----------
-    path : path or None
-    instead : str
-        What to do for a file of that kind.
-
-    Raises
-    ------
-    OutputError
+    `instead`: what to do for a file of that kind.
     """
     if path is not None and path.suffix.lower() in _OTHERS:
         expected, got = "an HDF5 file, such as one that ends with .h5", f"one that ends with {path.suffix}"
@@ -92,17 +74,10 @@ def require_hdf5(path: Path | None, instead: str) -> None:
 def same_or_new(folder: Path, *, replace: bool) -> Iterator[Path]:
     """Give a folder for files that are then moved to `folder`, where no file with other content is lost.
 
-    Parameters
-    ----------
-    folder : Path
-        A folder that exists.
-    replace : bool
-        True if files with other content may be replaced. Then the files are written to `folder` at once.
+    `folder`: a folder that exists. `replace`: True if files with other content may be replaced. Then the
+    files are written to `folder` at once.
 
-    Raises
-    ------
-    OutputError
-        If a file with other content is there. Then no file of the folder has changed.
+    Raises `OutputError` if a file with other content is there. Then no file of the folder has changed.
     """
     if replace:
         yield folder

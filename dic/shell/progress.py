@@ -69,13 +69,8 @@ class Bar:
 def progress(what: str, total: int | None = None) -> Iterator[Bar]:
     """Show a progress bar while the statements of a `with` block run.
 
-    Parameters
-    ----------
-    what : str
-        Description of the work, shown beside the progress bar.
-    total : int, optional
-        Total number of pieces of work. Without a total, the bar shows only that work is going on, until
-        `Bar.expect` sets the total.
+    `what`: description of the work, shown beside the progress bar. `total`: total number of pieces of work.
+    Without a total, the bar shows only that work is going on, until `Bar.expect` sets the total.
     """
     bar = Bar(what, total)
     bar.show()

@@ -174,10 +174,7 @@ class _Process:
     def ask(self, task: Message) -> Message:
         """Let the process run a task, and return its answer.
 
-        Raises
-        ------
-        EOFError, OSError
-            If the process has ended.
+        Raises `EOFError` or `OSError` if the process has ended.
         """
         assert self._process.stdin is not None
         assert self._process.stdout is not None
