@@ -11,9 +11,8 @@ import click
 import dic
 from dic.files import write_text
 from dic.shell.console import say
-from dic.shell.output_paths import FORCE, require_places
+from dic.shell.output_paths import FORCE, PATH, require_places
 
-_PATH = click.Path(path_type=Path)
 _SHOWN = {
     "pan": (0.0, 10.0, 15.0, 20.0, 30.0),
     "pan_tilt": (10.0, 20.0, 30.0),
@@ -26,12 +25,12 @@ _SHOWN = {
 @click.option(
     "-o",
     "--output",
-    type=_PATH,
+    type=PATH,
     default="assessment",
     show_default=True,
     help="Folder for the figures and the table.",
 )
-@click.option("--json", "json_file", type=_PATH, help="JSON file of the table and the findings.")
+@click.option("--json", "json_file", type=PATH, help="JSON file of the table and the findings.")
 @FORCE
 def assess(output: Path, json_file: Path | None, force: bool) -> None:
     """Repeat the paper's numerical assessment of the calibration, and write figures 2 to 14 and a table.

@@ -14,9 +14,7 @@ from dic.commands.options import all_of, option, options, use
 from dic.commands.target_options import TargetOptions, target_options
 from dic.files import write_text
 from dic.shell.console import say
-from dic.shell.output_paths import FORCE, require_hdf5, require_places
-
-_FILE = click.Path(path_type=Path)
+from dic.shell.output_paths import FORCE, PATH, require_hdf5, require_places
 
 
 @options
@@ -60,7 +58,7 @@ class CalibrationOutputOptions:
 
 
 @click.command()
-@click.argument("images", type=_FILE, nargs=-1, required=True)
+@click.argument("images", type=PATH, nargs=-1, required=True)
 @target_options
 @click.option(
     "--model",

@@ -17,9 +17,8 @@ from dic.errors import CurveError
 from dic.files import write_text
 from dic.properties import PropertySettings
 from dic.shell.console import fail, say
-from dic.shell.output_paths import require_places
+from dic.shell.output_paths import PATH, require_places
 
-_PATH = click.Path(path_type=Path)
 _FILE_NAME = "campaign.toml"
 
 
@@ -57,7 +56,7 @@ class CampaignOutputs:
 
 
 @click.command()
-@click.argument("folder", type=_PATH)
+@click.argument("folder", type=PATH)
 @use("tables", EqualTables)
 @tensile_options
 @use("outputs", CampaignOutputs, needs={"--decimal-comma": ("--csv",), "--pdf": ("--report",)})

@@ -10,16 +10,15 @@ import click
 import dic
 from dic.files import write_text
 from dic.shell.console import say
-from dic.shell.output_paths import FORCE, require_places
+from dic.shell.output_paths import FORCE, PATH, require_places
 
-_PATH = click.Path(path_type=Path)
 _COLUMNS = ("points", "mean", "rms", "quantile_05", "median", "quantile_95", "largest")
 _HEADINGS = ("points", "mean", "rms", "5 %", "median", "95 %", "largest")
 
 
 @click.command()
-@click.argument("results", type=_PATH)
-@click.argument("peer", type=_PATH)
+@click.argument("results", type=PATH)
+@click.argument("peer", type=PATH)
 @click.option("--image", type=int, help="Number of the image in RESULTS, from 1. Default: the only image.")
 @click.option("--camera", help="Camera of a run. Default: the only camera of the run.")
 @click.option(
@@ -32,8 +31,8 @@ _HEADINGS = ("points", "mean", "rms", "5 %", "median", "95 %", "largest")
 @click.option(
     "--peer-strain", help="Strain measure of a file of OpenCorr: small or green-lagrange. Default: small."
 )
-@click.option("--picture", type=_PATH, help="Picture of both results and their difference.")
-@click.option("--json", "json_file", type=_PATH, help="JSON file of the printed results.")
+@click.option("--picture", type=PATH, help="Picture of both results and their difference.")
+@click.option("--json", "json_file", type=PATH, help="JSON file of the printed results.")
 @FORCE
 def compare(
     results: Path,

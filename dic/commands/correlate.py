@@ -33,9 +33,7 @@ from dic.commands.worker_options import chosen_workers, worker_options
 from dic.errors import each_warning_once
 from dic.pictures import MapSettings
 from dic.shell.console import say
-from dic.shell.output_paths import require_hdf5, require_places
-
-_FILE = click.Path(path_type=Path)
+from dic.shell.output_paths import PATH, require_hdf5, require_places
 
 
 @dataclass(frozen=True)
@@ -70,8 +68,8 @@ class Given:
 
 
 @click.command(cls=Grouped)
-@click.argument("reference", type=_FILE)
-@click.argument("deformed", type=_FILE, nargs=-1)
+@click.argument("reference", type=PATH)
+@click.argument("deformed", type=PATH, nargs=-1)
 @start_options
 @region_options
 @correlation_options

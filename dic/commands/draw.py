@@ -10,28 +10,27 @@ import click
 import dic
 from dic.errors import CorrelationError
 from dic.shell.console import say
-from dic.shell.output_paths import FORCE, require_places
+from dic.shell.output_paths import FORCE, PATH, require_places
 
 _RUN_FILES = (".h5", ".hdf5")
-_FILE = click.Path(path_type=Path)
 
 
 @click.command()
-@click.argument("image", type=_FILE)
+@click.argument("image", type=PATH)
 @click.option("--camera", help="Camera of a run file, if the run has several.")
-@click.option("-o", "--output", type=_FILE, help="HTML file.  [default: IMAGE-drawing.html]")
-@click.option("--roi", type=_FILE, help="Region to begin with: mask image or region file.")
+@click.option("-o", "--output", type=PATH, help="HTML file.  [default: IMAGE-drawing.html]")
+@click.option("--roi", type=PATH, help="Region to begin with: mask image or region file.")
 @click.option("--specimen", is_flag=True, help="Begin with the specimen, found by its speckles.")
 @click.option(
     "--gauges",
     "gauges_file",
-    type=_FILE,
+    type=PATH,
     help="TOML file of gauges to begin with; gauges in mm are not changed.",
 )
 @click.option(
     "--calibration",
     "calibration_file",
-    type=_FILE,
+    type=PATH,
     help="Calibration file: the page then also shows the pointer's place in mm.",
 )
 @FORCE

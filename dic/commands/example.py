@@ -8,7 +8,7 @@ import click
 import dic
 from dic.errors import OutputError
 from dic.shell.console import say
-from dic.shell.output_paths import FORCE, require_places
+from dic.shell.output_paths import FORCE, PATH, require_places
 
 NEXT = (
     "dic quality {0}/reference.png",
@@ -19,7 +19,7 @@ NEXT = (
 
 
 @click.command()
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=PATH)
 @FORCE
 def example(folder: Path, force: bool) -> None:
     """Write a small tension test to FOLDER: images, a mask, the machine's record, and the true strains.

@@ -10,16 +10,14 @@ from dic.commands.options import telling
 from dic.exports import EXPORTS
 from dic.files import write_text
 from dic.shell.console import fail, say
-from dic.shell.output_paths import FORCE, require_places
+from dic.shell.output_paths import FORCE, PATH, require_places
 from dic.shell.progress import progress
-
-_PATH = click.Path(path_type=Path)
 
 
 @click.command()
-@click.argument("results", type=_PATH)
+@click.argument("results", type=PATH)
 @click.argument("formats", metavar="FORMAT...", nargs=-1, required=True)
-@click.option("-o", "--output", type=_PATH, required=True, help="Folder; each format gets a folder in it.")
+@click.option("-o", "--output", type=PATH, required=True, help="Folder; each format gets a folder in it.")
 @click.option("--camera", help="Camera of a run. Default: all cameras.")
 @click.option(
     "--raw-strain",
@@ -31,7 +29,7 @@ _PATH = click.Path(path_type=Path)
     is_flag=True,
     help="Write CSV files with decimal commas, and semicolons between the cells.",
 )
-@click.option("--json", "json_file", type=_PATH, help="JSON file of the list of written images.")
+@click.option("--json", "json_file", type=PATH, help="JSON file of the list of written images.")
 @FORCE
 @telling(formats=", ".join(f"{name} ({each.about})" for name, each in EXPORTS.items()))
 def export(

@@ -5,14 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import click
-
 import dic
 from dic.commands.options import option, options, use
 from dic.commands.record_options import RecordOptions
 from dic.commands.shared_options import declare
-
-_PATH = click.Path(path_type=Path)
 
 
 @options

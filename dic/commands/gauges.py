@@ -16,9 +16,7 @@ from dic.files import write_text
 from dic.gauges import GAUGES
 from dic.settings import enumerated
 from dic.shell.console import fail, say
-from dic.shell.output_paths import require_places
-
-_PATH = click.Path(path_type=Path)
+from dic.shell.output_paths import PATH, require_places
 
 
 @options
@@ -38,8 +36,8 @@ class GaugeOutputs:
 
 
 @click.command()
-@click.argument("results", type=_PATH)
-@click.argument("gauges_file", type=_PATH, metavar="[GAUGES]", required=False)
+@click.argument("results", type=PATH)
+@click.argument("gauges_file", type=PATH, metavar="[GAUGES]", required=False)
 @click.option("--declare", "--gauge", "texts", multiple=True, metavar="TEXT", help=A_GAUGE)
 @click.option("--camera", help="Camera of a run. Default: all, if all gauges are in millimetres.")
 @click.option("--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record.")

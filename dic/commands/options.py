@@ -17,6 +17,7 @@ from click.core import ParameterSource
 from dic.errors import CorrelationError, all_of as all_of
 from dic.settings import Declared, declared_in, default_of
 from dic.shell.console import say
+from dic.shell.output_paths import PATH
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Settings = TypeVar("Settings")
@@ -191,7 +192,7 @@ def _of_field(argument: str, kind: type, declared: Any) -> Callable[[Any], Any]:
     if hint is bool:
         how.update(is_flag=True, default=False)
     elif "type" not in how:
-        how["type"] = click.Path(path_type=Path) if kinds[0] is Path else kinds[0]
+        how["type"] = PATH if kinds[0] is Path else kinds[0]
     if how["default"] is None:
         del how["default"]
     elif hint is not bool:

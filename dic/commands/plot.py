@@ -16,9 +16,7 @@ from dic.commands.shared_options import declare_or_gauge, force
 from dic.errors import GaugeError
 from dic.pictures import PlotSettings, require_format
 from dic.shell.console import say
-from dic.shell.output_paths import require_places
-
-_PATH = click.Path(path_type=Path)
+from dic.shell.output_paths import PATH, require_places
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -86,8 +84,8 @@ def picture_options(command: Command) -> Command:
 
 
 @plot.command()
-@click.argument("results", type=_PATH)
-@click.argument("gauges_file", type=_PATH, metavar="[GAUGES]", required=False)
+@click.argument("results", type=PATH)
+@click.argument("gauges_file", type=PATH, metavar="[GAUGES]", required=False)
 @click.option("--against", default="image", show_default=True, help="Axis: image (its number), time or load.")
 @click.option(
     "--quantity",
@@ -133,8 +131,8 @@ def gauges(
 
 
 @plot.command()
-@click.argument("results", type=_PATH)
-@click.argument("gauges_file", type=_PATH, metavar="[GAUGES]", required=False)
+@click.argument("results", type=PATH)
+@click.argument("gauges_file", type=PATH, metavar="[GAUGES]", required=False)
 @click.option("--quantity", default="eyy", show_default=True, help="u, v, exx, eyy or exy.")
 @click.option(
     "--images",

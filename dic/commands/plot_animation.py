@@ -9,14 +9,12 @@ from dic.commands.options import Chosen, use
 from dic.commands.record_options import RecordOptions, record_options
 from dic.pictures import MapSettings
 from dic.shell.console import fail, say
-from dic.shell.output_paths import FORCE, require_places
+from dic.shell.output_paths import FORCE, PATH, require_places
 from dic.shell.progress import progress
-
-_PATH = click.Path(path_type=Path)
 
 
 @click.command()
-@click.argument("results", type=_PATH)
+@click.argument("results", type=PATH)
 @use(
     "frames",
     MapSettings,
@@ -29,7 +27,7 @@ _PATH = click.Path(path_type=Path)
 @record_options
 @click.option("--frames-per-s", default=5.0, show_default=True, help="Number of images in a second.")
 @click.option("--camera", help="Camera of a run; needed if the run has several.")
-@click.option("-o", "--output", type=_PATH, required=True, help="Animation: .gif or .mp4.")
+@click.option("-o", "--output", type=PATH, required=True, help="Animation: .gif or .mp4.")
 @FORCE
 def animation(
     results: Path,

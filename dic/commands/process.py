@@ -17,8 +17,7 @@ from dic.commands.shared_options import COMMA_NEEDS, correlation_options, refere
 from dic.commands.worker_options import chosen_workers, worker_options
 from dic.pipeline import SurfaceSettings
 from dic.shell.console import say
-
-_FILE = click.Path(path_type=Path)
+from dic.shell.output_paths import PATH
 
 
 @options
@@ -49,7 +48,7 @@ class RunAlignmentOptions:
 
 
 @click.command(cls=Grouped)
-@click.argument("runs", metavar="RUN...", type=_FILE, nargs=-1, required=True)
+@click.argument("runs", metavar="RUN...", type=PATH, nargs=-1, required=True)
 @settings_option
 @worker_options
 @use("surface", SurfaceSettings, title="Motion")

@@ -22,9 +22,8 @@ from dic.errors import CurveError
 from dic.files import write_text
 from dic.properties import PropertySettings
 from dic.shell.console import say
-from dic.shell.output_paths import require_places
+from dic.shell.output_paths import PATH, require_places
 
-_PATH = click.Path(path_type=Path)
 _SHOWN = {"GPa": 1, "MPa": 1, "%": 3, "1": 4}
 """Decimals of a printed value, keyed by unit; a small standard deviation needs more decimals."""
 _MOST_DIGITS = 4
@@ -112,7 +111,7 @@ class PropertyOutputs:
 
 
 @click.command()
-@click.argument("curve", type=_PATH)
+@click.argument("curve", type=PATH)
 @use("columns", ColumnOptions)
 @field_options
 @use("choice", StrainChoice)

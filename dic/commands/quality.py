@@ -17,14 +17,11 @@ from dic.commands.shared_options import write_mask
 from dic.errors import CorrelationError, each_warning_once
 from dic.files import write_text
 from dic.shell.console import fail, say, stopped_early, stopping_between
-from dic.shell.output_paths import FORCE, require_places
+from dic.shell.output_paths import FORCE, PATH, require_places
 from dic.shell.progress import progress
 
 UNSURE = 1.5
 """The bias without aliasing is also printed if it is larger than this multiple of the predicted bias."""
-
-
-_FILE = click.Path(path_type=Path)
 
 
 @options
@@ -48,18 +45,18 @@ class PlannedOptions:
 
 
 @click.command()
-@click.argument("images", metavar="IMAGE...", type=_FILE, nargs=-1, required=True)
+@click.argument("images", metavar="IMAGE...", type=PATH, nargs=-1, required=True)
 @click.option(
     "--roi",
-    type=_FILE,
+    type=PATH,
     help="Mask image, white in the region to check, or region file. Default: the specimen.",
 )
-@click.option("--second", type=_FILE, help="Second image of the specimen at rest, for a better noise value.")
+@click.option("--second", type=PATH, help="Second image of the specimen at rest, for a better noise value.")
 @settings_option
 @use("correlation", CorrelationSettings, only=("subset_px", "shape", "smoothing_px"))
 @use("planned", PlannedOptions)
-@click.option("--plot", "plot_file", type=_FILE, help="PNG file with noise floor, focus and pattern.")
-@click.option("--json", "json_file", type=_FILE, help="JSON file of the printed results.")
+@click.option("--plot", "plot_file", type=PATH, help="PNG file with noise floor, focus and pattern.")
+@click.option("--json", "json_file", type=PATH, help="JSON file of the printed results.")
 @FORCE
 @each_warning_once()
 def quality(

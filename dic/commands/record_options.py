@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
 import dic
 from dic.commands.options import option, options, use
 from dic.errors import CurveError
 
-_PATH = click.Path(path_type=Path)
 _FOUND = "auto"
 
 

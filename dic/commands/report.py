@@ -20,9 +20,7 @@ from dic.errors import CurveError, RunFileError
 from dic.files import read_text, write_text
 from dic.properties import PropertySettings
 from dic.shell.console import say
-from dic.shell.output_paths import require_places
-
-_FILE = click.Path(path_type=Path)
+from dic.shell.output_paths import PATH, require_places
 
 
 @options
@@ -152,7 +150,7 @@ def _values_of(
 
 
 @click.command()
-@click.argument("results", type=_FILE, nargs=-1, required=True)
+@click.argument("results", type=PATH, nargs=-1, required=True)
 @use("page", PageOptions)
 @field_options
 @use("about", PropertyOptions)

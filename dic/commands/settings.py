@@ -17,6 +17,7 @@ from dic.commands.settings_file import SETTINGS, Setting, toml_text
 from dic.errors import RunFileError
 from dic.settings import default_of
 from dic.shell.console import say
+from dic.shell.output_paths import PATH
 
 _WIDTH = 98
 _USERS = ("correlate", "process", "strain")
@@ -27,7 +28,7 @@ _HEAD = """\
 
 
 @click.command()
-@click.argument("results", type=click.Path(path_type=Path), required=False)
+@click.argument("results", type=PATH, required=False)
 def settings(results: Path | None) -> None:
     """Write a settings file with every default explained, to standard output.
 

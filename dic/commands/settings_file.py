@@ -16,6 +16,7 @@ from dic.errors import CorrelationError, MeasurementError, joined
 from dic.files import read_text
 from dic.pipeline import SurfaceSettings
 from dic.settings import Declared, declared_in
+from dic.shell.output_paths import PATH
 
 TABLES: dict[str, tuple[type, ...]] = {
     "correlation": (CorrelationSettings, ReferenceSettings),
@@ -136,7 +137,7 @@ def used_settings_file() -> Path | None:
 settings_option = click.option(
     "--settings",
     "settings_file",
-    type=click.Path(path_type=Path),
+    type=PATH,
     is_eager=True,
     expose_value=False,
     callback=_use,

@@ -19,10 +19,8 @@ from dic.commands.shared_options import COMMA_NEEDS, comma, csv, force, json_fil
 from dic.errors import CorrelationError
 from dic.pipeline import SurfaceSettings
 from dic.shell.console import say
-from dic.shell.output_paths import require_places
+from dic.shell.output_paths import PATH, require_places
 from dic.shell.progress import progress
-
-_FILE = click.Path(path_type=Path)
 
 
 @options
@@ -90,7 +88,7 @@ class StrainOutputOptions:
 
 
 @click.command(cls=Grouped)
-@click.argument("results", type=_FILE)
+@click.argument("results", type=PATH)
 @settings_option
 @strain_options
 @use("anew", AnewOptions, title="Motion")

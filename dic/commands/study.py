@@ -18,10 +18,8 @@ from dic.commands.study_text import table
 from dic.errors import CorrelationError, each_warning_once
 from dic.files import write_text
 from dic.shell.console import say
-from dic.shell.output_paths import require_places
+from dic.shell.output_paths import PATH, require_places
 from dic.shell.progress import progress
-
-_FILE = click.Path(path_type=Path)
 
 
 @options
@@ -98,9 +96,9 @@ def _numbers(option: str, text: str) -> tuple[int, ...]:
 
 
 @click.command()
-@click.argument("reference", type=_FILE)
-@click.argument("images", metavar="[IMAGE]...", type=_FILE, nargs=-1)
-@click.option("--static", type=_FILE, help="Image of the specimen at rest; default: recognised among IMAGE.")
+@click.argument("reference", type=PATH)
+@click.argument("images", metavar="[IMAGE]...", type=PATH, nargs=-1)
+@click.option("--static", type=PATH, help="Image of the specimen at rest; default: recognised among IMAGE.")
 @settings_option
 @use("assumed", AssumedOptions)
 @use("lists", SweepOptions)

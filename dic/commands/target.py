@@ -12,10 +12,9 @@ from dic.commands.target_options import COUNT, PITCH, further_fields
 from dic.errors import CalibrationError
 from dic.settings import either
 from dic.shell.console import say
-from dic.shell.output_paths import FORCE, require_places
+from dic.shell.output_paths import FORCE, PATH, require_places
 from dic.targets import TARGETS
 
-_FILE = click.Path(path_type=Path)
 _KINDS = [f"{kind.name} ({kind.about})" if kind.about else kind.name for kind in TARGETS.values()]
 _COUNTED = either(dict.fromkeys(kind.counted for kind in TARGETS.values()))
 _NOTES = "".join(f"; for {kind.name}, {kind.about_counts}" for kind in TARGETS.values() if kind.about_counts)
@@ -32,7 +31,7 @@ _Further = make_dataclass("_Further", further_fields(drawn=True), frozen=True)
 )
 @click.option("--pitch-mm", type=float, required=True, help=PITCH)
 @use("further", _Further)
-@click.option("-o", "--output", type=_FILE, required=True, help="File to write: .pdf, .svg or .png.")
+@click.option("-o", "--output", type=PATH, required=True, help="File to write: .pdf, .svg or .png.")
 @click.option("--dpi", default=600.0, show_default=True, help="Pixels per inch of a PNG file.")
 @FORCE
 @telling(kinds=f"{', '.join(_KINDS[:-1])}, or {_KINDS[-1]}")

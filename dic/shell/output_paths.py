@@ -12,8 +12,9 @@ import click
 from dic.errors import OutputError
 from dic.files.reading import kind_of
 
+PATH = click.Path(path_type=Path)
+"""Type of the arguments and options that name files."""
 FORCE = click.option("--force", is_flag=True, help="Replace output files that exist already.")
-
 
 _OTHERS = (".csv", ".txt", ".json", ".xlsx", ".png", ".tif", ".pdf", ".html", ".mat", ".npz")
 """Endings that promise another kind of file than HDF5."""
