@@ -9,10 +9,9 @@ import click
 
 import dic
 from dic.commands.campaign_text import campaign_lines
-from dic.commands.column_options import TableColumns
 from dic.commands.options import Chosen, option, options, use
 from dic.commands.shared_options import comma, force
-from dic.commands.tensile_options import tensile_options, tensile_settings
+from dic.commands.tensile_options import TableColumns, tensile_options, tensile_settings
 from dic.errors import CurveError
 from dic.files import write_text
 from dic.properties import PropertySettings
@@ -43,11 +42,6 @@ class CampaignOutputs:
     json_file: Path | None = option("--json", help="JSON file of all values.")
     force: bool = force()
 
-    def require_pdf(self) -> None:
-        """Raise an error if a PDF file is wanted and cannot be written."""
-        if self.pdf is not None:
-            dic.report.require_pdf(self.pdf)
-
     @property
     def files(self) -> list[Path]:
         """The paths of all output files."""
@@ -76,9 +70,10 @@ def campaign(
     read = [Path(specimen.file) for specimen in specimens]
     about = folder if folder.suffix.lower() == ".toml" else folder / _FILE_NAME
     require_places([about, *read], outputs.files, force=outputs.force)
-    outputs.require_pdf()
+    if outputs.pdf is not None:
+        dic.report.require_pdf(outputs.pdf)
     found = dic.campaigns.measure_campaign(specimens)
-    for line in _lines(found):
+    for line in list(campaign_lines(found)):
         say(line)
     if outputs.csv_file is not None:
         dic.campaigns.write_campaign_table(found, outputs.csv_file, decimal_comma=outputs.decimal_comma)
@@ -96,10 +91,6 @@ def campaign(
         fail(f"specimen {failed.name!r}: {failed.failure}")
     whole = not found.failures and all(each.elastic is not None for each in found.found.values())
     click.get_current_context().exit(0 if whole else 1)
-
-
-def _lines(found: dic.campaigns.Campaign) -> list[str]:
-    return list(campaign_lines(found))
 
 
 def _specimens(

@@ -51,11 +51,6 @@ def export(
     """
     require_places([results], [json_file], force=force)
     with progress("exporting") as bar:
-
-        def count(total: int) -> None:
-            bar.expect(total)
-            bar.advance()
-
         done = dic.export_results(
             results,
             output,
@@ -64,7 +59,7 @@ def export(
             raw_strain=raw_strain,
             decimal_comma=decimal_comma,
             replace=force,
-            on_image=count,
+            on_image=bar.advance_of,
         )
     for name, folder in done.folders.items():
         images = f"{len(done.images)} image{'s' if len(done.images) > 1 else ''}"

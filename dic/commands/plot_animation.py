@@ -58,11 +58,6 @@ def animation(
         series, _ = record.joined(dic.measure_gauges(results, ()), load, time)
         known = [image.known for image in series.images]
     with progress("drawing") as bar:
-
-        def count(total: int) -> None:
-            bar.expect(total)
-            bar.advance()
-
         done = dic.write_animation(
             results,
             output,
@@ -70,7 +65,7 @@ def animation(
             frames_per_s=frames_per_s,
             camera=camera,
             known=known,
-            on_image=count,
+            on_image=bar.advance_of,
         )
     for sentence in done.failures:
         fail(f"shown without values: {sentence}")

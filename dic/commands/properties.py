@@ -10,14 +10,19 @@ from typing import Any
 import click
 
 import dic
-from dic.commands.column_options import TableColumns
 from dic.commands.field_options import FieldOptions, field_options
 from dic.commands.gauge_text import joined_line
-from dic.commands.ontology_options import ontology_line, require_iri
 from dic.commands.options import Chosen, option, options, use
 from dic.commands.record_options import RecordOptions, record_options
 from dic.commands.shared_options import force, ttl, ttl_iri
-from dic.commands.tensile_options import tensile_options, tensile_settings
+from dic.commands.tensile_options import (
+    TableColumns,
+    ontology_line,
+    require_iri,
+    stated_facts,
+    tensile_options,
+    tensile_settings,
+)
 from dic.errors import CurveError
 from dic.files import write_text
 from dic.properties import PropertySettings
@@ -88,10 +93,6 @@ class PropertyOutputs:
     facts_file: Path | None = option("--facts", help="TOML file for --ttl: laboratory, specimen, machine.")
     force: bool = force()
 
-    def facts(self) -> Mapping[str, Mapping[str, Any]]:
-        """Return the facts that the user states for the ontology's file."""
-        return {} if self.facts_file is None else dic.report.read_stated_facts(self.facts_file).tables
-
     def write(
         self,
         found: dic.properties.Properties,
@@ -141,7 +142,7 @@ def properties(
     inputs = [curve, field.gauges_file, outputs.facts_file, *record.files]
     require_places(inputs, [outputs.plot_file, outputs.json_file, outputs.ttl_file], force=outputs.force)
     require_iri(outputs.ttl_iri)
-    facts, iri = outputs.facts(), outputs.ttl_iri or ""
+    facts, iri = stated_facts(outputs.facts_file).tables, outputs.ttl_iri or ""
     content: dict[str, Any] = {"curve": str(curve)}
     if dic.derived.is_results(curve):
         columns.require_results(curve)
@@ -163,9 +164,8 @@ def properties(
         _require_no_gauges(curve, field.given, choice, record)
         if area_unknown and outputs.ttl_file is not None:
             remedy = "give --area-mm2 120, width times thickness"
-            raise CurveError(
-                "settings", "--area-mm2", "the area of the cross-section for --ttl", "none", remedy
-            )
+            expected = "the area of the cross-section for --ttl"
+            raise CurveError("settings", "--area-mm2", expected, "none", remedy)
         table = columns.read(curve, settings.area_mm2)
         found = dic.material_properties(table, settings)
         about = dic.derived.about_curve(table, facts, gauge_length_mm=columns.gauge_length_mm, iri=iri)

@@ -86,7 +86,7 @@ def quality(
     masks = () if write_mask is None else dic.specimen.region_files(write_mask)
     require_places([*dic.pipeline.files_of(listed), roi, second], [plot_file, json_file, *masks], force=force)
     contents, failures = _check_all(
-        listed, lambda image: _check(image, roi, second, planned, settings, plot_file, write_mask)
+        listed, lambda image: _check(image, roi, second, planned, settings, plot_file)
     )
     if json_file is not None:
         content = contents[0] if len(listed) == 1 else {"images": contents, "failures": failures}
@@ -126,7 +126,6 @@ def _check(
     planned: PlannedOptions,
     settings: CorrelationSettings,
     plot_file: Path | None,
-    write_mask: Path | None,
 ) -> dict[str, Any]:
     """Check an image, print the results, and return them for JSON."""
     judged = dic.assess_quality(
@@ -138,8 +137,8 @@ def _check(
         strain_range=planned.strain_range,
     )
     sentences, figures = dic.quality.quality_findings(judged), judged.as_dict()
-    if write_mask is not None:
-        dic.specimen.write_region(judged.region, image, write_mask)
+    if planned.write_mask is not None:
+        dic.specimen.write_region(judged.region, image, planned.write_mask)
     if plot_file is not None:
         dic.quality.plot_quality(judged, image, plot_file)
     say(f"{image}: {'not good' if sentences else 'good'}\n{text(figures)}")

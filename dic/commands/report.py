@@ -10,12 +10,17 @@ import click
 
 import dic
 from dic.commands.field_options import FieldOptions, field_options
-from dic.commands.ontology_options import ontology_line, require_iri
 from dic.commands.options import Chosen, option, options, use
 from dic.commands.record_options import RecordOptions, record_options
 from dic.commands.run_table import as_dict
 from dic.commands.shared_options import force, ttl, ttl_iri
-from dic.commands.tensile_options import tensile_options, tensile_settings
+from dic.commands.tensile_options import (
+    ontology_line,
+    require_iri,
+    stated_facts,
+    tensile_options,
+    tensile_settings,
+)
 from dic.errors import CurveError, RunFileError
 from dic.files import read_text, write_text
 from dic.properties import PropertySettings
@@ -58,26 +63,20 @@ class PropertyOptions:
 
     def details(self, inputs: Sequence[Path | None]) -> dic.report.ReportDetails:
         """Return the options as `ReportDetails`; `inputs` are further input files of the test."""
-        facts = (
-            dic.report.StatedFacts()
-            if self.facts_file is None
-            else dic.report.read_stated_facts(self.facts_file)
-        )
         files = (*inputs, self.known_file, self.facts_file)
         given = tuple(path for path in files if path is not None)
-        return dic.report.ReportDetails(facts, self.fields_at, self.static, given)
+        return dic.report.ReportDetails(stated_facts(self.facts_file), self.fields_at, self.static, given)
 
     def known(self) -> dict[str, float]:
         """Return the known values of `--known`, keyed by property."""
         if self.known_file is None:
             return {}
+        expected, remedy = "a JSON object of values", 'write {"E_gpa": 73.1, "nu": 0.33}'
         try:
             content = json.loads(read_text(self.known_file))
         except ValueError as error:
-            expected, remedy = "a JSON object of values", 'write {"E_gpa": 73.1, "nu": 0.33}'
             raise CurveError(str(self.known_file), "read", expected, str(error), remedy) from error
         if not isinstance(content, dict):
-            expected, remedy = "a JSON object of values", 'write {"E_gpa": 73.1, "nu": 0.33}'
             raise CurveError(str(self.known_file), "read", expected, type(content).__name__, remedy)
         return content
 
@@ -105,11 +104,6 @@ class ReportOutputs:
     ttl_file: Path | None = ttl()
     ttl_iri: str | None = ttl_iri()
     force: bool = force()
-
-    def require_pdf(self) -> None:
-        """Raise an error if a PDF file is wanted and cannot be written."""
-        if self.pdf is not None:
-            dic.report.require_pdf(self.pdf)
 
     def require_test(self, tests: Sequence[dic.report.TensileTest]) -> None:
         """Raise an error if there is no tensile test for a file of its values."""
@@ -182,7 +176,8 @@ def report(
         force=outputs.force,
     )
     require_iri(outputs.ttl_iri)
-    outputs.require_pdf()
+    if outputs.pdf is not None:
+        dic.report.require_pdf(outputs.pdf)
     gauges = _gauges_alone(results, field, about, record, test)
     tests = [] if gauges is not None else _tests(results, field, about, record, test)
     outputs.require_test(tests)

@@ -8,8 +8,6 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-import click
-
 import dic
 from dic.commands.gauge_text import gauge_lines, gauges_dict
 from dic.commands.options import option, options
@@ -126,11 +124,6 @@ class RunOutputOptions:
             # If a gauge does not fit the results, all other outputs are written nevertheless.
             if self.json_file is not None:
                 write_text(self.json_file, json.dumps(content, indent=1))
-
-
-def end_run(run: str, result: dic.pipeline.RunResult) -> None:
-    """Print the problems of a run's steps, and end the command with its exit status."""
-    click.get_current_context().exit(problems(run, result))
 
 
 def problems(run: str, result: dic.pipeline.RunResult) -> int:

@@ -79,11 +79,6 @@ class RunWork:
         read = [run, *self.inputs, outputs.fields_from if outputs.fields_from != output else None]
         outputs.require_places(read, output, self.alignments, result_may_stand=True)
         with progress(what) as bar:
-
-            def count(total: int) -> None:
-                bar.expect(total)
-                bar.advance()
-
             try:
                 result = dic.process_run(
                     source,
@@ -92,7 +87,7 @@ class RunWork:
                     correcting=self.correcting,
                     incremental=self.incremental,
                     plate_mm=self.plate_mm,
-                    on_image=count,
+                    on_image=bar.advance_of,
                     output=outputs.place(output, self.inputs),
                     workers=workers,
                 )

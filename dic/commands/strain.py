@@ -10,10 +10,10 @@ from click.core import ParameterSource
 import dic
 from dic import CorrectionSettings, Motion, StrainSettings
 from dic.commands.options import Chosen, Grouped, all_of, as_in_results, option, options, use
-from dic.commands.run_output import RunOutputOptions, end_run, read_alignment
+from dic.commands.run_output import RunOutputOptions, problems, read_alignment
 from dic.commands.run_table import table
 from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
-from dic.commands.series_options import read_set_up
+from dic.commands.series_options import motion_options, read_set_up
 from dic.commands.settings_file import settings_option, used_settings_file
 from dic.commands.shared_options import COMMA_NEEDS, comma, csv, force, json_file, strain_options
 from dic.errors import CorrelationError
@@ -92,13 +92,7 @@ class StrainOutputOptions:
 @settings_option
 @strain_options
 @use("anew", AnewOptions, title="Motion")
-@use(
-    "assumed",
-    Motion,
-    title="Motion",
-    only=("kind", "poisson_ratio", "shift_std_um", "tilt_axis_mm"),
-    common=("kind",),
-)
+@motion_options
 @use("surface", SurfaceSettings, title="Motion")
 @use("outputs", StrainOutputOptions, needs=COMMA_NEEDS)
 def strain(
@@ -179,19 +173,10 @@ def _of_run(
     how, correcting = all_of(
         partial(strain.settings, known), partial(anew.of_run, assumed, result.correcting)
     )
-    places = RunOutputOptions(
-        outputs.output,
-        None,
-        outputs.csv_folder,
-        None,
-        outputs.decimal_comma,
-        outputs.json_file,
-        outputs.force,
-        None,
-    )
+    places = RunOutputOptions(**vars(outputs), report_file=None, gauges_file=None, fields_from=None)
     places.require_places(read, outputs.output)
-    with progress("computing strain") as bar:
-        bar.expect(sum(len(camera.measurements) for camera in result.cameras))
+    images = sum(len(camera.measurements) for camera in result.cameras)
+    with progress("computing strain", images) as bar:
         found = dic.strain_of_run(
             result,
             outputs.output,
@@ -205,4 +190,4 @@ def _of_run(
     if outputs.output is not None:
         say(f"results: {outputs.output}")
     places.write(found)
-    end_run(result.source, found)
+    click.get_current_context().exit(problems(result.source, found))

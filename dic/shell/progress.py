@@ -49,6 +49,11 @@ class Bar:
         if self._live is not None:
             self._bar.advance(self._task)
 
+    def advance_of(self, total: int) -> None:
+        """Count one of `total` pieces of work as done."""
+        self.expect(total)
+        self.advance()
+
     def describe(self, what: str, done: int) -> None:
         """Set the description of the work and the number of finished pieces of work."""
         if self._live is not None:
