@@ -10,7 +10,7 @@ import click
 import dic
 from dic.commands.gauge_text import gauge_lines, joined_line
 from dic.commands.options import option, options, telling, use
-from dic.commands.record_options import RecordOptions, record_options
+from dic.commands.record_options import LoadedRecord, loaded_record_options
 from dic.commands.shared_options import A_GAUGE, comma, force
 from dic.files import write_text
 from dic.gauges import GAUGES
@@ -40,9 +40,7 @@ class GaugeOutputs:
 @click.argument("gauges_file", type=PATH, metavar="[GAUGES]", required=False)
 @click.option("--declare", "--gauge", "texts", multiple=True, metavar="TEXT", help=A_GAUGE)
 @click.option("--camera", help="Camera of a run. Default: all, if all gauges are in millimetres.")
-@click.option("--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record.")
-@click.option("--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record.")
-@record_options
+@loaded_record_options
 @use("outputs", GaugeOutputs, needs={"--decimal-comma": ("-o", "--output")})
 @telling(kinds=enumerated(dict.fromkeys(kind.plural for kind in GAUGES.values())))
 def gauges(
@@ -50,9 +48,7 @@ def gauges(
     gauges_file: Path | None,
     texts: tuple[str, ...],
     camera: str | None,
-    load: str | None,
-    time: str | None,
-    record: RecordOptions,
+    record: LoadedRecord,
     outputs: GaugeOutputs,
 ) -> None:
     """Read {kinds} in all images of RESULTS.
@@ -67,7 +63,7 @@ def gauges(
     """
     declared = dic.read_gauges(gauges_file, texts)
     require_places([results, gauges_file, *record.files], outputs.files(declared), force=outputs.force)
-    found, joined = record.joined(dic.measure_gauges(results, declared, camera=camera), load, time)
+    found, joined = record.joined_to(dic.measure_gauges(results, declared, camera=camera))
     for line in gauge_lines(found):
         say(line)
     if joined is not None:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import click
 
 import dic
-from dic.commands.options import Chosen, Command, gather, option, options, use
+from dic.commands.options import Chosen, option, options, use
 from dic.commands.plot_animation import animation
-from dic.commands.record_options import RecordOptions, record_options
+from dic.commands.record_options import LoadedRecord, loaded_record_options
 from dic.commands.shared_options import declare_or_gauge, force
 from dic.errors import GaugeError
 from dic.pictures import PlotSettings, require_format
@@ -67,20 +66,8 @@ class PlotOutputs:
 
 
 source_options = use("source", SourceOptions)
-
-
-@dataclass(frozen=True)
-class PictureOptions:
-    """The groups of options of a picture."""
-
-    places: PlotOutputs
-    size: Chosen[PlotSettings]
-
-
-def picture_options(command: Command) -> Command:
-    """Add the options of a picture to a command, which gets them as the argument `picture`."""
-    decorated = gather("picture", PictureOptions)(command)
-    return use("places", PlotOutputs)(use("size", PlotSettings)(decorated))
+output_options = use("picture", PlotOutputs)
+size_options = use("size", PlotSettings)
 
 
 @plot.command()
@@ -94,20 +81,18 @@ def picture_options(command: Command) -> Command:
     help="strain, extension, exx, eyy, exy, e1, e2, u or v.",
 )
 @source_options
-@click.option("--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record.")
-@click.option("--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record.")
-@record_options
-@picture_options
+@loaded_record_options
+@output_options
+@size_options
 def gauges(
     results: Path,
     gauges_file: Path | None,
     against: str,
     quantity: str,
     source: SourceOptions,
-    load: str | None,
-    time: str | None,
-    record: RecordOptions,
-    picture: PictureOptions,
+    record: LoadedRecord,
+    picture: PlotOutputs,
+    size: Chosen[PlotSettings],
 ) -> None:
     """Draw gauges in one picture, against the number of the image, time or load.
 
@@ -116,18 +101,18 @@ def gauges(
 
     Exit status: 0 if every gauge is drawn at every image, 1 if there are gaps, 2 if nothing can be drawn.
     """
-    settings = picture.places.settings(picture.size)
-    require_places([results, gauges_file, *record.files], [picture.places.output], force=picture.places.force)
-    series, _ = record.joined(source.read(results, gauges_file), load, time)
+    settings = picture.settings(size)
+    require_places([results, gauges_file, *record.files], [picture.output], force=picture.force)
+    series, _ = record.joined_to(source.read(results, gauges_file))
     gaps = dic.gauges.plot_gauges(
         series,
-        picture.places.output,
+        picture.output,
         against=against,
         quantity=quantity,
         kinds=source.kinds,
         settings=settings,
     )
-    _end(picture.places.output, gaps)
+    _end(picture.output, gaps)
 
 
 @plot.command()
@@ -141,14 +126,16 @@ def gauges(
     help="Numbers of the images, such as 1,4,8. Default: all, or 8 of a longer series.",
 )
 @source_options
-@picture_options
+@output_options
+@size_options
 def cuts(
     results: Path,
     gauges_file: Path | None,
     quantity: str,
     images: str,
     source: SourceOptions,
-    picture: PictureOptions,
+    picture: PlotOutputs,
+    size: Chosen[PlotSettings],
 ) -> None:
     """Draw displacement or strain along line cuts, in one or several images.
 
@@ -157,18 +144,18 @@ def cuts(
 
     Exit status: 0 if every image is drawn, 1 if an image has no values, 2 if nothing can be drawn.
     """
-    settings, numbers = picture.places.settings(picture.size), _numbers(images)
-    require_places([results, gauges_file], [picture.places.output], force=picture.places.force)
+    settings, numbers = picture.settings(size), _numbers(images)
+    require_places([results, gauges_file], [picture.output], force=picture.force)
     series = source.read(results, gauges_file)
     gaps = dic.gauges.plot_cuts(
         series,
-        picture.places.output,
+        picture.output,
         quantity=quantity,
         images=numbers,
         kinds=source.kinds,
         settings=settings,
     )
-    _end(picture.places.output, gaps)
+    _end(picture.output, gaps)
 
 
 def _numbers(text: str) -> list[int]:

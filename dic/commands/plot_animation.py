@@ -6,7 +6,7 @@ import click
 
 import dic
 from dic.commands.options import Chosen, use
-from dic.commands.record_options import RecordOptions, record_options
+from dic.commands.record_options import LoadedRecord, loaded_record_options
 from dic.pictures import MapSettings
 from dic.shell.console import fail, say
 from dic.shell.output_paths import FORCE, PATH, require_places
@@ -22,9 +22,7 @@ from dic.shell.progress import progress
     named={"quantities": "--quantity"},
     defaults={"quantities": ("eyy",), "width_mm": 120.0},
 )
-@click.option("--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record.")
-@click.option("--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record.")
-@record_options
+@loaded_record_options
 @click.option("--frames-per-s", default=5.0, show_default=True, help="Number of images in a second.")
 @click.option("--camera", help="Camera of a run; needed if the run has several.")
 @click.option("-o", "--output", type=PATH, required=True, help="Animation: .gif or .mp4.")
@@ -32,9 +30,7 @@ from dic.shell.progress import progress
 def animation(
     results: Path,
     frames: Chosen[MapSettings],
-    load: str | None,
-    time: str | None,
-    record: RecordOptions,
+    record: LoadedRecord,
     frames_per_s: float,
     camera: str | None,
     output: Path,
@@ -53,9 +49,9 @@ def animation(
     require_places([results, *record.files], [output], force=force)
     known = []
     if record.record_file is None:
-        record.require_none("--record beside it", load=load, time=time)
+        record.require_none("--record beside it")
     else:
-        series, _ = record.joined(dic.measure_gauges(results, ()), load, time)
+        series, _ = record.joined_to(dic.measure_gauges(results, ()))
         known = [image.known for image in series.images]
     with progress("drawing") as bar:
         done = dic.write_animation(

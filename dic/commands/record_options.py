@@ -12,6 +12,18 @@ _FOUND = "auto"
 
 
 @options
+class RecordColumns:
+    """Options that name columns of the testing machine's record."""
+
+    load: str | None = option(
+        "--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record."
+    )
+    time: str | None = option(
+        "--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record."
+    )
+
+
+@options
 class RecordOptions:
     """Options for the testing machine's record, and for how the record is joined to the images."""
 
@@ -61,7 +73,7 @@ class RecordOptions:
         effect.
         """
         if self.record_file is None:
-            self._require_record(load, time)
+            self.require_none("--record beside it", load=load, time=time)
             return series, None
         record = self._read(load, time)
         by_time = self.image_interval_s is not None or self.image_times is not None
@@ -89,9 +101,6 @@ class RecordOptions:
                 "--image-column": "--join name or --image-times",
             }.get(name, "--join time")
             raise CurveError("settings", name, needs, f"--join {join}", f"leave out {name}")
-
-    def _require_record(self, load: str | None, time: str | None) -> None:
-        self.require_none("--record beside it", load=load, time=time)
 
     def require_none(self, expected: str, **others: object) -> None:
         """Raise an error if one of these options or of `others` is given; an offset "0" is allowed."""
@@ -136,4 +145,16 @@ class RecordOptions:
             raise CurveError("settings", "--offset-s", expected, repr(self.offset_s), remedy) from error
 
 
+@options
+class LoadedRecord(RecordOptions, RecordColumns):
+    """Options for the machine's record and its columns, for commands without columns of another table."""
+
+    def joined_to(
+        self, series: dic.gauges.GaugeSeries
+    ) -> tuple[dic.gauges.GaugeSeries, dic.records.JoinedRecord | None]:
+        """Return the result of `joined` with the columns of these options."""
+        return self.joined(series, self.load, self.time)
+
+
 record_options = use("record", RecordOptions)
+loaded_record_options = use("record", LoadedRecord)

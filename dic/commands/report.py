@@ -11,7 +11,7 @@ import click
 import dic
 from dic.commands.field_options import FieldOptions, field_options
 from dic.commands.options import Chosen, option, options, use
-from dic.commands.record_options import RecordOptions, record_options
+from dic.commands.record_options import RecordColumns, RecordOptions, record_options
 from dic.commands.run_table import as_dict
 from dic.commands.shared_options import force, ttl, ttl_iri
 from dic.commands.tensile_options import (
@@ -29,15 +29,9 @@ from dic.shell.output_paths import PATH, require_places
 
 
 @options
-class PropertyOptions:
+class PropertyOptions(RecordColumns):
     """Options that let the report show material properties."""
 
-    load: str | None = option(
-        "--load", metavar="COLUMN:UNIT", help="Column of the load in the machine's record."
-    )
-    time: str | None = option(
-        "--time", metavar="COLUMN:UNIT", help="Column of the time in the machine's record."
-    )
     known_file: Path | None = option("--known", help="JSON file of true or certified values.")
     facts_file: Path | None = option(
         "--facts", help="TOML file of facts: specimen, machine, lenses, pattern."

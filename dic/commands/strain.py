@@ -1,6 +1,6 @@
 """The command `dic strain`, which computes strain again from the displacement fields of a result file."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from click.core import ParameterSource
 
 import dic
 from dic import CorrectionSettings, Motion, StrainSettings
-from dic.commands.options import Chosen, Grouped, all_of, as_in_results, option, options, use
+from dic.commands.options import Chosen, Grouped, all_of, as_in_results, gather, option, options, use
 from dic.commands.run_output import RunOutputOptions, problems, read_alignment
 from dic.commands.run_table import table
 from dic.commands.series_evaluation import SeriesEvaluation, SeriesPlaces, end
@@ -46,11 +46,9 @@ class AnewOptions:
             alignment = known.alignment if kind == "rigid" else None
             hinge = known.tilt_axis_mm if kind != "rigid" else None
             known = replace(known, kind=kind, alignment=alignment, tilt_axis_mm=hinge)
-        given = (
-            {"alignment": dic.out_of_plane.load_alignment(Path(self.alignments[-1]))}
-            if self.alignments
-            else {}
-        )
+        given = {}
+        if self.alignments:
+            given["alignment"] = dic.out_of_plane.load_alignment(Path(self.alignments[-1]))
         return assumed.settings(known, **given)
 
     def of_run(self, assumed: Chosen[Motion], known: CorrectionSettings) -> CorrectionSettings | None:
@@ -87,6 +85,17 @@ class StrainOutputOptions:
     force: bool = force()
 
 
+@dataclass(frozen=True)
+class Given:
+    """The groups of options of `dic strain`."""
+
+    strain: Chosen[StrainSettings]
+    anew: AnewOptions
+    assumed: Chosen[Motion]
+    surface: Chosen[SurfaceSettings]
+    outputs: StrainOutputOptions
+
+
 @click.command(cls=Grouped)
 @click.argument("results", type=PATH)
 @settings_option
@@ -95,14 +104,8 @@ class StrainOutputOptions:
 @motion_options
 @use("surface", SurfaceSettings, title="Motion")
 @use("outputs", StrainOutputOptions, needs=COMMA_NEEDS)
-def strain(
-    results: Path,
-    strain: Chosen[StrainSettings],
-    anew: AnewOptions,
-    assumed: Chosen[Motion],
-    surface: Chosen[SurfaceSettings],
-    outputs: StrainOutputOptions,
-) -> None:
+@gather("given", Given)
+def strain(results: Path, given: Given) -> None:
     """Compute strain again from the displacement fields in RESULTS, without images and without correlation.
 
     RESULTS is the result file of `dic correlate` or `dic process`. Settings without an option stay as they
@@ -112,32 +115,26 @@ def strain(
     Exit status: 0 if all images are measured well, 1 if an image is measured poorly, 2 if an image could not
     be measured.
     """
-    series = dic.pipeline.is_series_result(results)
+    anew, series = given.anew, dic.pipeline.is_series_result(results)
     anew.require(str(results), series=series)
     alignments = [Path(text.rpartition("=")[2]) for text in anew.alignments]
     read = [results, anew.calibration_file, *alignments, used_settings_file()]
     if series:
-        _of_series(results, strain, anew, assumed, outputs, read)
+        _of_series(results, given, read)
     else:
-        _of_run(results, strain, anew, assumed, surface, outputs, read)
+        _of_run(results, given, read)
 
 
 as_in_results(strain, "strain", "anew", "assumed", "surface")
 
 
-def _of_series(
-    results: Path,
-    strain: Chosen[StrainSettings],
-    anew: AnewOptions,
-    assumed: Chosen[Motion],
-    outputs: StrainOutputOptions,
-    read: list[Path | None],
-) -> None:
+def _of_series(results: Path, given: Given, read: list[Path | None]) -> None:
+    anew, outputs = given.anew, given.outputs
     result = dic.load_series_result(results)
     known = dic.pipeline.SeriesSetUp.of_job(dic.pipeline.job_of_fields(result), result.calibration)
     motion_before = known.motion or Motion()
     how, motion = all_of(
-        partial(strain.settings, known.strain), partial(anew.of_series, assumed, motion_before)
+        partial(given.strain.settings, known.strain), partial(anew.of_series, given.assumed, motion_before)
     )
     set_up = replace(known, strain=how, motion=motion)
     if anew.calibration_file is not None:
@@ -159,19 +156,12 @@ def _of_series(
     end(work.record)
 
 
-def _of_run(
-    results: Path,
-    strain: Chosen[StrainSettings],
-    anew: AnewOptions,
-    assumed: Chosen[Motion],
-    surface: Chosen[SurfaceSettings],
-    outputs: StrainOutputOptions,
-    read: list[Path | None],
-) -> None:
+def _of_run(results: Path, given: Given, read: list[Path | None]) -> None:
+    outputs = given.outputs
     result = dic.load_run_result(results)
     known = dic.pipeline.strain_of_job(dic.pipeline.job_of_fields(result))
     how, correcting = all_of(
-        partial(strain.settings, known), partial(anew.of_run, assumed, result.correcting)
+        partial(given.strain.settings, known), partial(given.anew.of_run, given.assumed, result.correcting)
     )
     places = RunOutputOptions(**vars(outputs), report_file=None, gauges_file=None, fields_from=None)
     places.require_places(read, outputs.output)
@@ -182,7 +172,7 @@ def _of_run(
             outputs.output,
             strain=how,
             correcting=correcting,
-            plate_mm=surface.values["plate_mm"],
+            plate_mm=given.surface.values["plate_mm"],
             on_image=bar.advance,
             inputs=[path for path in read if path is not None and path != results],
         )
