@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,7 +32,7 @@ from dic.commands.worker_options import chosen_workers, worker_options
 from dic.errors import each_warning_once
 from dic.pictures import MapSettings
 from dic.shell.console import say
-from dic.shell.output_paths import PATH, require_hdf5, require_places
+from dic.shell.output_paths import PATH
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,7 @@ def correlate(reference: Path, deformed: tuple[Path, ...], given: Given) -> None
     known_files = [calibration_file, *region.files(), given.alignment.alignment_file, outputs.gauges_file]
     known_files.append(used_settings_file())
     written = [outputs.json_file, given.alignment.save_alignment, *region.outputs(), *files.all()]
-    _require_places([*sources.files, *known_files], written, files.folders, outputs)
+    outputs.require_places([*sources.files, *known_files], written, files.folders)
     set_up = read_set_up(calibration_file, how, known)
     for note in sources.notes:
         say(note)
@@ -152,16 +151,3 @@ def _camera(
     rule = given.references.settings().incremental
     series = dic.correlation.Series(known_image, given.region.read(image.shape), settings, incremental=rule)
     return dic.pipeline.SeriesCamera(series, sources, rule, given.start.hint(image.shape), workers, digests)
-
-
-def _require_places(
-    inputs: Sequence[Path | None],
-    written: Sequence[Path | None],
-    new_folders: Sequence[Path],
-    outputs: SeriesOutputOptions,
-) -> None:
-    """Raise an error if an output file cannot be written; an unfinished result may be continued."""
-    # Allow an existing result file here: whether it can be used is known only after reading the reference.
-    replaceable = [] if outputs.output is None else [*dic.results.outputs_of(outputs.output), outputs.output]
-    require_places(inputs, written, force=outputs.force, replaceable=replaceable, new_folders=new_folders)
-    require_hdf5(outputs.output, "give --csv FOLDER for tables, --json for the values, --maps for pictures")

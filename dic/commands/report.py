@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
 
 import dic
 from dic.commands.field_options import FieldOptions, field_options
-from dic.commands.options import Chosen, option, options, use
+from dic.commands.options import Chosen, gather, option, options, use
 from dic.commands.record_options import RecordColumns, RecordOptions, record_options
 from dic.commands.run_table import as_dict
 from dic.commands.shared_options import force, ttl, ttl_iri
@@ -137,6 +138,54 @@ def _values_of(
     }
 
 
+@dataclass(frozen=True)
+class Given:
+    """The groups of options of `dic report` that choose what the page shows."""
+
+    page: PageOptions
+    field: FieldOptions
+    about: PropertyOptions
+    record: RecordOptions
+    test: Chosen[PropertySettings]
+
+    def gauges_alone(self, results: Sequence[Path]) -> dic.gauges.GaugeSeries | None:
+        """Return the declared gauges of a series of images if no option asks for a test with a load."""
+        if not self.field.declares or self._describe_test:
+            return None
+        if len(results) > 1 or not dic.pipeline.is_series_result(results[0]):
+            return None
+        self.record.require_none("a test with a machine's record")
+        return self.field.read(results[0], self.record, None, None)[0]
+
+    def tests(self, results: Sequence[Path]) -> list[dic.report.TensileTest]:
+        """Return a list with the tensile test that the options describe; empty if none asks for a test."""
+        field, about, record = self.field, self.about, self.record
+        if not (any(field.given.values()) or self._describe_test):
+            record.require_none("a test with a machine's record")
+            return []
+        if len(results) > 1:
+            expected, remedy = "one result file beside the options of a test", "write a report of each"
+            raise RunFileError(str(results[1]), "write report", expected, str(len(results)), remedy)
+        settings = tensile_settings(self.test, _area_mm2(results[0]))
+        across = field.transverse_gauge
+        if field.declares:
+            series, gauge, joined = field.read(results[0], record, about.load, about.time)
+        else:
+            gauges = dic.derived.whole_field_gauges(results[0])
+            series, gauge, joined = field.read(results[0], record, about.load, about.time, gauges=gauges)
+            across = across or gauges[1].name
+        details, known = about.details([field.gauges_file, *record.files]), about.known()
+        return [
+            dic.tensile_test(series, gauge, across, settings, known=known, details=details, joined=joined)
+        ]
+
+    @property
+    def _describe_test(self) -> bool:
+        """True if an option other than a gauge is given that only a test with a load has."""
+        area_mm2 = self.test.values["area_mm2"]
+        return bool(self.about.is_given or self.record.record_file or area_mm2 is not None)
+
+
 @click.command()
 @click.argument("results", type=PATH, nargs=-1, required=True)
 @use("page", PageOptions)
@@ -145,15 +194,8 @@ def _values_of(
 @record_options
 @tensile_options
 @use("outputs", ReportOutputs, needs={"--ttl-iri": ["--ttl"]})
-def report(
-    results: tuple[Path, ...],
-    page: PageOptions,
-    field: FieldOptions,
-    about: PropertyOptions,
-    record: RecordOptions,
-    test: Chosen[PropertySettings],
-    outputs: ReportOutputs,
-) -> None:
+@gather("given", Given)
+def report(results: tuple[Path, ...], given: Given, outputs: ReportOutputs) -> None:
     """Write one self-contained HTML report from RESULTS.
 
     RESULTS are the result files of one or more runs, from `dic process`, or of one or more series of images,
@@ -164,18 +206,19 @@ def report(
     of the test upwards in the image. Gauges of a series without a load are drawn against the number of the
     image.
     """
+    about = given.about
     require_places(
-        [*results, field.gauges_file, about.known_file, about.facts_file, *record.files],
+        [*results, given.field.gauges_file, about.known_file, about.facts_file, *given.record.files],
         [outputs.output, outputs.pdf, outputs.json_file, outputs.ttl_file],
         force=outputs.force,
     )
     require_iri(outputs.ttl_iri)
     if outputs.pdf is not None:
         dic.report.require_pdf(outputs.pdf)
-    gauges = _gauges_alone(results, field, about, record, test)
-    tests = [] if gauges is not None else _tests(results, field, about, record, test)
+    gauges = given.gauges_alone(results)
+    tests = [] if gauges is not None else given.tests(results)
     outputs.require_test(tests)
-    loaded = _write(results, tests, gauges, page, outputs)
+    loaded = _write(results, tests, gauges, given.page, outputs)
     outputs.write_values(tests, loaded)
     say(f"report: {', '.join(str(path) for path in (outputs.output, outputs.pdf) if path is not None)}")
 
@@ -210,54 +253,6 @@ def _write(
     runs = [dic.load_run_result(path) for path in results]
     dic.write_report(runs, output, tests=tests, title=page.title, pdf=pdf)
     return runs
-
-
-def _gauges_alone(
-    results: Sequence[Path],
-    field: FieldOptions,
-    about: PropertyOptions,
-    record: RecordOptions,
-    test: Chosen[PropertySettings],
-) -> dic.gauges.GaugeSeries | None:
-    """Return the declared gauges of a series of images if no option asks for a test with a load."""
-    if not field.declares or about.is_given or record.record_file or test.values["area_mm2"] is not None:
-        return None
-    if len(results) > 1 or not dic.pipeline.is_series_result(results[0]):
-        return None
-    record.require_none("a test with a machine's record")
-    return field.read(results[0], record, None, None)[0]
-
-
-def _tests(
-    results: Sequence[Path],
-    field: FieldOptions,
-    about: PropertyOptions,
-    record: RecordOptions,
-    test: Chosen[PropertySettings],
-) -> list[dic.report.TensileTest]:
-    """Return a list with the tensile test that the options describe; empty if no option asks for a test."""
-    if not (
-        any(field.given.values())
-        or record.record_file
-        or about.is_given
-        or test.values["area_mm2"] is not None
-    ):
-        record.require_none("a test with a machine's record")
-        return []
-    if len(results) > 1:
-        expected, remedy = "one result file beside the options of a test", "write a report of each"
-        raise RunFileError(str(results[1]), "write report", expected, str(len(results)), remedy)
-    settings = tensile_settings(test, _area_mm2(results[0]))
-    across = field.transverse_gauge
-    if field.declares:
-        series, gauge, joined = field.read(results[0], record, about.load, about.time)
-    else:
-        gauges = dic.derived.whole_field_gauges(results[0])
-        series, gauge, joined = field.read(results[0], record, about.load, about.time, gauges=gauges)
-        across = across or gauges[1].name
-    details = about.details([field.gauges_file, *record.files])
-    known = about.known()
-    return [dic.tensile_test(series, gauge, across, settings, known=known, details=details, joined=joined)]
 
 
 def _area_mm2(results: Path) -> float | None:

@@ -22,6 +22,7 @@ from dic.commands.shared_options import (
 )
 from dic.errors import CorrelationError
 from dic.files import file_sha256
+from dic.shell.output_paths import require_hdf5, require_places
 
 
 @options
@@ -189,6 +190,15 @@ class SeriesOutputOptions:
     json_file: Path | None = json_file()
     force: bool = force()
     fields_from: Path | None = fields_from()
+
+    def require_places(
+        self, inputs: Sequence[Path | None], written: Sequence[Path | None], new_folders: Sequence[Path]
+    ) -> None:
+        """Raise an error if an output file cannot be written; an unfinished result may be continued."""
+        # Allow an existing result file: whether it can be used is known only after reading the reference.
+        own = [] if self.output is None else [*dic.results.outputs_of(self.output), self.output]
+        require_places(inputs, written, force=self.force, replaceable=own, new_folders=new_folders)
+        require_hdf5(self.output, "give --csv FOLDER for tables, --json for the values, --maps for pictures")
 
     def place(self, written: Sequence[Path | None]) -> dic.results.ResultPlace | None:
         """Return the place of the result file, and whether existing results may be replaced or used.

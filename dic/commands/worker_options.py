@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Any
 
 import click
 
 import dic
+from dic.commands.options import Command
 from dic.errors import WorkerError
 from dic.shell.console import say
-
-Command = TypeVar("Command", bound=Callable[..., Any])
 
 _CHOSEN = "dic.workers"
 """Key under which the context of a click command stores the values of these options."""

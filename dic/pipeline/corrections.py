@@ -171,7 +171,8 @@ class Corrector:
     ) -> None:
         self._calibrations, self._motions = calibrations, motions
         self._solved: dict[str, Corrections] = {}
-        self._pair = None if pair is None else (pair[0].camera, pair[1].camera)
+        self.pair = None if pair is None else (pair[0].camera, pair[1].camera)
+        """Names of the two cameras that are solved together; None if there is no joint solution."""
         self._surface: ReferenceSurface | None = None
         if pair is not None and pair[0].calibration is not None and pair[1].calibration is not None:
             images, both = (pair[0].reference, pair[1].reference), (pair[0].calibration, pair[1].calibration)
@@ -183,11 +184,6 @@ class Corrector:
         kinds = {motion and motion.kind for motion in motions.values()}
         pair = _pair(cameras) if kinds == {"tension"} else None
         return cls({camera.camera: camera.calibration for camera in cameras}, motions, pair)
-
-    @property
-    def pair(self) -> tuple[str, str] | None:
-        """Names of the two cameras that are solved together; None if there is no joint solution."""
-        return self._pair
 
     def solve(self, camera: str, measurements: Sequence[Measurement]) -> None:
         """Solve the alignment of a rotation from all images of a camera; each is used several times."""
@@ -245,12 +241,12 @@ class Corrector:
             findings[name] = (
                 [] if calibration is None else _findings(motion, calibration, means, loads_n, found)
             )
-        if self._pair is None or self._surface is None:
+        if self.pair is None or self._surface is None:
             return RunCorrections(motion, single, findings)
         of_both = [step for step in steps if step.joint is not None]
         both = {step.step.index: step.joint for step in of_both if step.step is not None and step.joint}
         sentences = tension_findings([found.corrections[0] for found in both.values()], _loads_n(of_both))
-        joint = JointCorrections(self._pair, both, [self._surface.text, *sentences])
+        joint = JointCorrections(self.pair, both, [self._surface.text, *sentences])
         return RunCorrections(motion, single, findings, joint)
 
     def _is_known(self, camera: str) -> bool:
@@ -270,9 +266,9 @@ class Corrector:
         return correct([measurement], calibration, motion).images[0]
 
     def _joint(self, measurements: Mapping[str, Measurement]) -> TwoCameraStep | None:
-        if self._pair is None or any(camera not in measurements for camera in self._pair):
+        if self.pair is None or any(camera not in measurements for camera in self.pair):
             return None
-        first, second = self._pair
+        first, second = self.pair
         calibrations = self._calibrations[first], self._calibrations[second]
         if calibrations[0] is None or calibrations[1] is None:
             return None
@@ -282,9 +278,9 @@ class Corrector:
     def _best(
         self, camera: str, correction: Correction | None, joint: TwoCameraStep | None
     ) -> Correction | None:
-        if joint is None or joint.declined is not None or self._pair is None or camera not in self._pair:
+        if joint is None or joint.declined is not None or self.pair is None or camera not in self.pair:
             return correction
-        return joint.corrections[self._pair.index(camera)]
+        return joint.corrections[self.pair.index(camera)]
 
 
 def need_all_images(motions: Mapping[str, Motion | None]) -> bool:

@@ -102,32 +102,21 @@ def load_written(path: Path) -> RunResult:
     return load_result(path, partial(_read_run, path), partial(_refusal, "process"))
 
 
-def use_results(path: PathLike, use: Callable[[AnyResult], Result], *, local_strain: bool = False) -> Result:
-    """Call `use` with the results of a result file of `dic correlate` or `dic process`; return its result.
-
-    The file is closed afterwards. Without `local_strain`, the local strains are not read, and must not be
-    used.
-
-    Raises `RunFileError` if the file is not a result file of these commands, or is damaged.
-    """
-    path, series = Path(path), is_series_result(path)
-    read: Callable[..., AnyResult] = _read_series if series else _read_run
-    refusal = partial(_refusal, "correlate" if series else "process")
-    return use_result(path, lambda file: use(read(path, file, local_strain=local_strain)), refusal)
-
-
 def with_results(results: Results, use: Callable[[Loaded], Result], *, local_strain: bool = False) -> Result:
     """Call `use` with results; those of a file are read, and the file is closed afterwards.
 
     Without `local_strain`, the local strains of a file are not read, and must not be used.
 
-    Raises `CorrelationError` if the argument is neither a path nor results. Raises `RunFileError` as for
-    `use_results`.
+    Raises `CorrelationError` if the argument is neither a path nor results. Raises `RunFileError` if the file
+    is not a result file of `dic correlate` or `dic process`, or is damaged.
     """
-    if isinstance(results, str | Path):
-        return use_results(results, use, local_strain=local_strain)
-    require_kind("results", results, Loaded, "give a result file, or dic.load_series_result(path)")
-    return use(results)
+    if not isinstance(results, str | Path):
+        require_kind("results", results, Loaded, "give a result file, or dic.load_series_result(path)")
+        return use(results)
+    path, series = Path(results), is_series_result(results)
+    read: Callable[..., AnyResult] = _read_series if series else _read_run
+    refusal = partial(_refusal, "correlate" if series else "process")
+    return use_result(path, lambda file: use(read(path, file, local_strain=local_strain)), refusal)
 
 
 def load_results(path: PathLike) -> AnyResult:

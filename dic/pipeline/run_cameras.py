@@ -88,7 +88,7 @@ class RunCameras:
         )
         found = correlate_series(series, images, camera.before, kept, self.workers, len(run.cameras))
         contents = (step_content(run, name, step) for step in others)
-        yield from map(_with_content, found, contents)
+        yield from map(lambda image, content: replace(image, content=content), found, contents)
 
     def _series(self, camera: str, reference: Callable[[], ImageLike], area: Mask) -> Series:
         """Return a camera's series in its region, on the specimen, or on the calibrated area.
@@ -110,10 +110,6 @@ class RunCameras:
             # A run can only be measured in the calibrated area, so use all of this area. Each subset is
             # checked for texture.
             return Series(reference, area, self.settings, **how)
-
-
-def _with_content(image: FinishedImage, content: str) -> FinishedImage:
-    return replace(image, content=content)
 
 
 def step_content(run: RunFile, camera: str, step: RunStep) -> str:

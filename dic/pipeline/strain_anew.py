@@ -184,9 +184,8 @@ def _cameras(result: RunResult, plate_mm: float) -> list[CameraImages]:
 
 
 def _known(camera: CameraResult, calibration: Calibration | None, steps: Sequence[RunStep]) -> CameraImages:
-    images = camera.finished_images
-
     def none_left(camera: CameraImages, kept: Kept | None) -> Iterator[FinishedImage]:
         return iter(())
 
+    images = camera.finished_images
     return CameraImages(camera.camera, camera.reference, calibration, none_left, steps, images, known=True)

@@ -54,8 +54,7 @@ def read_measurements(
 
     Raises `KeyError` or `TypeError` if the group does not contain the measurements of a series of images.
     """
-    stored, strain = StoredFields(series), read_strain_settings(series)
-
+    stored, strain = StoredFields(series), StrainSettings(**read_settings(series, StrainSettings, "strain_"))
     columns, gauge_px, gauge_mm = Columns(series), *_gauges(series)
 
     def read(k: int) -> Measurement:
@@ -72,11 +71,6 @@ def _gauges(series: Any) -> tuple[int, float | None]:
     """Return the size of the virtual strain gauge in px, and in mm for calibrated images."""
     gauge_mm = float(series.attrs["strain_gauge_mm"]) if "calibrated_mean" in series else None
     return int(series.attrs["strain_gauge_px"]), gauge_mm
-
-
-def read_strain_settings(series: Any) -> StrainSettings:
-    """Return the settings of the strains of a series."""
-    return StrainSettings(**read_settings(series, StrainSettings, "strain_"))
 
 
 def read_corrections(

@@ -26,6 +26,7 @@ from dic.results.fields import write_points
 from dic.results.finished import FinishedImage, append_earlier
 from dic.results.job import outcome_rows
 from dic.results.place import outputs_text
+from dic.results.points import strain_values
 from dic.results.provenance import Provenance
 from dic.results.rows import Rows
 from dic.results.schema import (
@@ -42,7 +43,7 @@ from dic.results.schema import (
 )
 from dic.strain.displacement import Displacement
 from dic.strain.measurement import Measurement
-from dic.strain.strain import IMAGES_KEYS, STRAIN_KEYS, MeanStrain, StrainField
+from dic.strain.strain import MeanStrain, StrainField
 
 COMMIT_POINTS, COMMIT_IMAGES = 20_000, 64
 """Numbers of points and of images after which a commit is due.
@@ -199,9 +200,9 @@ class ResultWriter:
         """Append the strains of an image, whose field has been appended.
 
         `layout`: where the file contains the images of the camera. `correction`: given for every
-        image of a series, or for none. `elsewhere`: True if the
-        corrected displacements and strains are stored in another group of the file. Corrected fields are not
-        stored twice, because they take most of the space in the file.
+        image of a series, or for none. `elsewhere`: True if the corrected displacements and strains are
+        stored in another group of the file. Corrected fields are not stored twice, because they take most of
+        the space in the file.
         """
         with self._turn, self._room():
             group, n = self._file[layout.rows], self._next(f"{layout.rows}/strain")
@@ -257,7 +258,7 @@ class ResultWriter:
                 # All images of a series have the same points, so their reference positions are stored once.
                 _write_position(group.create_group("corrected"), correction.displacement)
             rows = _displacement_rows(correction.displacement)
-            rows |= _strain_rows(correction.strain if unwritten is None else unwritten)
+            rows |= strain_values(correction.strain if unwritten is None else unwritten)
             self._rows.append(group["corrected"], n, rows, write=unwritten is None)
 
 
@@ -312,17 +313,11 @@ def _measured_rows(measurement: Measurement) -> Iterator[dict[str, Any]]:
         single |= _mean_rows(mean, "calibrated_mean/")
         single |= _known_rows(measurement.images_std, "calibrated_mean/")
     yield single
-    yield _strain_rows(measurement.strain)
+    yield strain_values(measurement.strain)
     if calibrated is not None and mean is not None:
         yield _displacement_rows(calibrated)
         if measurement.shared is not None:
             yield {f"calibrated_mean/{SHARED_KEY}": measurement.shared}
-
-
-def _strain_rows(strain: StrainField) -> dict[str, Any]:
-    parts = {name: getattr(strain, name) for name in IMAGES_KEYS}
-    known = {name: part for name, part in parts.items() if part is not None}
-    return {name: getattr(strain, name) for name in STRAIN_KEYS} | known
 
 
 def _mean_rows(mean: MeanStrain | None, place: str = "") -> dict[str, Any]:
