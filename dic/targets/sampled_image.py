@@ -22,10 +22,8 @@ class GridImage:
     def __init__(self, grey: Grey, dark_lines: bool) -> None:
         from scipy.ndimage import spline_filter
 
-        self._coefficients = spline_filter(
-            -grey if dark_lines else grey, order=3, output=np.float32, mode="mirror"
-        )
-        self._shape = grey.shape
+        self._grey, self._sign = grey, -1 if dark_lines else 1
+        self._coefficients = spline_filter(self._sign * grey, order=3, output=np.float32, mode="mirror")
 
     def sample(self, points_px: Float) -> Float:
         """Return the grey levels at points (…, 2), each given as (x, y); NaN outside the image."""
@@ -40,9 +38,18 @@ class GridImage:
             mode="mirror",
             prefilter=False,
         ).reshape(x.shape)
-        height, width = self._shape
+        height, width = self._grey.shape
         values[(x < 0) | (y < 0) | (x > width - 1) | (y > height - 1)] = np.nan
         return values
+
+    def window(self, low_px: Float, high_px: Float) -> tuple[tuple[int, int], Grey]:
+        """Return the pixels between two corners (x, y), and x and y of the first pixel."""
+        (left, top), (right, bottom) = (
+            np.maximum(np.ceil(low_px), 0).astype(int),
+            np.floor(high_px).astype(int),
+        )
+        pixels: Grey = self._sign * self._grey[top : max(top, bottom + 1), left : max(left, right + 1)]
+        return (int(left), int(top)), pixels
 
 
 def as_bytes(grey: Grey) -> NDArray[np.uint8]:

@@ -1,7 +1,9 @@
 """Measurement of the centres of grid lines with sub-pixel resolution.
 
 A segment is the part of a line between two neighbouring intersections. The centre of the line is measured at
-several places ("stations") of each segment, from grey level profiles across the line.
+several places ("stations") of each segment, from grey level profiles across the line. The mean offset and
+direction of each segment are then measured from the areas of its pixels, because the interpolation of sharp
+edges moves lines that are parallel to the rows of pixels.
 """
 
 from dataclasses import dataclass
@@ -9,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.targets.lattice import LatticeShape
+from dic.targets.line_grid.pixel_areas import Corridors, offsets_by_area
 from dic.targets.sampled_image import GridImage, station_index
 from dic.typing import Float, Mask
 
@@ -20,6 +23,8 @@ _MISFIT_OF_ROUNDING = 0.03
 # Upper limit for the grey level of a line divided by that of the background. If the ratio is larger, the
 # background is too dark to be measured.
 _BRIGHTEST_LINE = 4.0
+_MOST_BY_AREA_PX = 0.2
+"""Largest difference between the offsets from profiles and from areas; beyond it, dirt is likely."""
 
 
 @dataclass(frozen=True)
@@ -191,9 +196,27 @@ def trace_lines(image: GridImage, shape: LatticeShape, axis: int, numbers: range
         offset, valid = template.offsets(profiles)
         measured = moved + offset
         moved = _straightened(measured, valid, fractions, fallback=moved)
+    scale = np.linalg.norm(normal[:, :, 0], axis=-1)
+    width_px, reach_px = template.width_px * scale, near[-1] * scale
+    measured = measured + _more_by_area(image, base + moved[..., None] * normal, normal, width_px, reach_px)
     index = station_index(axis, numbers, across, fractions)
     measured -= pitch_px * _eccentricity(shape, axis, index, template.width_px / pitch_px)
     return LineTrace(base + measured[..., None] * normal, valid)
+
+
+def _more_by_area(image: GridImage, places: Float, normal: Float, width_px: Float, reach_px: Float) -> Float:
+    """Return how much further along their normals the lines are according to the areas of their pixels.
+
+    `places`, shape (lines, segments, stations, 2), are on one straight line in each segment; `normal` as from
+    `_stations`. `width_px`, `reach_px`, shape (lines, segments): width of the lines, and how far from the
+    lines pixels are used. The result, shape (lines, segments, stations), is 0 where the areas give no offset.
+    """
+    corridors = Corridors.of(image, places[:, :, [0, -1]], reach_px)
+    offset, slope = offsets_by_area(corridors, width_px)
+    along = np.linspace(-0.5, 0.5, places.shape[2])
+    more_px = offset[..., None] + slope[..., None] * along
+    scale = (corridors.normal.reshape(*offset.shape, 1, 2) * normal).sum(axis=-1)
+    return np.where(np.abs(more_px) < _MOST_BY_AREA_PX, more_px / scale, 0.0)
 
 
 def _offsets_px(reach_px: float) -> Float:

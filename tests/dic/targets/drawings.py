@@ -1,7 +1,7 @@
 """Draw calibration targets by formulas, as the simulators' camera sees them, without code of `dic`."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import cv2
@@ -182,11 +182,12 @@ class View:
     ) -> np.ndarray:
         """Return grey levels from 0 to 255; `glare` is the height of a reflection, which saturates from 75.
 
-        The blur is applied to whole pixels. So at edges parallel to the rows it differs slightly from the
-        blur of a lens.
+        The blur of sharp edges is applied to whole pixels. So at edges parallel to the rows it differs from
+        the blur of a lens. The blur of a line grid is applied to quarters of pixels.
         """
         smooth = isinstance(self.surface.texture, LineGrid)
-        light = 200 * (render if smooth else area_sampled)(self.camera, self.surface)
+        light = 200 * (self._through_a_lens(blur_px) if smooth else area_sampled(self.camera, self.surface))
+        blur_px = 0.0 if smooth else blur_px
         rng = np.random.default_rng(seed)
         if glare:
             y, x = np.mgrid[: light.shape[0], : light.shape[1]]
@@ -195,6 +196,18 @@ class View:
             light = light + glare * np.exp(-((y - place[0]) ** 2 + (x - place[1]) ** 2) / (2 * width**2))
         blurred = cv2.GaussianBlur(light, (0, 0), blur_px) if blur_px else light
         return np.clip(np.rint(blurred + rng.normal(0, noise, light.shape)), 0, 255).astype(np.float32)
+
+    def _through_a_lens(self, blur_px: float) -> np.ndarray:
+        camera, parts = self.camera, 4
+        height_px, width_px = camera.height_px, camera.width_px
+        sizes = {
+            "width_px": parts * width_px,
+            "height_px": parts * height_px,
+            "focal_px": parts * camera.focal_px,
+        }
+        light = render(replace(camera, **sizes, k1_per_px2=camera.k1_per_px2 / parts**2), self.surface)
+        blurred = cv2.GaussianBlur(light, (0, 0), parts * blur_px) if blur_px else light
+        return blurred.reshape(height_px, parts, width_px, parts).mean(axis=(1, 3))
 
     def project(self, xy_mm: np.ndarray) -> np.ndarray:
         """Return the image positions, px, of points (n, 2), mm, of the target."""
