@@ -44,13 +44,15 @@ class BicubicMap:
         return f"BicubicMap(around ({x:.1f}, {y:.1f}) px ± {self.scale_px:.1f} px)"
 
     @classmethod
-    def fit(cls, points_px: Float, points_mm: Float) -> "BicubicMap":
+    def fit(cls, points_px: Float, points_mm: Float, shared_mm: Float | None = None) -> "BicubicMap":
         """Fit the bicubic surfaces for X and for Y by least squares.
 
         Parameters
         ----------
         points_px, points_mm : ndarray, shape (n, 2)
             Image coordinates and grid coordinates of the same points.
+        shared_mm : ndarray, shape (n, 2, k), optional
+            Errors of the grid coordinates by k independent sources with variance 1, which all points share.
 
         Raises
         ------
@@ -67,6 +69,9 @@ class BicubicMap:
             raise _undetermined("points on fewer than four lines in one direction")
         fitted = cls(coefficients.reshape(4, 4, 2).astype(np.float64), centre_px, scale_px)
         errors = fitted._coefficient_errors(design, points_px, points_mm)
+        if shared_mm is not None:
+            shared = np.linalg.lstsq(design, shared_mm.reshape(len(design), -1), rcond=1e-10)[0]
+            errors = np.concatenate([errors, shared.reshape(16, 2, -1)], axis=2)
         return cls(fitted.coefficients, centre_px, scale_px, errors)
 
     def map(self, px: Float) -> Float:

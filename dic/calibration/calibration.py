@@ -9,6 +9,7 @@ import numpy as np
 
 from dic.calibration.bicubic import BicubicMap
 from dic.calibration.cross_validation import cross_validation_rms
+from dic.calibration.grid_accuracy import EXACT, GridAccuracy, deviated
 from dic.calibration.pinhole.camera import Pinhole
 from dic.calibration.pinhole.fit import fit_pinholes
 from dic.calibration.pinhole.prior import KnownCamera
@@ -77,6 +78,7 @@ class Calibration:
         source: str = "",
         *,
         known: KnownCamera | None = None,
+        accuracy: GridAccuracy = EXACT,
     ) -> "Calibration":
         """Fit the bicubic map and the pinhole model to the grid points of one image, or of several.
 
@@ -91,6 +93,8 @@ class Calibration:
             The file of the grid image, or another text that names the origin of the calibration.
         known : KnownCamera, optional
             Prior knowledge of the camera, such as its focal length, for the fit of the pinhole model.
+        accuracy : GridAccuracy, optional
+            How accurately the grid was made.
 
         Raises
         ------
@@ -99,14 +103,16 @@ class Calibration:
         """
         grids = [grid] if isinstance(grid, GridPoints) else list(grid)
         first = grids[0]
-        bicubic = BicubicMap.fit(first.uv_px, first.xy_mm)
         pinhole, problem = None, ""
         try:
-            pinhole = fit_pinholes(grids, image_shape, known)[0]
+            pinhole = fit_pinholes(grids, image_shape, known, accuracy=accuracy)[0]
         except CalibrationError as error:
             problem = f"{error.step}: expected {error.expected}, got {error.got}"
+        shared_mm = None
+        if pinhole is not None and pinhole.deviation_covariance.any():
+            first, shared_mm = as_it_is(first, pinhole)
         return cls(
-            bicubic,
+            BicubicMap.fit(first.uv_px, first.xy_mm, shared_mm),
             first,
             (image_shape[0], image_shape[1]),
             source,
@@ -275,6 +281,20 @@ class Calibration:
         if self.model == "pinhole" and self.pinhole is not None:
             return self.pinhole
         return self.bicubic
+
+
+def as_it_is(grid: GridPoints, pinhole: Pinhole) -> tuple[GridPoints, Float]:
+    """Return grid points where their rays meet the plane Z = 0, and the errors (n, 2, 5) that they share, mm.
+
+    A point of a bowed grid is above or below this plane, and the camera sees it displaced.
+    """
+    places, slopes = deviated(grid.xy_mm, grid.half_mm, pinhole.deviations)
+    foot, height_mm = pinhole.centre_mm[:2], pinhole.centre_mm[2]
+    along = (places[:, :2] - foot) / (height_mm - places[:, 2:])
+    met = places[:, :2] + along * places[:, 2:]
+    values, vectors = np.linalg.eigh(pinhole.deviation_covariance)
+    by_deviation = slopes[:, :2] + along[:, :, None] * slopes[:, 2:]
+    return replace(grid, xy_mm=met), by_deviation @ (vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _bicubic_cross_validation_px(grid: GridPoints) -> float:

@@ -11,19 +11,18 @@ import numpy as np
 from dic.calibration.calibration import Calibration
 from dic.files.lazy import Computed
 from dic.out_of_plane.alignment import Alignment
-from dic.out_of_plane.correction import Correction, by_centre, points_of
+from dic.out_of_plane.correction import Correction, points_of
 from dic.out_of_plane.plane import moved_out_of_plane
 from dic.out_of_plane.reasons import not_rigid_reason
 from dic.out_of_plane.rotation import (
-    PRIOR_SLOPE,
     StepErrors,
     Steps,
     by_gradient,
     gradient_errors,
-    solve_alignment,
+    solve_rigid,
     systematic_strain,
 )
-from dic.out_of_plane.uncertainty import Points
+from dic.out_of_plane.uncertainty import Points, block_diagonal
 from dic.strain.measurement import Measurement
 from dic.strain.strain import strain_of_gradient
 from dic.typing import Float
@@ -118,7 +117,8 @@ def _objection(steps: Steps) -> str | None:
 
 def _not_rigid(solved: "_Solved | None", steps: Steps, centre_mm: Float) -> str | None:
     if solved is None:
-        micro = 1e6 * np.abs(steps.strains(np.zeros(4), centre_mm)).max()
+        nothing = np.zeros(4 + steps.of_maps.shape[2])
+        micro = 1e6 * np.abs(steps.strains(nothing, centre_mm)).max()
         return (
             f"no alignment explains strain of up to {micro:.0f} µε: the camera looks too straight on to "
             "measure tilts, the specimen was strained, or the calibration belongs to another camera"
@@ -127,7 +127,7 @@ def _not_rigid(solved: "_Solved | None", steps: Steps, centre_mm: Float) -> str 
     if left > _RIGID:
         calibrated, remaining = (
             steps.strains(slopes, centre_mm).reshape(-1, 3)
-            for slopes in (np.zeros(4), solved.alignment.slopes)
+            for slopes in (0 * solved.unknowns, solved.unknowns)
         )
         return not_rigid_reason(left, calibrated, remaining, steps.angles_deg, centre_mm)
     return None
@@ -141,6 +141,8 @@ class _Solved:
     steps: Steps
     centre_mm: Float
     alignment: Alignment
+    unknowns: Float
+    """Shape (4 + q,). The four slopes, and the sizes of the calibration's errors."""
     gradients: Float
     """Shape (steps, 2, 2). Corrected displacement gradients."""
     covariance: Float
@@ -150,61 +152,49 @@ class _Solved:
     def from_steps(cls, steps: Steps, centre_mm: Float) -> "_Solved | None":
         """Solve the alignment from the steps of a rotation; return None if there is no solution."""
         noise = gradient_errors(steps)
-        to_strain = _to_strain(steps.gradients(np.zeros(4), centre_mm))
-        everything = StepErrors(noise.own, np.concatenate([noise.shared, steps.of_maps], axis=2))
-        of_strain = everything.mapped(to_strain)
-        solution = solve_alignment(steps, centre_mm, of_strain)
+        to_strain = _to_strain(steps.gradients(np.zeros(4 + steps.of_maps.shape[2]), centre_mm))
+        of_strain = noise.mapped(to_strain)
+        solution = solve_rigid(steps, centre_mm, of_strain)
         if solution is not None:
-            steps = steps.seen_on(solution[0], centre_mm)
-            solution = solve_alignment(steps, centre_mm, of_strain, solution[0])
+            steps = steps.seen_on(solution.unknowns, centre_mm)
+            solution = solve_rigid(steps, centre_mm, of_strain, solution.unknowns)
         if solution is None:
             return None
-        slopes, gain, by_slope = solution
-        # The errors of the slopes come from the measured strains. If the strains do not determine a slope,
-        # the prior gives its error.
-        by_step = -np.swapaxes(gain.reshape(4, -1, 3), 0, 1) @ to_strain
-        by_prior = gain @ by_slope - np.eye(4)
-
-        def estimate(centre: Float) -> Float:
-            again = solve_alignment(steps, centre, of_strain, slopes)
-            found = slopes if again is None else again[0]
-            return np.concatenate([steps.gradients(found, centre).ravel(), found])
-
-        of_slopes = _SlopeErrors(by_step, PRIOR_SLOPE**2 * by_prior @ by_prior.T)
-        of_centre = by_centre(estimate, centre_mm) @ steps.of_centre
-        covariance, of_all = of_slopes.with_gradients(steps, slopes, centre_mm, noise, of_centre)
-        alignment = Alignment(slopes, of_all, steps.pivot_mm)
-        return cls("rigidity", steps, centre_mm, alignment, steps.gradients(slopes, centre_mm), covariance)
+        # The errors of the unknowns come from the measured strains, and from the prior.
+        by_step = -np.swapaxes(solution.gain.reshape(len(solution.gain), -1, 3), 0, 1) @ to_strain
+        errors = _UnknownErrors(by_step, solution.by_prior)
+        covariance, of_all = errors.with_gradients(steps, solution.unknowns, centre_mm, noise)
+        alignment = Alignment(solution.unknowns[:4], of_all[:4, :4], steps.pivot_mm)
+        gradients = steps.gradients(solution.unknowns, centre_mm)
+        return cls("rigidity", steps, centre_mm, alignment, solution.unknowns, gradients, covariance)
 
     @classmethod
     def known(cls, steps: Steps, centre_mm: Float, alignment: Alignment) -> "_Solved":
         """Apply a given alignment to the steps of a rotation."""
-        slopes, n = alignment.slopes, len(steps.motions)
-        steps = steps.seen_on(slopes, centre_mm)
-
-        def estimate(centre: Float) -> Float:
-            return np.concatenate([steps.gradients(slopes, centre).ravel(), slopes])
-
-        of_slopes = _SlopeErrors(np.zeros((n, 4, 4)), alignment.covariance)
-        of_centre = by_centre(estimate, centre_mm) @ steps.of_centre
-        noise = gradient_errors(steps)
-        covariance, _ = of_slopes.with_gradients(steps, slopes, centre_mm, noise, of_centre)
-        return cls("alignment", steps, centre_mm, alignment, steps.gradients(slopes, centre_mm), covariance)
+        count = steps.of_maps.shape[2]
+        unknowns = np.append(alignment.slopes, np.zeros(count))
+        steps = steps.seen_on(unknowns, centre_mm)
+        prior = block_diagonal([alignment.covariance, np.eye(count)])
+        errors = _UnknownErrors(np.zeros((len(steps.motions), 4 + count, 4)), prior)
+        covariance, _ = errors.with_gradients(steps, unknowns, centre_mm, gradient_errors(steps))
+        gradients = steps.gradients(unknowns, centre_mm)
+        return cls("alignment", steps, centre_mm, alignment, unknowns, gradients, covariance)
 
     def strain_left(self) -> float:
         """Return the strain that remains after correction, as a root mean square in standard deviations."""
         to_strain = _to_strain(self.gradients)
         std = np.sqrt(np.einsum("kij,kjl,kil->ki", to_strain, self.covariance, to_strain)).ravel()
-        strains = self.steps.strains(self.alignment.slopes, self.centre_mm)
+        strains = self.steps.strains(self.unknowns, self.centre_mm)
         return float(np.sqrt(np.mean((strains / std) ** 2)))
 
     def correction(self, place: int, measurement: Measurement, calibration: Calibration) -> Correction:
         """Return the correction of the step with the index `place`."""
-        points = points_of(measurement, calibration)
+        points, sources = points_of(measurement, calibration), self.unknowns[4:]
+        centre_mm = self.centre_mm + self.steps.of_centre @ sources
         before, after = self.alignment.before, self.alignment.after(self.steps.angles_deg[place])
         settings, n = measurement.strain_settings, len(points.before_mm)
         mean = strain_of_gradient(self.gradients[place], self.covariance[place], n, settings.measure)
-        moved = moved_out_of_plane(points.displacement, self.centre_mm, before, after)
+        moved = moved_out_of_plane(points.adjusted(sources), centre_mm, before, after)
         std = self.alignment.after_std(self.steps.angles_deg[place])
         return Correction(self.method, mean, moved, settings, after, np.array([*std, np.nan]))
 
@@ -215,45 +205,31 @@ def _to_strain(gradients: Float) -> Float:
 
 
 @dataclass(frozen=True)
-class _SlopeErrors:
-    """The effect of errors of the input on the four slopes."""
+class _UnknownErrors:
+    """The effect of errors of the input on the four slopes and on the errors of the calibration."""
 
     by_step: Float
-    """Shape (steps, 4, 4). Derivative of the slopes with respect to the measured gradient of each step."""
+    """Shape (steps, 4 + q, 4). Derivative of the unknowns with respect to the measured gradient of each step.
+    """
     prior: Float
-    """Shape (4, 4). Covariance of the slopes that comes from the prior and not from errors of the steps."""
+    """Shape (4 + q, 4 + q). Covariance of the unknowns that does not come from errors of the steps."""
 
     def with_gradients(
-        self, steps: Steps, slopes: Float, centre_mm: Float, noise: StepErrors, of_centre: Float
+        self, steps: Steps, unknowns: Float, centre_mm: Float, noise: StepErrors
     ) -> tuple[Float, Float]:
-        """Return the covariance of each corrected gradient (steps, 4, 4), and that of the slopes (4, 4).
+        """Return the covariance of each corrected gradient (steps, 4, 4), and that of the unknowns.
 
-        The corrected gradient of a step has the error of its measured gradient, and the error of the slopes,
-        to which all steps contribute. The argument `of_centre`, shape (4 steps + 4, q), is the effect of
-        calibration errors through the camera's centre, on all gradients and on the slopes.
+        The corrected gradient of a step has the error of its measured gradient, and the errors of the
+        unknowns, to which all steps contribute.
         """
-        own, by_step = noise.own, self.by_step
-        by_slope = np.stack(
-            [
-                steps.gradients(slopes + d, centre_mm) - steps.gradients(slopes - d, centre_mm)
-                for d in _SMALL * np.eye(4)
-            ],
-            axis=-1,
-        ).reshape(len(own), 4, 4) / (2 * _SMALL)
-        # Independent errors of a step change its gradient directly, and also through the slopes.
+        own, by_step, by_unknown = noise.own, self.by_step, steps.by_unknowns(unknowns, centre_mm)
+        # Independent errors of a step change its gradient directly, and also through the unknowns.
         through = by_step @ own
-        of_slopes = (through @ np.swapaxes(by_step, 1, 2)).sum(axis=0)
-        both = by_slope @ through
+        total = self.prior + (through @ np.swapaxes(by_step, 1, 2)).sum(axis=0)
+        both = by_unknown @ through
         covariance = own + both + np.swapaxes(both, 1, 2)
-        covariance += by_slope @ (of_slopes + self.prior) @ np.swapaxes(by_slope, 1, 2)
-        # Errors that all steps share: noise of the reference image, and the calibration.
-        total = of_slopes + self.prior
-        for direct, extra in (
-            (noise.shared, np.zeros((4 * len(own) + 4, 1))),
-            (steps.of_maps, of_centre),
-        ):
-            slope = (by_step @ direct).sum(axis=0)
-            whole = direct + by_slope @ slope + extra[:-4].reshape(len(own), 4, -1)
-            covariance += whole @ np.swapaxes(whole, 1, 2)
-            total = total + (slope + extra[-4:]) @ (slope + extra[-4:]).T
-        return covariance, total
+        covariance += by_unknown @ total @ np.swapaxes(by_unknown, 1, 2)
+        # All steps share the noise of the reference image.
+        of_unknowns = (by_step @ noise.shared).sum(axis=0)
+        whole = noise.shared + by_unknown @ of_unknowns
+        return covariance + whole @ np.swapaxes(whole, 1, 2), total + of_unknowns @ of_unknowns.T

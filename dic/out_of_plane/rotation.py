@@ -3,7 +3,8 @@
 A rotation about the grid's normal keeps the height of every point. So the calibrated motion between two steps
 is exactly affine, and a tilt of the specimen looks the same as strain. However, a rigid specimen has no
 strain. So four slopes are solved for the whole run, such that no step has strain: two slopes of the specimen
-in the reference and two slopes of the stage's axis.
+in the reference and two slopes of the stage's axis. The errors of the calibration are solved together with
+the slopes, because a grid whose scales along X and Y differ also gives a rotating specimen false strain.
 """
 
 from collections.abc import Iterable, Iterator
@@ -15,6 +16,8 @@ from dic.calibration.calibration import Calibration
 from dic.correlation.settings import CorrelationSettings
 from dic.files.lazy import Spool
 from dic.out_of_plane.alignment import Alignment
+from dic.out_of_plane.correction import by_centre
+from dic.out_of_plane.map_errors import MapErrors
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.fit import gradient_weights, slopes_of
 from dic.typing import Float
@@ -32,6 +35,8 @@ _SYSTEMATIC = 0.3e-6
 _STEPS = 10
 _SMALL = 1e-6
 _CLOSE = 1e-9
+_SETTLED = 1e-5
+"""Changes of the slopes, and of the calibration's errors in standard deviations, that end the iteration."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,7 @@ class Steps:
     """Shapes (steps, 4, q) and (3, q). Effect of q independent calibration errors with variance 1: on the
     gradients (`of_maps`), and on the camera's centre in mm (`of_centre`).
     """
+    map_errors: MapErrors
     angles_deg: Float
     """Shape (steps,). Rotation of the specimen in each step since the reference image."""
     pivot_mm: Float
@@ -70,34 +76,56 @@ class Steps:
             noise.append(step.noise_covariance(weights))
             of_map, of_centre = step.calibration_factors(weights)
             of_maps.append(of_map)
+            calibration = step.calibration
         if not noise:
             return None
         errors = np.array(noise), np.array(of_maps), of_centre
-        return cls(motions, *errors, *_turns_and_pivot(motions), systematic)
+        return cls(motions, *errors, MapErrors.of(calibration), *_turns_and_pivot(motions), systematic)
 
-    def seen_on(self, slopes: Float, centre_mm: Float) -> "Steps":
+    def seen_on(self, unknowns: Float, centre_mm: Float) -> "Steps":
         """Return the same steps, with the angles and the centre of rotation measured in the specimen's plane.
 
-        The argument `slopes` gives the slopes of the specimen's plane. Angles from motions in the grid's
+        `unknowns`: as for `gradients`. Angles from motions in the grid's
         plane have errors because of false strain. These errors would cause strain errors of about 1e-6.
         """
-        angles_deg, pivot_mm = _turns_and_pivot(self._motions(slopes, centre_mm))
+        angles_deg, pivot_mm = _turns_and_pivot(self._motions(unknowns, centre_mm))
         return replace(self, angles_deg=angles_deg, pivot_mm=pivot_mm)
 
-    def gradients(self, slopes: Float, centre_mm: Float) -> Float:
-        """Return the mean displacement gradients within the specimen's plane, shape (steps, 2, 2)."""
-        return np.array([slopes_of(b, a - b) for b, a in self._motions(slopes, centre_mm)])
+    def gradients(self, unknowns: Float, centre_mm: Float) -> Float:
+        """Return the mean displacement gradients within the specimen's plane, shape (steps, 2, 2).
 
-    def _motions(self, slopes: Float, centre_mm: Float) -> Iterator[tuple[Float, Float]]:
+        `unknowns`, shape (4 + q,): the four slopes, and the sizes of the calibration's errors.
+        """
+        return np.array([slopes_of(b, a - b) for b, a in self._motions(unknowns, centre_mm)])
+
+    def by_unknowns(self, unknowns: Float, centre_mm: Float) -> Float:
+        """Return the derivative (steps, 4, 4 + q) of the mean gradients with respect to the unknowns."""
+        count = len(self.of_maps)
+        by_slope = [
+            (self.gradients(unknowns + step, centre_mm) - self.gradients(unknowns - step, centre_mm)).ravel()
+            for step in _SMALL * np.eye(len(unknowns))[:4]
+        ]
+        through = (
+            by_centre(lambda centre: self.gradients(unknowns, centre).ravel(), centre_mm) @ self.of_centre
+        )
+        both = np.column_stack([np.stack(by_slope, axis=-1) / (2 * _SMALL), through])
+        derivative: Float = both.reshape(count, 4, -1)
+        derivative[:, :, 4:] += self.of_maps
+        return derivative
+
+    def _motions(self, unknowns: Float, centre_mm: Float) -> Iterator[tuple[Float, Float]]:
         """Yield for each step the positions within the specimen's plane before and after the motion."""
+        slopes, sources = unknowns[:4], unknowns[4:]
+        moved_mm = centre_mm + self.of_centre @ sources
         alignment = Alignment(slopes, np.zeros((4, 4)), self.pivot_mm)
         plane = alignment.before
-        for (before, after), angle in zip(self.motions, self.angles_deg, strict=True):
-            yield plane.within(before, centre_mm), alignment.after(angle).within(after, centre_mm)
+        for motion, angle in zip(self.motions, self.angles_deg, strict=True):
+            before, after = (self.map_errors.adjusted(position, sources) for position in motion)
+            yield plane.within(before, moved_mm), alignment.after(angle).within(after, moved_mm)
 
-    def strains(self, slopes: Float, centre_mm: Float) -> Float:
+    def strains(self, unknowns: Float, centre_mm: Float) -> Float:
         """Return the mean Green-Lagrange strains xx, yy, xy of all steps in one array, shape (3 steps,)."""
-        F = self.gradients(slopes, centre_mm) + np.eye(2)
+        F = self.gradients(unknowns, centre_mm) + np.eye(2)
         E = (np.swapaxes(F, 1, 2) @ F - np.eye(2)) / 2
         return np.stack([E[:, 0, 0], E[:, 1, 1], E[:, 0, 1]], axis=1).ravel()
 
@@ -194,39 +222,42 @@ def _turns(angles_deg: Float) -> Float:
     return np.moveaxis(np.array([[c, -s], [s, c]]), -1, 0)
 
 
-def solve_alignment(
+@dataclass(frozen=True)
+class RigidSolution:
+    """The unknowns for which a rotated specimen has no strain."""
+
+    unknowns: Float
+    """Shape (4 + q,). The four slopes of an `Alignment`, then the sizes of the calibration's errors."""
+    gain: Float
+    """Shape (4 + q, 3 steps). Derivative by errors of the strains, with the opposite sign."""
+    by_prior: Float
+    """Shape (4 + q, 4 + q). Covariance of the unknowns that comes from their prior, and not from the steps."""
+
+
+def solve_rigid(
     steps: Steps, centre_mm: Float, errors: StepErrors, start: Float | None = None
-) -> tuple[Float, Float, Float] | None:
-    """Find the four slopes of an `Alignment` for which no strain remains, by weighted least squares.
+) -> RigidSolution | None:
+    """Find the slopes, and the errors of the calibration, for which no strain remains (least squares).
 
     `centre_mm`, shape (3,): the camera's centre in the grid's axes. `errors`: errors of the mean strains,
-    which determine the weights of the least-squares solution. `start`, shape (4,): start values of the
-    slopes. The default is 0.
-
-    Returns
-    -------
-    slopes : ndarray, shape (4,)
-        The slopes of `Alignment`.
-    gain : ndarray, shape (4, 3 steps)
-        Derivative of the slopes with respect to errors of the strains, with the opposite sign.
-    by_slope : ndarray, shape (3 steps, 4)
-        Derivative of the strains with respect to the four slopes.
+    without those of the calibration. `start`: start values of the unknowns. The default is 0.
 
     The function returns None if the iteration does not converge.
     """
-    slopes = np.zeros(4) if start is None else start
-    prior = np.eye(4) / PRIOR_SLOPE**2
+    count = 4 + steps.of_maps.shape[2]
+    unknowns = np.zeros(count) if start is None else start
+    prior = np.diag([*4 * [1 / PRIOR_SLOPE**2], *(count - 4) * [1.0]])
     for _ in range(_STEPS):
-        strains = steps.strains(slopes, centre_mm)
-        by_slope = np.column_stack(
-            [(steps.strains(slopes + d, centre_mm) - strains) / _SMALL for d in _SMALL * np.eye(4)]
-        )
-        weighted = errors.solve(by_slope).T
-        gain = np.linalg.inv(weighted @ by_slope + prior) @ weighted
-        # The prior expects slopes near 0. So it must act on the slopes themselves, and not on their change in
-        # an iteration.
-        step = gain @ (by_slope @ slopes - strains) - slopes
-        slopes = slopes + step
-        if np.abs(step).max() < _CLOSE:
-            return slopes, gain, by_slope
+        strains = steps.strains(unknowns, centre_mm)
+        gradients = steps.gradients(unknowns, centre_mm)
+        to_strain = np.array([by_gradient(gradient) for gradient in gradients])
+        slopes = (to_strain @ steps.by_unknowns(unknowns, centre_mm)).reshape(len(strains), -1)
+        weighted = errors.solve(slopes).T
+        covariance = np.linalg.inv(weighted @ slopes + prior)
+        gain = covariance @ weighted
+        # The prior expects the unknowns near 0. So it must act on them, and not on their change in a step.
+        step = gain @ (slopes @ unknowns - strains) - unknowns
+        unknowns = unknowns + step
+        if np.abs(step[:4]).max() < _CLOSE and np.abs(step[4:]).max(initial=0.0) < _SETTLED:
+            return RigidSolution(unknowns, gain, covariance @ prior @ covariance)
     return None

@@ -7,12 +7,13 @@ The errors of the calibration are common to all points.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.image.threads import bands_of
+from dic.out_of_plane.map_errors import MapErrors
 from dic.out_of_plane.plane import Plane
 from dic.strain.displacement import Displacement
 from dic.strain.fit import covariance_of_sums, slopes_of
@@ -134,6 +135,17 @@ class Points:
         if noise is None or noise.bias is None:
             return 0.0
         return float((noise.bias[self.use] ** 2).sum(axis=(1, 2)).mean() / 2)
+
+    def adjusted(self, sources: Float) -> Displacement:
+        """Return the displacements if the calibration has errors of the given sizes (q,).
+
+        The errors are those of `calibration_factors`.
+        """
+        errors = MapErrors.of(self.calibration)
+        position, vector = self.displacement.position.copy(), self.displacement.vector.copy()
+        position[self.use] = errors.adjusted(self.before_mm, sources)
+        vector[self.use] = errors.adjusted(self.after_mm, sources) - position[self.use]
+        return replace(self.displacement, position=position, vector=vector)
 
     def calibration_factors(self, weights: Float) -> tuple[Float, Float]:
         """Return the effect of calibration errors on weighted sums of displacements and on camera centres.

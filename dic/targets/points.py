@@ -68,6 +68,11 @@ class GridPoints:
         return self.lines[0] * self.lines[1]
 
     @property
+    def half_mm(self) -> Float:
+        """Half widths of the whole target along X and Y, shape (2,)."""
+        return (np.array(self.lines) - 1) / 2 * self.pitch_mm
+
+    @property
     def found(self) -> int:
         """Number of points that were found."""
         return len(self.index)
@@ -82,7 +87,7 @@ class GridPoints:
         """
         from scipy.spatial import ConvexHull
 
-        place = self.xy_mm / self.pitch_mm
+        place = self.index.astype(np.float64)
         corners = place[ConvexHull(place).vertices]
         following = np.roll(corners, -1, axis=0)
         order: list[int] = []

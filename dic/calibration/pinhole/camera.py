@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dic.calibration.grid_accuracy import DEVIATIONS
 from dic.calibration.pinhole.lens import distort, distortion_basis, distortion_jacobian, folded, undistort
 from dic.typing import Float
 
@@ -42,6 +43,13 @@ class Pinhole:
     cross_validation_px : float
         Prediction error: root mean square distance of left-out grid points from their prediction. NaN
         without cross-validation.
+    deviations : ndarray, shape (5,)
+        The grid's deviations from its nominal shape, as the images show them, in the order of
+        `dic.calibration.grid_accuracy.DEVIATIONS`.
+    deviation_covariance : ndarray, shape (5, 5)
+        Covariance of `deviations`; 0 for a grid without deviations.
+    by_deviations : ndarray, shape (13, 5)
+        Change of the parameters with the deviations. `covariance` contains this effect.
     """
 
     focal_px: float
@@ -52,6 +60,9 @@ class Pinhole:
     covariance: Float = field(default_factory=lambda: np.zeros((len(PARAMETERS),) * 2))
     noise_px: float = 0.0
     cross_validation_px: float = float("nan")
+    deviations: Float = field(default_factory=lambda: np.zeros(len(DEVIATIONS)))
+    deviation_covariance: Float = field(default_factory=lambda: np.zeros((len(DEVIATIONS),) * 2))
+    by_deviations: Float = field(default_factory=lambda: np.zeros((len(PARAMETERS), len(DEVIATIONS))))
 
     def __repr__(self) -> str:
         off_axis = f"{self.off_axis_deg:.2f} ± {self.off_axis_std_deg:.2f}° off-axis"

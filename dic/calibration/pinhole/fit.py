@@ -16,8 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dic.calibration.cross_validation import cross_validation_rms
+from dic.calibration.grid_accuracy import EXACT, GridAccuracy, deviated
 from dic.calibration.pinhole.camera import Pinhole
-from dic.calibration.pinhole.model import CameraModel
+from dic.calibration.pinhole.model import GRID, CameraModel
 from dic.calibration.pinhole.prior import KnownCamera, Prior
 from dic.errors import CalibrationError
 from dic.targets.points import GridPoints
@@ -43,6 +44,10 @@ class _Views:
     xy_mm: list[Float]
     uv_px: list[Float]
     prior: Prior
+    grid_std: Float
+    """Shape (5,). Standard deviations of the grid's deviations."""
+    half_mm: Float
+    """Shape (2,). Half widths of the grid."""
 
     def without(self, left_out: Mask) -> "_Views":
         """Return the same views without the grid points of the first image that `left_out` (n,) marks."""
@@ -59,7 +64,11 @@ class _Solution:
 
 
 def fit_pinhole(
-    grid: GridPoints, image_shape: tuple[int, ...], known: KnownCamera | None = None, k2: bool | None = None
+    grid: GridPoints,
+    image_shape: tuple[int, ...],
+    known: KnownCamera | None = None,
+    k2: bool | None = None,
+    accuracy: GridAccuracy = EXACT,
 ) -> Pinhole:
     """Fit a camera to the grid points of one image, by least squares in the image.
 
@@ -73,7 +82,7 @@ def fit_pinhole(
     Raises `CalibrationError` if the points do not determine a camera, or if they contradict the known values
     of the camera.
     """
-    return fit_pinholes([grid], image_shape, known, k2)[0]
+    return fit_pinholes([grid], image_shape, known, k2, accuracy)[0]
 
 
 def fit_pinholes(
@@ -81,6 +90,7 @@ def fit_pinholes(
     image_shape: tuple[int, ...],
     known: KnownCamera | None = None,
     k2: bool | None = None,
+    accuracy: GridAccuracy = EXACT,
 ) -> tuple[Pinhole, ...]:
     """Fit one camera to several images of the grid: one lens for all images, and one pose for each image.
 
@@ -91,7 +101,7 @@ def fit_pinholes(
     Result: one camera for each image, in the axes of the grid in that image.
     """
     prior = (known or KnownCamera()).prior(image_shape)
-    views = _Views([g.xy_mm for g in grids], [g.uv_px for g in grids], prior)
+    views = _Views([g.xy_mm for g in grids], [g.uv_px for g in grids], prior, accuracy.std, grids[0].half_mm)
     _require_points(views)
     chosen, missed_px = _with_or_without_k2(views, grids[0], k2)
     return tuple(_camera(chosen, view, missed_px) for view in range(len(grids)))
@@ -142,7 +152,8 @@ def _cross_validation_px(views: _Views, whole: "_Solution", first: GridPoints, *
         least = _LeastSquares(kept, model, whole.noise_px, k2=k2)
         fitted = replace(whole, model=model, parameters=least.solve(whole.parameters))
         camera = _camera(fitted, 0, float("nan"))
-        return first.uv_px[left_out] - camera.project(first.xy_mm[left_out])
+        places, _ = deviated(first.xy_mm[left_out], views.half_mm, camera.deviations)
+        return first.uv_px[left_out] - camera.project(places)
 
     return cross_validation_rms(first, prediction_errors)
 
@@ -170,6 +181,7 @@ class _LeastSquares:
 
     def __init__(self, views: _Views, model: CameraModel, noise_px: float, *, k2: bool) -> None:
         self._prior, self._model, self._noise_px = views.prior, model, noise_px
+        self._grid_std = views.grid_std
         self._seen = np.concatenate([uv.ravel() for uv in views.uv_px])
         self._k2 = k2
 
@@ -222,13 +234,16 @@ class _LeastSquares:
     def _free(self, parameters: Float) -> Mask:
         free = np.ones(len(parameters), bool)
         free[_K2] = self._k2
+        free[-GRID:] = self._grid_std > 0
         return free
 
     def _equations(self, parameters: Float) -> tuple[Float, Float]:
         px, slopes = self._model.project(parameters)
         off, prior_slopes = self._prior.equations(parameters)
-        deviations = np.concatenate([(px - self._seen) / self._noise_px, off])
-        return deviations, np.vstack([slopes / self._noise_px, prior_slopes])
+        std = np.where(self._grid_std > 0, self._grid_std, np.inf)
+        deviations = np.concatenate([(px - self._seen) / self._noise_px, off, parameters[-GRID:] / std])
+        by_grid = np.eye(len(parameters))[-GRID:] / std[:, None]
+        return deviations, np.vstack([slopes / self._noise_px, prior_slopes, by_grid])
 
 
 def _inverse_square(slopes: Float) -> Float:
@@ -245,7 +260,11 @@ def _camera(solution: "_Solution", view: int, missed_px: float) -> Pinhole:
     rotation, centre, values, slopes = solution.model.camera(solution.parameters, view)
     if not (np.isfinite(values).all() and centre[2] > 0):
         raise _undetermined("a camera behind the grid")
+    of_grid = solution.covariance[-GRID:, -GRID:]
     return Pinhole(
+        deviations=solution.parameters[-GRID:],
+        deviation_covariance=of_grid,
+        by_deviations=slopes @ solution.covariance[:, -GRID:] @ np.linalg.pinv(of_grid, hermitian=True),
         focal_px=float(values[0]),
         principal_px=values[1:3],
         distortion=values[3:7],
@@ -274,7 +293,9 @@ def _start(views: _Views, focal: float) -> tuple[CameraModel, Float]:
         poses.append([0.0, 0.0, 0.0, scale * seen[0, 2], -scale * seen[1, 2], np.log(scale)])
     half_px = float(max(np.ptp(uv, axis=0).max() for uv in views.uv_px)) / 2
     lens = [np.log(focal), *views.prior.principal_px, 0.0, 0.0, 0.0, 0.0]
-    return CameraModel(views.xy_mm, rotations, half_px), np.concatenate([lens, *poses])
+    return CameraModel(views.xy_mm, rotations, half_px, views.half_mm), np.concatenate(
+        [lens, *poses, np.zeros(GRID)]
+    )
 
 
 def _start_focals(views: _Views) -> list[float]:

@@ -6,7 +6,8 @@ of the focal length f, the two coordinates of the principal point, and the disto
 p2·s. The length s is the half-width of the grid in the image. Six parameters describe the pose in each image.
 Three of the six parameters give a small rotation of the camera's axes from a start rotation. Two give the
 undistorted image (a, b) of the grid's centre, relative to the principal point. The sixth parameter is the
-logarithm of the scale m in px/mm at the grid's centre. The rotation R gives the position q = R·X of a grid
+logarithm of the scale m in px/mm at the grid's centre. The last parameters are the deviations of the grid from
+its nominal shape (`dic.calibration.grid_accuracy`), which all images share. The rotation R gives the position q = R·X of a grid
 point X, relative to the grid's centre, in camera axes. The undistorted image of the grid point is
 
     x = (m·q_x + a) / (1 − m·q_z/f),    y = (b − m·q_y) / (1 − m·q_z/f)
@@ -19,11 +20,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dic.calibration.grid_accuracy import DEVIATIONS, deviated
 from dic.calibration.pinhole.lens import distort, distortion_basis, distortion_jacobian
 from dic.typing import Float
 
 LENS = 7
 POSE = 6
+GRID = len(DEVIATIONS)
 _POWERS = np.array([2, 4, 1, 1])
 
 
@@ -37,6 +40,8 @@ class CameraModel:
     """Each of shape (3, 3). Start rotation of each image, from grid to camera axes."""
     scale_px: float
     """Half-width of the grid in the image, by which the distortion coefficients are scaled."""
+    half_mm: Float
+    """Shape (2,). Half widths of the grid along X and Y."""
 
     def project(self, parameters: Float) -> tuple[Float, Float]:
         """Return the image coordinates of n grid points, px, shape (2·n,), and their derivatives.
@@ -46,8 +51,10 @@ class CameraModel:
         seen, slopes = [], []
         for view, (xy, start) in enumerate(zip(self.xy_mm, self.starts, strict=True)):
             own = slice(LENS + POSE * view, LENS + POSE * (view + 1))
-            px, by_lens, by_pose = self._view(parameters[:LENS], parameters[own], xy, start)
+            places, by_deviation = deviated(xy, self.half_mm, parameters[-GRID:])
+            px, by_lens, by_pose, by_place = self._view(parameters[:LENS], parameters[own], places, start)
             rows = np.zeros((px.size, len(parameters)))
+            rows[:, -GRID:] = (by_place @ by_deviation).reshape(-1, GRID)
             rows[:, :LENS] = by_lens.reshape(-1, LENS)
             rows[:, own] = by_pose.reshape(-1, POSE)
             seen.append(px.ravel())
@@ -59,10 +66,12 @@ class CameraModel:
         coefficients: Float = parameters[3:LENS] / self.scale_px**_POWERS
         return coefficients
 
-    def _view(self, lens: Float, pose: Float, xy_mm: Float, start: Float) -> tuple[Float, Float, Float]:
+    def _view(
+        self, lens: Float, pose: Float, xyz_mm: Float, start: Float
+    ) -> tuple[Float, Float, Float, Float]:
         focal, scale = np.exp(lens[0]), np.exp(pose[5])
         turn, turn_slope = small_turn(pose[:3])
-        q = xy_mm @ (turn @ start)[:, :2].T
+        q = xyz_mm @ (turn @ start).T
         nearer = (scale / focal * q[:, 2])[:, None]
         flat = scale * q[:, :2] * [1.0, -1.0]
         ideal = (flat + pose[3:5] * np.ones(2)) / (1 - nearer)
@@ -74,6 +83,7 @@ class CameraModel:
         by_turn = -by_q @ _cross(q) @ turn_slope
         by_place = np.broadcast_to(np.eye(2), (len(q), 2, 2))
         by_scale = flat + ideal * nearer
+        ideal_by_point = by_q @ (turn @ start) / (1 - nearer)[:, :, None]
         ideal_by_pose = np.concatenate([by_turn, by_place, by_scale[:, :, None]], axis=2)
         ideal_by_pose /= (1 - nearer)[:, :, None]
         ideal_by_focal = -ideal * nearer / (1 - nearer)
@@ -82,7 +92,7 @@ class CameraModel:
         bend = distortion_jacobian(ideal, coefficients)
         basis = distortion_basis(ideal) / self.scale_px**_POWERS
         by_lens = np.concatenate([bend @ ideal_by_focal[:, :, None], by_place, basis], axis=2)
-        return distort(ideal, coefficients) + lens[1:3], by_lens, bend @ ideal_by_pose
+        return distort(ideal, coefficients) + lens[1:3], by_lens, bend @ ideal_by_pose, bend @ ideal_by_point
 
     def camera(self, parameters: Float, view: int) -> tuple[Float, Float, Float, Float]:
         """Return the parameters of the camera, and its pose in image number `view`.

@@ -1,0 +1,73 @@
+"""How accurately the calibration grid was made: deviations that its lines share.
+
+A printer feeds paper by another length than it moves its light, and not quite at a right angle to it. Paper
+and its glue are not flat. All grid points share these deviations, so the residuals of one image hardly show
+them. Several images of the tilted grid do.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.typing import Float
+
+DEVIATIONS = ("scale ratio", "skew", "bow along X", "twist", "bow along Y")
+"""Names of the deviations g that a fit of a pinhole camera estimates, in their order.
+
+The scale ratio g₁ and the skew g₂ move a point in the grid's plane:
+
+    X = x (1 + g₁/2) + y g₂/2,    Y = y (1 − g₁/2) + x g₂/2
+
+The other three, in mm, bend the grid by these heights at its edges, at the half widths a and b from its middle:
+
+    Z = g₃ (x²/a² − 1/3) + g₄ x y/(a b) + g₅ (y²/b² − 1/3)
+"""
+
+
+@dataclass(frozen=True)
+class GridAccuracy:
+    """Standard deviations of the grid's deviations from its nominal shape.
+
+    Attributes
+    ----------
+    scale_ratio_std : float
+        Of the ratio of the scales along X and Y, minus 1.
+    skew_std : float
+        Of the deviation of the angle between the lines from 90°, in rad.
+    flatness_std_mm : float
+        Of the height of a bow at the edge of the grid.
+    """
+
+    scale_ratio_std: float
+    skew_std: float
+    flatness_std_mm: float
+
+    @property
+    def std(self) -> Float:
+        """Standard deviations of `DEVIATIONS`, shape (5,)."""
+        return np.array([self.scale_ratio_std, self.skew_std, *3 * [self.flatness_std_mm]])
+
+
+PRINTED = GridAccuracy(7e-4, 5e-4, 0.02)
+"""A laser printer's grid on paper or film, glued to a plate."""
+
+GLASS = GridAccuracy(1e-5, 1e-5, 0.001)
+"""Chrome on glass, made by lithography."""
+
+EXACT = GridAccuracy(0.0, 0.0, 0.0)
+
+ACCURACIES = {"printed": PRINTED, "glass": GLASS}
+
+
+def deviated(xy_mm: Float, half_mm: Float, deviations: Float) -> tuple[Float, Float]:
+    """Return the true places (n, 3), mm, of grid points (n, 2), and their derivatives (n, 3, 5).
+
+    `half_mm`, shape (2,): half widths of the grid along X and Y.
+    """
+    x, y = xy_mm.T
+    slopes = np.zeros((len(x), 3, len(DEVIATIONS)))
+    slopes[:, 0, 0], slopes[:, 1, 0] = x / 2, -y / 2
+    slopes[:, 0, 1], slopes[:, 1, 1] = y / 2, x / 2
+    across, up = (xy_mm / half_mm).T
+    slopes[:, 2, 2:] = np.stack([across**2 - 1 / 3, across * up, up**2 - 1 / 3], axis=1)
+    return np.column_stack([xy_mm, np.zeros(len(x))]) + slopes @ deviations, slopes

@@ -1,0 +1,49 @@
+"""Errors of a calibration's map as smooth functions of the position in the grid's plane."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.calibration.calibration import Calibration
+from dic.typing import Float
+
+_POWERS = [(i, j) for i in range(4) for j in range(4)]
+
+
+@dataclass(frozen=True)
+class MapErrors:
+    """The errors of mapped positions by q independent sources with variance 1.
+
+    The errors at the grid points are fitted by bicubic polynomials, to evaluate them at many positions.
+    """
+
+    middle_mm: Float
+    half_mm: float
+    coefficients: Float
+    """Shape (16, 2, q). Coefficients of the polynomials, mm."""
+
+    @classmethod
+    def of(cls, calibration: Calibration) -> "MapErrors":
+        """Return the errors of a calibration's map; the sources are those of `Points.calibration_factors`."""
+        px = calibration.grid.uv_px
+        position = calibration.map(px)
+        middle_mm = position.mean(axis=0)
+        half_mm = float(np.abs(position - middle_mm).max())
+        factors = calibration.error_factors(px)
+        terms = _terms((position - middle_mm) / half_mm)
+        solution = np.linalg.lstsq(terms, factors.reshape(len(px), -1), rcond=None)[0]
+        return cls(middle_mm, half_mm, np.asarray(solution.reshape(len(_POWERS), 2, -1), np.float64))
+
+    def adjusted(self, position_mm: Float, sources: Float) -> Float:
+        """Return positions (n, 2) if the calibration has errors of the given sizes.
+
+        Only the first elements of `sources` belong to the map, if the camera's centre has errors of its own.
+        """
+        terms = _terms((position_mm - self.middle_mm) / self.half_mm)
+        moved: Float = position_mm + terms @ (self.coefficients @ sources[: self.coefficients.shape[2]])
+        return moved
+
+
+def _terms(position: Float) -> Float:
+    x, y = position.T
+    return np.stack([x**i * y**j for i, j in _POWERS], axis=1)
