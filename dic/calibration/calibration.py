@@ -10,7 +10,7 @@ import numpy as np
 from dic.calibration.bicubic import BicubicMap
 from dic.calibration.cross_validation import cross_validation_rms
 from dic.calibration.grid_accuracy import EXACT, GridAccuracy, deviated
-from dic.calibration.pinhole.camera import Pinhole
+from dic.calibration.pinhole.camera import Pinhole, root
 from dic.calibration.pinhole.fit import fit_pinholes
 from dic.calibration.pinhole.prior import KnownCamera
 from dic.calibration.residuals import PlaneMap, Residuals
@@ -292,9 +292,8 @@ def as_it_is(grid: GridPoints, pinhole: Pinhole) -> tuple[GridPoints, Float]:
     foot, height_mm = pinhole.centre_mm[:2], pinhole.centre_mm[2]
     along = (places[:, :2] - foot) / (height_mm - places[:, 2:])
     met = places[:, :2] + along * places[:, 2:]
-    values, vectors = np.linalg.eigh(pinhole.deviation_covariance)
     by_deviation = slopes[:, :2] + along[:, :, None] * slopes[:, 2:]
-    return replace(grid, xy_mm=met), by_deviation @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    return replace(grid, xy_mm=met), by_deviation @ root(pinhole.deviation_covariance)
 
 
 def _bicubic_cross_validation_px(grid: GridPoints) -> float:

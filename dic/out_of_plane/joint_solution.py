@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dic.calibration.one_grid import shared_factors
 from dic.out_of_plane.causes import by_plane
 from dic.out_of_plane.correction import by_centre
 from dic.out_of_plane.parallax import Bulge, Heights, Pairs
@@ -119,7 +120,21 @@ class JointSystem:
             of_map, of_centre = points.calibration_factors(weights)
             of_maps.append(of_map)
             of_centres.append(of_centre)
-        return noise, np.hstack(of_maps), block_diagonal(of_centres)
+        shared = self._shared
+        own = [slice(of_map.shape[1] - shared) for of_map in of_maps]
+        maps = [of_map[:, some] for of_map, some in zip(of_maps, own, strict=True)]
+        centres = [of_centre[:, some] for of_centre, some in zip(of_centres, own, strict=True)]
+        if not shared:
+            return noise, np.hstack(maps), block_diagonal(centres)
+        of_grid = of_maps[0][:, -shared:] + of_maps[1][:, -shared:]
+        centres_by_grid = np.vstack([of_centre[:, -shared:] for of_centre in of_centres])
+        return noise, np.hstack([*maps, of_grid]), np.hstack([block_diagonal(centres), centres_by_grid])
+
+    @property
+    def _shared(self) -> int:
+        """Number of errors of the grid, which both calibrations share."""
+        first = self.pairs.first.calibration.pinhole
+        return 0 if first is None else shared_factors(first)
 
     def solve(self) -> "JointSolution":
         """Adjust the calibrations until both cameras measure the same strain.

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.calibration.calibration import Calibration
+from dic.calibration.one_grid import of_one_grid, shared_factors
 from dic.correlation.field import Field
 from dic.out_of_plane.plane import Plane
 from dic.typing import Float
@@ -65,6 +66,8 @@ def reference_surface(field: Field, calibrations: tuple[Calibration, Calibration
     `field`: displacements from the reference image of the first camera to the reference image of the second.
     `calibrations`: calibrations of the two cameras with the same grid; both have a pinhole model.
     """
+    one, other = of_one_grid(calibrations)
+    calibrations = one, other
     first_px = field.points
     second_px = first_px + np.stack([field.u_px, field.v_px], axis=-1).reshape(-1, 2)
     use = field.converged.ravel() & calibrations[0].inside(first_px) & calibrations[1].inside(second_px)
@@ -76,7 +79,8 @@ def reference_surface(field: Field, calibrations: tuple[Calibration, Calibration
         _View.of(calibration, px[use])
         for calibration, px in zip(calibrations, (first_px, second_px), strict=True)
     ]
-    return _solve(views, error_mm, calibrations[0].mm_per_px)
+    shared = 0 if one.pinhole is None else shared_factors(one.pinhole)
+    return _solve(views, shared, error_mm, calibrations[0].mm_per_px)
 
 
 @dataclass(frozen=True)
@@ -117,19 +121,25 @@ class _View:
         return np.asarray(self.of_map - height_mm[:, None, None] * away)
 
 
-def _solve(views: list[_View], error_mm: float, mm_per_px: float) -> ReferenceSurface:
+def _solve(views: list[_View], shared: int, error_mm: float, mm_per_px: float) -> ReferenceSurface:
     """Estimate the plane and the errors of both calibrations by Gauss-Newton steps; leave out outliers."""
-    counts = [view.of_centre.shape[1] for view in views]
-    values, use = np.zeros(3 + sum(counts)), np.ones(len(views[0].at_mm), bool)
-    prior = np.concatenate([np.zeros(3), np.ones(sum(counts))])
+    # The errors of each calibration alone, and then those of the grid, which both share
+    own = [np.arange(view.of_centre.shape[1] - shared) for view in views]
+    count = len(own[0]) + len(own[1])
+    grid = count + np.arange(shared)
+    places = np.append(own[0], grid), np.append(len(own[0]) + own[1], grid)
+    values, use = np.zeros(3 + count + shared), np.ones(len(views[0].at_mm), bool)
+    prior = np.concatenate([np.zeros(3), np.ones(count + shared)])
     for _ in range(_STEPS):
-        first, second = (v.adjusted(s) for v, s in zip(views, np.split(values[3:], [counts[0]]), strict=True))
+        first, second = (v.adjusted(values[3:][of]) for v, of in zip(views, places, strict=True))
         terms = np.column_stack([first.at_mm, np.ones(len(use))])
         height = terms @ values[:3]
         left = first.at_mm - second.at_mm - height[:, None] * (first.rise - second.rise)
         by_plane = -(first.rise - second.rise)[:, :, None] * terms[:, None, :]
-        by_errors = [first.slopes(height), -second.slopes(height)]
-        design = np.concatenate([by_plane, *by_errors], axis=2)[use].reshape(-1, len(values)) / error_mm
+        by_errors = np.zeros((*first.at_mm.shape, count + shared))
+        by_errors[:, :, places[0]] += first.slopes(height)
+        by_errors[:, :, places[1]] -= second.slopes(height)
+        design = np.concatenate([by_plane, by_errors], axis=2)[use].reshape(-1, len(values)) / error_mm
         normal = design.T @ design + np.diag(prior)
         step = np.linalg.solve(normal, design.T @ left[use].ravel() / error_mm + prior * values)
         values = values - step

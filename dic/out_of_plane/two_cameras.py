@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dic.calibration.calibration import Calibration
+from dic.calibration.one_grid import of_one_grid
 from dic.out_of_plane.correction import Correction, points_of
 from dic.out_of_plane.joint_solution import JointSolution, JointSystem
 from dic.out_of_plane.parallax import Bulge, Heights, Pairs
@@ -90,7 +91,8 @@ def correct_with_two_cameras(
 
     if any(calibration.pinhole is None for calibration in calibrations):
         return declined("a calibration knows no camera centre")
-    first, second = _points(measurements, calibrations, surface)
+    one, other = of_one_grid(calibrations)
+    first, second = _points(measurements, (one, other), surface)
     if min(len(first.before_mm), len(second.before_mm)) < _FEWEST_PAIRS:
         return declined(f"a camera has fewer than {_FEWEST_PAIRS} points")
     pairs = Pairs.of(first, second, measurements[1].field)

@@ -13,7 +13,7 @@ import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.image.threads import bands_of
-from dic.out_of_plane.map_errors import MapErrors
+from dic.out_of_plane.map_errors import MapErrors, in_order
 from dic.out_of_plane.plane import Plane
 from dic.strain.displacement import Displacement
 from dic.strain.fit import covariance_of_sums, slopes_of
@@ -175,12 +175,9 @@ class Points:
             return weighted_sums(weights[some], after - F @ before)
 
         of_map = np.sum([part(some) for some in bands_of(len(weights), _SOME_POINTS)], axis=0)
-        of_centre = self.calibration.pinhole.centre_factors()
-        if self.calibration.model == "bicubic":
-            own, others = of_map.shape[1], of_centre.shape[1]
-            of_map = np.pad(of_map, ((0, 0), (0, others)))
-            of_centre = np.pad(of_centre, ((0, 0), (own, 0)))
-        return np.asarray(of_map), of_centre
+        of_map, of_centre = in_order(of_map, self.calibration), self.calibration.pinhole.centre_factors()
+        more = of_map.shape[1] - of_centre.shape[1]
+        return of_map, np.pad(of_centre, ((0, 0), (more, 0)))
 
 
 def weighted_sums(weights: Float, field: Float) -> Float:

@@ -1,7 +1,8 @@
 """A pinhole camera with lens distortion, and its pose relative to the grid."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+import cv2
 import numpy as np
 
 from dic.calibration.grid_accuracy import DEVIATIONS
@@ -46,6 +47,8 @@ class Pinhole:
     deviations : ndarray, shape (5,)
         The grid's deviations from its nominal shape, as the images show them, in the order of
         `dic.calibration.grid_accuracy.DEVIATIONS`.
+    deviation_std : ndarray, shape (5,)
+        Standard deviations of the deviations that were expected before the fit.
     deviation_covariance : ndarray, shape (5, 5)
         Covariance of `deviations`; 0 for a grid without deviations.
     by_deviations : ndarray, shape (13, 5)
@@ -61,6 +64,7 @@ class Pinhole:
     noise_px: float = 0.0
     cross_validation_px: float = float("nan")
     deviations: Float = field(default_factory=lambda: np.zeros(len(DEVIATIONS)))
+    deviation_std: Float = field(default_factory=lambda: np.zeros(len(DEVIATIONS)))
     deviation_covariance: Float = field(default_factory=lambda: np.zeros((len(DEVIATIONS),) * 2))
     by_deviations: Float = field(default_factory=lambda: np.zeros((len(PARAMETERS), len(DEVIATIONS))))
 
@@ -205,15 +209,46 @@ class Pinhole:
         """
         return self._parameter_factors()[10:]
 
+    def on_grid(self, deviations: Float, covariance: Float) -> "Pinhole":
+        """Return the camera if the grid has these deviations (5,), known with this covariance (5, 5)."""
+        change = self.by_deviations @ (deviations - self.deviations)
+        # Focal length and distance change together. So the image of the grid's centre and the scale there are
+        # changed, as in `dic.calibration.pinhole.model`, and not the camera's centre.
+        turn = change[7:10]
+        middle = -self.rotation @ self.centre_mm
+        moved = np.cross(turn, middle) - self.rotation @ change[10:]
+        longer, scale = change[0] / self.focal_px, -self.focal_px / middle[2]
+        larger = longer - moved[2] / middle[2]
+        seen = scale * (middle[:2] * (1 + larger) + moved[:2])
+        focal_px = self.focal_px * np.exp(longer)
+        rotation = cv2.Rodrigues(turn)[0] @ self.rotation
+        centre_mm = -rotation.T @ np.append(seen, -focal_px) / (scale * np.exp(larger))
+        return replace(
+            self,
+            focal_px=float(focal_px),
+            principal_px=self.principal_px + change[1:3],
+            distortion=self.distortion + change[3:7],
+            rotation=rotation,
+            centre_mm=centre_mm,
+            covariance=self._apart + self.by_deviations @ covariance @ self.by_deviations.T,
+            deviations=deviations,
+            deviation_covariance=covariance,
+        )
+
+    @property
+    def _apart(self) -> Float:
+        """Covariance of the parameters for a grid with known deviations, shape (13, 13)."""
+        return self.covariance - self.by_deviations @ self.deviation_covariance @ self.by_deviations.T
+
     def _parameter_factors(self) -> Float:
-        """Return a matrix F, shape (13, q), for which F Fᵀ is `covariance`."""
-        std = np.sqrt(np.diag(self.covariance))
-        fitted = np.flatnonzero(std)
-        correlation = self.covariance[np.ix_(fitted, fitted)] / np.outer(std[fitted], std[fitted])
-        variances, directions = np.linalg.eigh(correlation)
-        factors = np.zeros((len(std), len(fitted)))
-        factors[fitted] = std[fitted, None] * directions * np.sqrt(np.maximum(variances, 0.0))
-        return factors
+        """Return a matrix F, shape (13, q), for which F Fᵀ is `covariance`.
+
+        If the grid has deviations, the last five columns belong to them.
+        """
+        if not self.deviation_covariance.any():
+            return _factors(self.covariance)
+        of_grid = self.by_deviations @ root(self.deviation_covariance)
+        return np.column_stack([_factors(self._apart), of_grid])
 
     def _slopes_by_parameters(self, points_mm: Float) -> Float:
         """Return derivatives (n, 2, 13) of grid points' image coordinates with respect to `PARAMETERS`."""
@@ -241,6 +276,22 @@ class Pinhole:
         in_camera = np.column_stack([ideal_px * [1.0, -1.0] / self.focal_px, -np.ones(len(ideal_px))])
         directions: Float = in_camera @ self.rotation
         return directions
+
+
+def _factors(covariance: Float) -> Float:
+    """Return a matrix F, shape (n, q), for which F Fᵀ is the covariance; rows of 0 stay 0."""
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    fitted = np.flatnonzero(std)
+    correlation = covariance[np.ix_(fitted, fitted)] / np.outer(std[fitted], std[fitted])
+    factors = np.zeros((len(std), len(fitted)))
+    factors[fitted] = std[fitted, None] * root(correlation)
+    return factors
+
+
+def root(covariance: Float) -> Float:
+    """Return a matrix F, shape (n, n), for which F Fᵀ is the covariance."""
+    variances, directions = np.linalg.eigh(covariance)
+    return np.asarray(directions * np.sqrt(np.maximum(variances, 0.0)))
 
 
 def _crossed(axis: Float, vectors: Float) -> Float:

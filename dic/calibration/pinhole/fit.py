@@ -104,7 +104,7 @@ def fit_pinholes(
     views = _Views([g.xy_mm for g in grids], [g.uv_px for g in grids], prior, accuracy.std, grids[0].half_mm)
     _require_points(views)
     chosen, missed_px = _with_or_without_k2(views, grids[0], k2)
-    return tuple(_camera(chosen, view, missed_px) for view in range(len(grids)))
+    return tuple(_camera(chosen, view, missed_px, views.grid_std) for view in range(len(grids)))
 
 
 def _with_or_without_k2(views: _Views, first: GridPoints, k2: bool | None) -> tuple["_Solution", float]:
@@ -151,7 +151,7 @@ def _cross_validation_px(views: _Views, whole: "_Solution", first: GridPoints, *
         model = replace(whole.model, xy_mm=kept.xy_mm)
         least = _LeastSquares(kept, model, whole.noise_px, k2=k2)
         fitted = replace(whole, model=model, parameters=least.solve(whole.parameters))
-        camera = _camera(fitted, 0, float("nan"))
+        camera = _camera(fitted, 0, float("nan"), views.grid_std)
         places, _ = deviated(first.xy_mm[left_out], views.half_mm, camera.deviations)
         return first.uv_px[left_out] - camera.project(places)
 
@@ -256,13 +256,14 @@ def _inverse_square(slopes: Float) -> Float:
     return np.asarray(root @ root.T)
 
 
-def _camera(solution: "_Solution", view: int, missed_px: float) -> Pinhole:
+def _camera(solution: "_Solution", view: int, missed_px: float, grid_std: Float) -> Pinhole:
     rotation, centre, values, slopes = solution.model.camera(solution.parameters, view)
     if not (np.isfinite(values).all() and centre[2] > 0):
         raise _undetermined("a camera behind the grid")
     of_grid = solution.covariance[-GRID:, -GRID:]
     return Pinhole(
         deviations=solution.parameters[-GRID:],
+        deviation_std=grid_std,
         deviation_covariance=of_grid,
         by_deviations=slopes @ solution.covariance[:, -GRID:] @ np.linalg.pinv(of_grid, hermitian=True),
         focal_px=float(values[0]),
