@@ -9,7 +9,7 @@ import numpy as np
 
 from dic.calibration.bicubic import BicubicMap
 from dic.calibration.cross_validation import cross_validation_rms
-from dic.calibration.grid_accuracy import EXACT, GridAccuracy, deviated
+from dic.calibration.grid_accuracy import EXACT, GridAccuracy, KnownGrid, deviated
 from dic.calibration.pinhole.camera import Pinhole, root
 from dic.calibration.pinhole.fit import fit_pinholes
 from dic.calibration.pinhole.prior import KnownCamera
@@ -22,6 +22,17 @@ Model = Literal["bicubic", "pinhole"]
 
 _CLEARLY_BETTER = 0.95
 _NEGLIGIBLE_PX = 1e-4
+
+
+@dataclass(frozen=True)
+class FittedTo:
+    """What a pinhole model is fitted to."""
+
+    grids: tuple[GridPoints, ...]
+    """The grid points of all images, at their nominal places."""
+    image_shape: tuple[int, int]
+    known: KnownCamera | None
+    accuracy: GridAccuracy
 
 
 @dataclass(frozen=True)
@@ -48,6 +59,8 @@ class Calibration:
     images : int
         Number of grid images. The grid's plane in the first image is the plane of the coordinates X and Y.
         Further images improve only the pinhole model.
+    fitted_to : FittedTo or None
+        What the pinhole model was fitted to; None if it comes from a file.
     plate_mm : float
         Distance by which the plane of the coordinates X and Y lies behind the grid's lines.
     model : str
@@ -63,6 +76,7 @@ class Calibration:
     pinhole_problem: str = "it was not fitted"
     bicubic_cross_validation_px: float = float("nan")
     images: int = 1
+    fitted_to: "FittedTo | None" = None
     plate_mm: float = 0.0
     model: Model = "bicubic"
 
@@ -101,26 +115,41 @@ class Calibration:
         CalibrationError
             If the grid points do not determine the bicubic map.
         """
-        grids = [grid] if isinstance(grid, GridPoints) else list(grid)
-        first = grids[0]
+        grids = (grid,) if isinstance(grid, GridPoints) else tuple(grid)
+        return cls._of(FittedTo(grids, (image_shape[0], image_shape[1]), known, accuracy), source)
+
+    @classmethod
+    def _of(cls, to: "FittedTo", source: str, grid: KnownGrid | None = None) -> "Calibration":
         pinhole, problem = None, ""
         try:
-            pinhole = fit_pinholes(grids, image_shape, known, accuracy=accuracy)[0]
+            expected = KnownGrid.of(to.accuracy) if grid is None else grid
+            pinhole = fit_pinholes(to.grids, to.image_shape, to.known, grid=expected)[0]
         except CalibrationError as error:
             problem = f"{error.step}: expected {error.expected}, got {error.got}"
-        shared_mm = None
+        first, shared_mm = to.grids[0], None
         if pinhole is not None and pinhole.deviation_covariance.any():
             first, shared_mm = as_it_is(first, pinhole)
         return cls(
             BicubicMap.fit(first.uv_px, first.xy_mm, shared_mm),
             first,
-            (image_shape[0], image_shape[1]),
+            to.image_shape,
             source,
             pinhole,
             problem,
             _bicubic_cross_validation_px(first),
-            len(grids),
+            len(to.grids),
+            to,
         )
+
+    def on_grid(self, grid: KnownGrid) -> "Calibration":
+        """Return the calibration, fitted again with other knowledge of the grid's deviations.
+
+        A calibration that comes from a file is returned unchanged.
+        """
+        if self.fitted_to is None:
+            return self
+        again = Calibration._of(self.fitted_to, self.source, grid)
+        return replace(again, plate_mm=self.plate_mm, model=self.model)
 
     def using(self, model: Model) -> "Calibration":
         """Return the same calibration with the given model in use.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dic.typing import Float
+from dic.typing import Float, Mask
 
 DEVIATIONS = ("scale ratio", "skew", "bow along X", "twist", "bow along Y")
 """Names of the deviations g that a fit of a pinhole camera estimates, in their order.
@@ -48,6 +48,34 @@ class GridAccuracy:
         return np.array([self.scale_ratio_std, self.skew_std, *3 * [self.flatness_std_mm]])
 
 
+@dataclass(frozen=True)
+class KnownGrid:
+    """What is known of a grid's deviations before a fit."""
+
+    mean: Float
+    """Shape (5,). Expected deviations."""
+    covariance: Float
+    """Shape (5, 5). Their covariance; rows and columns of 0 belong to deviations that the grid does not have."""
+
+    @classmethod
+    def of(cls, accuracy: GridAccuracy) -> "KnownGrid":
+        """Return what the accuracy of a grid tells."""
+        return cls(np.zeros(len(DEVIATIONS)), np.diag(accuracy.std**2))
+
+    @property
+    def free(self) -> Mask:
+        """Shape (5,). True for the deviations that the grid may have."""
+        return np.diag(self.covariance) > 0
+
+    @property
+    def weights(self) -> Float:
+        """Matrix W, shape (k, 5), for which W (g − mean) are k independent deviations with variance 1."""
+        free = self.free
+        weights = np.zeros((np.count_nonzero(free), len(free)))
+        weights[:, free] = np.linalg.cholesky(np.linalg.inv(self.covariance[np.ix_(free, free)])).T
+        return weights
+
+
 PRINTED = GridAccuracy(7e-4, 5e-4, 0.02)
 """A laser printer's grid on paper or film, glued to a plate."""
 
@@ -55,6 +83,7 @@ GLASS = GridAccuracy(1e-5, 1e-5, 0.001)
 """Chrome on glass, made by lithography."""
 
 EXACT = GridAccuracy(0.0, 0.0, 0.0)
+FLAT = KnownGrid.of(EXACT)
 
 ACCURACIES = {"printed": PRINTED, "glass": GLASS}
 

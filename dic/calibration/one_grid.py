@@ -1,51 +1,118 @@
 """Cameras that were calibrated with the same grid share what their images show of it."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dic.calibration.bicubic import BicubicMap
-from dic.calibration.calibration import Calibration, as_it_is
+from dic.calibration.calibration import Calibration
+from dic.calibration.grid_accuracy import KnownGrid
 from dic.calibration.pinhole.camera import Pinhole
-from dic.targets.points import GridPoints
 from dic.typing import Float
+
+_ROUNDS = 3
+_UNKNOWN_FOCAL = 0.1
+"""A camera whose focal length is less certain than this share looks straight at the grid."""
+_CLEAR = 6.0
+_BOW = slice(2, 5)
 
 
 def of_one_grid(calibrations: tuple[Calibration, ...]) -> tuple[Calibration, ...]:
     """Return the calibrations with the deviations of the grid that all their images together show.
 
-    An oblique camera sees a bow of the grid, a camera that looks straight at the grid takes it for lens
-    distortion. Calibrations of a grid without deviations, or without a pinhole model, are returned unchanged.
+    An oblique camera sees a bow of the grid, and a camera that looks straight at it sees scale ratio and skew.
+    Each calibration is fitted again with what the others show. Calibrations of a grid without deviations,
+    without a pinhole model or from a file are returned unchanged.
+
+    Only perspective tells the focal length of a camera that looks straight at the grid, and of a flat grid it
+    sees none. A bow that is not clear would give it a focal length made of noise. So such a camera is fitted
+    to a flat grid until the bow is clear.
     """
-    cameras = [calibration.pinhole for calibration in calibrations]
-    known = [camera for camera in cameras if camera is not None and camera.deviation_std.any()]
-    if len(known) < len(cameras):
+    accuracies = [calibration.fitted_to.accuracy.std for calibration in calibrations if calibration.fitted_to]
+    if len(accuracies) < len(calibrations) or any(
+        calibration.pinhole is None for calibration in calibrations
+    ):
         return calibrations
-    free = np.logical_and.reduce([camera.deviation_std > 0 for camera in known])
-    expected = np.diag(1 / np.min([camera.deviation_std[free] for camera in known], axis=0) ** 2)
-    information, sides = expected, np.zeros(np.count_nonzero(free))
-    for camera in known:
-        own = np.linalg.inv(camera.deviation_covariance[np.ix_(free, free)])
-        information = information + own - np.diag(1 / camera.deviation_std[free] ** 2)
-        sides = sides + own @ camera.deviations[free]
-    covariance = np.zeros((len(free),) * 2)
-    covariance[np.ix_(free, free)] = np.linalg.inv(information)
-    deviations = covariance[:, free] @ sides
-    return tuple(_with(calibration, deviations, covariance) for calibration in calibrations)
+    std = np.min(accuracies, axis=0)
+    if not (std > 0).any() or _is_shared(calibrations):
+        return calibrations
+    first = _Information.of(KnownGrid(np.zeros(len(std)), np.diag(std**2)))
+    straight = [_looks_straight(_camera(calibration)) for calibration in calibrations]
+    current, shown = list(calibrations), [first.nothing() for _ in calibrations]
+    for _ in range(_ROUNDS):
+        for k in sorted(range(len(current)), key=straight.__getitem__):
+            others = sum((other for j, other in enumerate(shown) if j != k), first)
+            known = others.known_grid()
+            if straight[k] and not _clearly_bowed(known):
+                known = _flat(known)
+            current[k] = current[k].on_grid(known)
+            camera = _camera(current[k])
+            after = _Information.of(KnownGrid(camera.deviations, camera.deviation_covariance))
+            shown[k] = after.without(_Information.of(known))
+    known = sum(shown, first).known_grid()
+    return tuple(
+        replace(calibration, pinhole=_camera(calibration).on_grid(known.mean, known.covariance))
+        for calibration in current
+    )
 
 
-def _with(calibration: Calibration, deviations: Float, covariance: Float) -> Calibration:
-    """Return a calibration if its grid has these deviations with this covariance."""
-    pinhole = calibration.pinhole
-    if pinhole is None:
-        raise ValueError("this calibration knows no camera centre")
-    moved, grid = pinhole.on_grid(deviations, covariance), calibration.grid
-    nominal = GridPoints.on_lattice(grid.index, grid.uv_px, grid.lines, grid.pitch_mm)
-    met, shared_mm = as_it_is(replace(grid, xy_mm=nominal.xy_mm), moved)
-    bicubic = BicubicMap.fit(met.uv_px, met.xy_mm, shared_mm)
-    return replace(calibration, pinhole=moved, grid=met, bicubic=bicubic)
+def _looks_straight(camera: Pinhole) -> bool:
+    return camera.focal_std_px > _UNKNOWN_FOCAL * camera.focal_px
+
+
+def _clearly_bowed(grid: KnownGrid) -> bool:
+    """Return True if the bow is at least six times as large as its uncertainty."""
+    bow, covariance = grid.mean[_BOW], grid.covariance[_BOW, _BOW]
+    free = np.diag(covariance) > 0
+    weighted = np.linalg.solve(covariance[np.ix_(free, free)], bow[free])
+    return bool(bow[free] @ weighted > _CLEAR**2)
+
+
+def _flat(grid: KnownGrid) -> KnownGrid:
+    mean, covariance = grid.mean.copy(), grid.covariance.copy()
+    mean[_BOW] = 0
+    covariance[_BOW], covariance[:, _BOW] = 0, 0
+    return KnownGrid(mean, covariance)
 
 
 def shared_factors(pinhole: Pinhole) -> int:
     """Return how many of the last columns of `error_factors` belong to errors of the grid."""
     return len(pinhole.deviations) if pinhole.deviation_covariance.any() else 0
+
+
+def _is_shared(calibrations: tuple[Calibration, ...]) -> bool:
+    first, *others = (_camera(calibration).deviation_covariance for calibration in calibrations)
+    return all(np.array_equal(first, other) for other in others)
+
+
+def _camera(calibration: Calibration) -> Pinhole:
+    if calibration.pinhole is None:
+        raise ValueError("this calibration knows no camera centre")
+    return calibration.pinhole
+
+
+@dataclass(frozen=True)
+class _Information:
+    """Knowledge of the deviations as a sum: inverse covariance M (5, 5), and M times the mean (5,)."""
+
+    matrix: Float
+    side: Float
+
+    @classmethod
+    def of(cls, grid: KnownGrid) -> "_Information":
+        free, matrix = grid.free, np.zeros_like(grid.covariance)
+        matrix[np.ix_(free, free)] = np.linalg.inv(grid.covariance[np.ix_(free, free)])
+        return cls(matrix, matrix @ grid.mean)
+
+    def __add__(self, other: "_Information") -> "_Information":
+        return _Information(self.matrix + other.matrix, self.side + other.side)
+
+    def without(self, other: "_Information") -> "_Information":
+        return _Information(self.matrix - other.matrix, self.side - other.side)
+
+    def nothing(self) -> "_Information":
+        return self.without(self)
+
+    def known_grid(self) -> KnownGrid:
+        free, covariance = np.diag(self.matrix) > 0, np.zeros_like(self.matrix)
+        covariance[np.ix_(free, free)] = np.linalg.inv(self.matrix[np.ix_(free, free)])
+        return KnownGrid(covariance @ self.side, covariance)

@@ -47,8 +47,6 @@ class Pinhole:
     deviations : ndarray, shape (5,)
         The grid's deviations from its nominal shape, as the images show them, in the order of
         `dic.calibration.grid_accuracy.DEVIATIONS`.
-    deviation_std : ndarray, shape (5,)
-        Standard deviations of the deviations that were expected before the fit.
     deviation_covariance : ndarray, shape (5, 5)
         Covariance of `deviations`; 0 for a grid without deviations.
     by_deviations : ndarray, shape (13, 5)
@@ -64,7 +62,6 @@ class Pinhole:
     noise_px: float = 0.0
     cross_validation_px: float = float("nan")
     deviations: Float = field(default_factory=lambda: np.zeros(len(DEVIATIONS)))
-    deviation_std: Float = field(default_factory=lambda: np.zeros(len(DEVIATIONS)))
     deviation_covariance: Float = field(default_factory=lambda: np.zeros((len(DEVIATIONS),) * 2))
     by_deviations: Float = field(default_factory=lambda: np.zeros((len(PARAMETERS), len(DEVIATIONS))))
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dic.calibration.cross_validation import cross_validation_rms
-from dic.calibration.grid_accuracy import EXACT, GridAccuracy, deviated
+from dic.calibration.grid_accuracy import FLAT, KnownGrid, deviated
 from dic.calibration.pinhole.camera import Pinhole
 from dic.calibration.pinhole.model import GRID, CameraModel
 from dic.calibration.pinhole.prior import KnownCamera, Prior
@@ -44,8 +44,7 @@ class _Views:
     xy_mm: list[Float]
     uv_px: list[Float]
     prior: Prior
-    grid_std: Float
-    """Shape (5,). Standard deviations of the grid's deviations."""
+    grid: KnownGrid
     half_mm: Float
     """Shape (2,). Half widths of the grid."""
 
@@ -64,11 +63,11 @@ class _Solution:
 
 
 def fit_pinhole(
-    grid: GridPoints,
+    points: GridPoints,
     image_shape: tuple[int, ...],
     known: KnownCamera | None = None,
     k2: bool | None = None,
-    accuracy: GridAccuracy = EXACT,
+    grid: KnownGrid = FLAT,
 ) -> Pinhole:
     """Fit a camera to the grid points of one image, by least squares in the image.
 
@@ -82,7 +81,7 @@ def fit_pinhole(
     Raises `CalibrationError` if the points do not determine a camera, or if they contradict the known values
     of the camera.
     """
-    return fit_pinholes([grid], image_shape, known, k2, accuracy)[0]
+    return fit_pinholes([points], image_shape, known, k2, grid)[0]
 
 
 def fit_pinholes(
@@ -90,7 +89,7 @@ def fit_pinholes(
     image_shape: tuple[int, ...],
     known: KnownCamera | None = None,
     k2: bool | None = None,
-    accuracy: GridAccuracy = EXACT,
+    grid: KnownGrid = FLAT,
 ) -> tuple[Pinhole, ...]:
     """Fit one camera to several images of the grid: one lens for all images, and one pose for each image.
 
@@ -101,10 +100,10 @@ def fit_pinholes(
     Result: one camera for each image, in the axes of the grid in that image.
     """
     prior = (known or KnownCamera()).prior(image_shape)
-    views = _Views([g.xy_mm for g in grids], [g.uv_px for g in grids], prior, accuracy.std, grids[0].half_mm)
+    views = _Views([g.xy_mm for g in grids], [g.uv_px for g in grids], prior, grid, grids[0].half_mm)
     _require_points(views)
     chosen, missed_px = _with_or_without_k2(views, grids[0], k2)
-    return tuple(_camera(chosen, view, missed_px, views.grid_std) for view in range(len(grids)))
+    return tuple(_camera(chosen, view, missed_px) for view in range(len(grids)))
 
 
 def _with_or_without_k2(views: _Views, first: GridPoints, k2: bool | None) -> tuple["_Solution", float]:
@@ -151,7 +150,7 @@ def _cross_validation_px(views: _Views, whole: "_Solution", first: GridPoints, *
         model = replace(whole.model, xy_mm=kept.xy_mm)
         least = _LeastSquares(kept, model, whole.noise_px, k2=k2)
         fitted = replace(whole, model=model, parameters=least.solve(whole.parameters))
-        camera = _camera(fitted, 0, float("nan"), views.grid_std)
+        camera = _camera(fitted, 0, float("nan"))
         places, _ = deviated(first.xy_mm[left_out], views.half_mm, camera.deviations)
         return first.uv_px[left_out] - camera.project(places)
 
@@ -181,7 +180,7 @@ class _LeastSquares:
 
     def __init__(self, views: _Views, model: CameraModel, noise_px: float, *, k2: bool) -> None:
         self._prior, self._model, self._noise_px = views.prior, model, noise_px
-        self._grid_std = views.grid_std
+        self._grid = views.grid
         self._seen = np.concatenate([uv.ravel() for uv in views.uv_px])
         self._k2 = k2
 
@@ -234,15 +233,16 @@ class _LeastSquares:
     def _free(self, parameters: Float) -> Mask:
         free = np.ones(len(parameters), bool)
         free[_K2] = self._k2
-        free[-GRID:] = self._grid_std > 0
+        free[-GRID:] = self._grid.free
         return free
 
     def _equations(self, parameters: Float) -> tuple[Float, Float]:
         px, slopes = self._model.project(parameters)
         off, prior_slopes = self._prior.equations(parameters)
-        std = np.where(self._grid_std > 0, self._grid_std, np.inf)
-        deviations = np.concatenate([(px - self._seen) / self._noise_px, off, parameters[-GRID:] / std])
-        by_grid = np.eye(len(parameters))[-GRID:] / std[:, None]
+        weights = self._grid.weights
+        off_grid = weights @ (parameters[-GRID:] - self._grid.mean)
+        deviations = np.concatenate([(px - self._seen) / self._noise_px, off, off_grid])
+        by_grid = np.pad(weights, ((0, 0), (len(parameters) - GRID, 0)))
         return deviations, np.vstack([slopes / self._noise_px, prior_slopes, by_grid])
 
 
@@ -256,14 +256,13 @@ def _inverse_square(slopes: Float) -> Float:
     return np.asarray(root @ root.T)
 
 
-def _camera(solution: "_Solution", view: int, missed_px: float, grid_std: Float) -> Pinhole:
+def _camera(solution: "_Solution", view: int, missed_px: float) -> Pinhole:
     rotation, centre, values, slopes = solution.model.camera(solution.parameters, view)
     if not (np.isfinite(values).all() and centre[2] > 0):
         raise _undetermined("a camera behind the grid")
     of_grid = solution.covariance[-GRID:, -GRID:]
     return Pinhole(
         deviations=solution.parameters[-GRID:],
-        deviation_std=grid_std,
         deviation_covariance=of_grid,
         by_deviations=slopes @ solution.covariance[:, -GRID:] @ np.linalg.pinv(of_grid, hermitian=True),
         focal_px=float(values[0]),
