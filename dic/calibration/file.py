@@ -1,16 +1,19 @@
 """Write calibrations to HDF5 files, and read them."""
 
+import json
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import h5py
 import numpy as np
 
 from dic.calibration.bicubic import BicubicMap
-from dic.calibration.calibration import Calibration, Model
+from dic.calibration.calibration import Calibration, FittedTo, Model
+from dic.calibration.grid_accuracy import GridAccuracy
 from dic.calibration.pinhole.camera import Pinhole
+from dic.calibration.pinhole.prior import KnownCamera
 from dic.errors import CalibrationError, require_kind
 from dic.files.writing import reason, replacing
 from dic.hdf5.open import NotReadable, open_hdf5
@@ -30,6 +33,13 @@ _PINHOLE_UNITS = {
     "noise_px": "px",
     "cross_validation_px": "px",
 }
+_DEVIATION_UNITS = {
+    "deviations": "1, 1, mm, mm, mm",
+    "deviation_covariance": "products of 1, 1, mm, mm, mm",
+    "by_deviations": "units of the covariance by 1, 1, mm, mm, mm",
+}
+"""Datasets of the pinhole model that files without deviations of the grid do not have."""
+
 # Names in the file that differ from the attribute's name. Older files use the same names.
 _KEYS = {"cross_validation_px": "left_out_px"}
 
@@ -107,7 +117,7 @@ def write_calibration(group: h5py.Group, calibration: Calibration) -> None:
         "plate_mm": (calibration.plate_mm, "mm"),
     }
     if calibration.pinhole is not None:
-        for name, units in _PINHOLE_UNITS.items():
+        for name, units in {**_PINHOLE_UNITS, **_DEVIATION_UNITS}.items():
             datasets[f"pinhole/{_KEYS.get(name, name)}"] = (getattr(calibration.pinhole, name), units)
     for model, residuals in calibration.residuals.items():
         datasets[f"{model}/residual_mm"] = (residuals.mm, "mm")
@@ -120,8 +130,26 @@ def write_calibration(group: h5py.Group, calibration: Calibration) -> None:
         recommendation=calibration.recommendation,
         pinhole_problem=calibration.pinhole_problem,
     )
+    if calibration.fitted_to is not None:
+        datasets |= _of_fit(calibration.fitted_to)
+        group.attrs["known_camera"] = json.dumps(vars(calibration.fitted_to.known or KnownCamera()))
     for name, (value, units) in datasets.items():
         group.create_dataset(name, data=value).attrs["units"] = units
+
+
+def _of_fit(to: FittedTo) -> dict[str, tuple[Any, str]]:
+    """Return what a fit of the same images needs, beside the grid points of the first."""
+    datasets: dict[str, tuple[Any, str]] = {
+        "grid/scale_ratio_std": (to.accuracy.scale_ratio_std, "1"),
+        "grid/skew_std": (to.accuracy.skew_std, "rad"),
+        "grid/flatness_std_mm": (to.accuracy.flatness_std_mm, "mm"),
+    }
+    datasets["grid/nominal_mm"] = (to.grids[0].xy_mm, "mm")
+    for number, grid in enumerate(to.grids[1:], 2):
+        datasets[f"more/{number}/nominal_mm"] = (grid.xy_mm, "mm")
+        datasets[f"more/{number}/index"] = (grid.index, "1")
+        datasets[f"more/{number}/uv_px"] = (grid.uv_px, "px")
+    return datasets
 
 
 def read_calibration(group: h5py.Group) -> Calibration:
@@ -149,6 +177,7 @@ def read_calibration(group: h5py.Group) -> Calibration:
         pinhole_problem=str(group.attrs["pinhole_problem"]),
         bicubic_cross_validation_px=float(bicubic["left_out_px"][()]),
         images=int(group["images"][()]),
+        fitted_to=_read_fit(group, image_shape),
         plate_mm=float(group["plate_mm"][()]) if "plate_mm" in group else 0.0,
     ).using(cast(Model, str(group.attrs["model"])))
 
@@ -166,8 +195,28 @@ def _read_grid(group: h5py.Group) -> GridPoints:
     )
 
 
+def _read_fit(group: h5py.Group, image_shape: tuple[int, int]) -> FittedTo | None:
+    if "known_camera" not in group.attrs:
+        return None
+    names = ("scale_ratio_std", "skew_std", "flatness_std_mm")
+    accuracy = GridAccuracy(*(float(group[f"grid/{name}"][()]) for name in names))
+    lines = tuple(map(int, group["grid/lines"][:]))
+    pitch_mm = float(group["grid/pitch_mm"][()])
+    numbers = sorted(group.get("more", ()), key=int)
+    images = [group["grid"], *(group[f"more/{number}"] for number in numbers)]
+    grids = tuple(
+        GridPoints(
+            image["index"][:], image["nominal_mm"][:], image["uv_px"][:], (lines[0], lines[1]), pitch_mm
+        )
+        for image in images
+    )
+    known = KnownCamera(**json.loads(str(group.attrs["known_camera"])))
+    return FittedTo(grids, image_shape, known, accuracy)
+
+
 def _read_pinhole(group: h5py.Group) -> Pinhole:
-    return Pinhole(**{name: group[_KEYS.get(name, name)][()] for name in _PINHOLE_UNITS})
+    later = [name for name in _DEVIATION_UNITS if name in group]
+    return Pinhole(**{name: group[_KEYS.get(name, name)][()] for name in [*_PINHOLE_UNITS, *later]})
 
 
 def _refusal(path: Path, got: str) -> CalibrationError:

@@ -243,9 +243,10 @@ def test_wide_angle_and_nearly_telecentric_lenses_are_fitted(focal_px: float, di
 def test_the_slopes_that_the_fit_follows_are_those_of_the_model() -> None:
     _, xy = _points(5)
     start = cv2.Rodrigues(np.radians([10.0, -25.0, 3.0]))[0]
-    model = CameraModel([xy, xy[:9]], [start, start.T], 350.0)
+    model = CameraModel([xy, xy[:9]], [start, start.T], 350.0, np.array([5.0, 4.0]))
     lens = [np.log(2800.0), 500.0, 450.0, 0.02, -0.004, 3e-4, -2e-4]
-    at = np.array([*lens, 0.2, -0.1, 0.3, 12.0, -8.0, np.log(70.0), -0.3, 0.1, 0.0, -5.0, 9.0, np.log(65.0)])
+    poses = [0.2, -0.1, 0.3, 12.0, -8.0, np.log(70.0), -0.3, 0.1, 0.0, -5.0, 9.0, np.log(65.0)]
+    at = np.array([*lens, *poses, 1e-3, -2e-3, 0.02, -0.03, 0.04])
     steps = 1e-6 * np.maximum(np.abs(at), 1.0)
     moved = [(model.project(at + step)[0] - model.project(at - step)[0]) for step in np.diag(steps)]
     shifted = [model.camera(at + step, 1)[2] - model.camera(at - step, 1)[2] for step in np.diag(steps)]
