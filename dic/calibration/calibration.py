@@ -60,7 +60,7 @@ class Calibration:
         Number of grid images. The grid's plane in the first image is the plane of the coordinates X and Y.
         Further images improve only the pinhole model.
     fitted_to : FittedTo or None
-        What the pinhole model was fitted to; None if it comes from a file.
+        What the pinhole model was fitted to; None in files of earlier versions.
     plate_mm : float
         Distance by which the plane of the coordinates X and Y lies behind the grid's lines.
     model : str
@@ -142,14 +142,13 @@ class Calibration:
         )
 
     def on_grid(self, grid: KnownGrid) -> "Calibration":
-        """Return the calibration, fitted again with other knowledge of the grid's deviations.
+        """Return a calibration of the plane of the lines, fitted with other knowledge of their deviations.
 
-        A calibration that comes from a file is returned unchanged.
+        Raises `ValueError` if it is not known what this calibration was fitted to.
         """
         if self.fitted_to is None:
-            return self
-        again = Calibration._of(self.fitted_to, self.source, grid)
-        return replace(again, plate_mm=self.plate_mm, model=self.model)
+            raise ValueError("a calibration of an earlier version cannot be fitted again")
+        return replace(Calibration._of(self.fitted_to, self.source, grid), model=self.model)
 
     def using(self, model: Model) -> "Calibration":
         """Return the same calibration with the given model in use.

@@ -5,11 +5,14 @@ and its glue are not flat. All grid points share these deviations, so the residu
 them. Several images of the tilted grid do.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dic.errors import CalibrationError, is_number, require_all
 from dic.typing import Float, Mask
+
+_MOST_SHEAR, _MOST_BOW_MM = 0.05, 1.0
 
 DEVIATIONS = ("scale ratio", "skew", "bow along X", "twist", "bow along Y")
 """Names of the deviations g that a fit of a pinhole camera estimates, in their order.
@@ -18,7 +21,7 @@ The scale ratio g₁ and the skew g₂ move a point in the grid's plane:
 
     X = x (1 + g₁/2) + y g₂/2,    Y = y (1 − g₁/2) + x g₂/2
 
-The other three, in mm, bend the grid by these heights at its edges, at the half widths a and b from its middle:
+The other three, in mm, bend the grid. At its edges, at the half widths a and b from its middle, they are heights:
 
     Z = g₃ (x²/a² − 1/3) + g₄ x y/(a b) + g₅ (y²/b² − 1/3)
 """
@@ -36,11 +39,41 @@ class GridAccuracy:
         Of the deviation of the angle between the lines from 90°, in rad.
     flatness_std_mm : float
         Of the height of a bow at the edge of the grid.
+
+    Raises
+    ------
+    CalibrationError
+        If a value is negative, or larger than 0.05 or 1 mm. The message lists all mistakes.
     """
 
-    scale_ratio_std: float
-    skew_std: float
-    flatness_std_mm: float
+    scale_ratio_std: float = 7e-4
+    skew_std: float = 5e-4
+    flatness_std_mm: float = 0.02
+
+    def __post_init__(self) -> None:
+        values = [
+            ("scale ratio", "--scale-ratio-std", self.scale_ratio_std, _MOST_SHEAR, ""),
+            ("skew", "--skew-std", self.skew_std, _MOST_SHEAR, " rad"),
+            ("flatness", "--flatness-std-mm", self.flatness_std_mm, _MOST_BOW_MM, " mm"),
+        ]
+        checks = [
+            (
+                is_number(value) and 0 <= value <= most,
+                f"standard deviation of the grid's {name}",
+                f"0 to {most:g}{unit}",
+                f"{value}{unit}",
+                f"give {option} 0 for an exact grid, or a larger value",
+            )
+            for name, option, value, most, unit in values
+        ]
+        require_all(CalibrationError, "settings", checks)
+
+    @classmethod
+    def of(cls, made: str, **stated: float | None) -> "GridAccuracy":
+        """Return the accuracy of a grid made in one of the ways `ACCURACIES`, with values that are stated."""
+        return replace(
+            ACCURACIES[made], **{name: value for name, value in stated.items() if value is not None}
+        )
 
     @property
     def std(self) -> Float:
@@ -55,7 +88,7 @@ class KnownGrid:
     mean: Float
     """Shape (5,). Expected deviations."""
     covariance: Float
-    """Shape (5, 5). Their covariance; rows and columns of 0 belong to deviations that the grid does not have."""
+    """Shape (5, 5). Their covariance; 0 for deviations that the grid does not have."""
 
     @classmethod
     def of(cls, accuracy: GridAccuracy) -> "KnownGrid":
@@ -76,7 +109,7 @@ class KnownGrid:
         return weights
 
 
-PRINTED = GridAccuracy(7e-4, 5e-4, 0.02)
+PRINTED = GridAccuracy()
 """A laser printer's grid on paper or film, glued to a plate."""
 
 GLASS = GridAccuracy(1e-5, 1e-5, 0.001)

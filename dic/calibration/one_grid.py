@@ -7,6 +7,7 @@ import numpy as np
 from dic.calibration.calibration import Calibration
 from dic.calibration.grid_accuracy import KnownGrid
 from dic.calibration.pinhole.camera import Pinhole
+from dic.calibration.plate import behind
 from dic.typing import Float
 
 _ROUNDS = 3
@@ -21,7 +22,7 @@ def of_one_grid(calibrations: tuple[Calibration, ...]) -> tuple[Calibration, ...
 
     An oblique camera sees a bow of the grid, and a camera that looks straight at it sees scale ratio and skew.
     Each calibration is fitted again with what the others show. Calibrations of a grid without deviations,
-    without a pinhole model or from a file are returned unchanged.
+    without a pinhole model or from files of earlier versions are returned unchanged.
 
     Only perspective tells the focal length of a camera that looks straight at the grid, and of a flat grid it
     sees none. A bow that is not clear would give it a focal length made of noise. So such a camera is fitted
@@ -44,7 +45,9 @@ def of_one_grid(calibrations: tuple[Calibration, ...]) -> tuple[Calibration, ...
             known = others.known_grid()
             if straight[k] and not _clearly_bowed(known):
                 known = _flat(known)
-            current[k] = current[k].on_grid(known)
+            again = current[k].on_grid(known)
+            plate_mm = calibrations[k].plate_mm
+            current[k] = behind(again, plate_mm) if plate_mm else again
             camera = _camera(current[k])
             after = _Information.of(KnownGrid(camera.deviations, camera.deviation_covariance))
             shown[k] = after.without(_Information.of(known))

@@ -48,6 +48,36 @@ class CameraOptions:
 
 
 @options
+class GridOptions:
+    """Options that state how accurately the target was made."""
+
+    grid_made: str = option(
+        "--grid-made",
+        default="printed",
+        among=tuple(dic.calibration.ACCURACIES),
+        help="How the target was made: printed (a laser printer) or glass (chrome on glass).",
+    )
+    scale_ratio_std: float | None = option(
+        "--scale-ratio-std", help="Standard deviation of the ratio of its scales along X and Y."
+    )
+    skew_std: float | None = option(
+        "--skew-std", help="Standard deviation of the angle between its axes, rad."
+    )
+    flatness_std_mm: float | None = option(
+        "--flatness-std-mm", help="Standard deviation of the height of its edges over its middle."
+    )
+
+    def read(self) -> dic.calibration.GridAccuracy:
+        """Return the options as a `GridAccuracy`."""
+        return dic.calibration.GridAccuracy.of(
+            self.grid_made,
+            scale_ratio_std=self.scale_ratio_std,
+            skew_std=self.skew_std,
+            flatness_std_mm=self.flatness_std_mm,
+        )
+
+
+@options
 class CalibrationOutputOptions:
     """Options that name the output files of `dic calibrate`."""
 
@@ -75,6 +105,7 @@ class CalibrationOutputOptions:
     " that carries them.  [default: 0]",
 )
 @use("camera", CameraOptions)
+@use("grid", GridOptions)
 @use("outputs", CalibrationOutputOptions)
 @FORCE
 def calibrate(
@@ -83,6 +114,7 @@ def calibrate(
     model: Literal["bicubic", "pinhole", "recommended"],
     plate_mm: float,
     camera: CameraOptions,
+    grid: GridOptions,
     outputs: CalibrationOutputOptions,
     force: bool,
 ) -> None:
@@ -97,7 +129,7 @@ def calibrate(
     The target's plane in the first image is the plane of the measurement. If the specimen's surface lies
     behind this plane, give the distance with --plate-mm.
     """
-    shown, known = all_of(target.read, camera.read)
+    shown, known, accuracy = all_of(target.read, camera.read, grid.read)
     files = [outputs.output, outputs.points_file, outputs.plot_file, outputs.json_file]
     require_places(images, files, force=force)
     require_hdf5(outputs.output, "give --points for a table of the grid, or --json for the values")
@@ -107,6 +139,7 @@ def calibrate(
         x_axis=target.x_axis,
         origin_px=target.origin_px,
         known=known,
+        accuracy=accuracy,
         model=model,
         plate_mm=plate_mm,
         region_px=target.region,
