@@ -14,7 +14,6 @@ from dic.gauges.file import read_gauges
 from dic.properties.curve import read_curve
 from dic.properties.properties import Properties, material_properties
 from dic.properties.settings import PropertySettings
-from dic.properties.shared_error import with_shared_error
 from dic.records.machine import read_machine_record
 
 
@@ -110,8 +109,7 @@ class GaugeChoice:
             clock = ImageClock(self.image_interval_s, None, self.offset_s)
             series, _ = join_record(series, record, self.join, clock=clock, gauge=gauge)
         read = gauge_curve(series, gauge, transverse, kind=self.kind, camera=self.camera)
-        found = material_properties(read.curve, settings)
-        found = with_shared_error(found, read.shared_std, read.shared_transverse, read.followed)
+        found = read.judged(material_properties(read.curve, settings))
         return Evaluated(found, read.kind, read.left_out)
 
 

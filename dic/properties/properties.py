@@ -72,6 +72,9 @@ class Properties:
     strain_parts : mapping of str to float, or None
         The part of each standard deviation that an error of strain common to all points causes, keyed by the
         name of the value; None if no such error was given.
+    join_parts : mapping of str to mapping of str to float, or None
+        For each value, the parts of its standard deviation that the offset and the rate of the machine's clock
+        cause, "offset" and "clock_rate", and with their correlation "both"; None without a join by time.
     """
 
     record: Record
@@ -83,6 +86,7 @@ class Properties:
     laws: dict[str, dict[str, Any]]
     true: TrueCurve | None
     strain_parts: Mapping[str, float] | None = None
+    join_parts: Mapping[str, Mapping[str, float]] | None = None
 
     @cached_property
     def flags(self) -> list[str]:
@@ -104,6 +108,7 @@ class Properties:
             "area_mm2": self.settings.area_mm2,
             "not_counted": self.not_counted,
             **({} if self.strain_parts is None else {"std_by_strain": dict(self.strain_parts)}),
+            **({} if self.join_parts is None else {"std_by_join": {**self.join_parts}}),
             "flags": self.flags,
         }
 
