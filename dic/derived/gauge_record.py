@@ -42,8 +42,8 @@ def join_record(
     clock : ImageClock, optional
         The images' times; needed for "time".
     gauge : str, optional
-        The gauge whose strain is compared with the load to find offset or rate. Default: the first one that is
-        neither a transverse extensometer nor a cut.
+        The gauge whose strain is compared with the load to find offset or rate. Default: the first one that
+        is neither a transverse extensometer nor a cut.
 
     Returns
     -------

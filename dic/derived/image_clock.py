@@ -40,14 +40,14 @@ class ImageClock:
     offset_s : float or None
         Machine's time minus image's time. None if the offset is to be found from strain and load.
     offset_std_s : float or None
-        Standard deviation of the offset. Default: an offset of 0 counts as unknown, up to one interval between
-        two images is equally probable; another offset is exact.
+        Standard deviation of the offset. Default: an offset of 0 counts as unknown, all offsets up to one
+        interval between two images are equally probable; another offset is exact.
     clock_rate : float or None
-        Seconds of the machine's clock in one second of the images' clock. None if the rate is to be found from
-        strain and load.
+        Seconds of the machine's clock in one second of the images' clock. None if the rate is to be found
+        from strain and load.
     clock_rate_std_percent : float or None
-        Standard deviation of the rate, %. Default: a rate of 1 counts as unknown, up to 1 % is equally
-        probable; another rate is exact.
+        Standard deviation of the rate, %. Default: a rate of 1 counts as unknown, all errors up to 1 % are
+        equally probable; another rate is exact.
 
     Raises
     ------
@@ -71,7 +71,7 @@ class ImageClock:
             )
             raise CurveError("settings", "image times", expected, "both", remedy)
         checks = [
-            (given is None or _between(given, 0.0, 1e9) and given > 0.0, "--image-interval-s",
+            (given is None or _between(given, 1e-9, 1e9), "--image-interval-s",
              "a number of seconds above 0", given, "give --image-interval-s 0.5"),
             (self.offset_s is None or _between(self.offset_s, -inf, inf), "--offset-s",
              "a number of seconds", self.offset_s, "give --offset-s 0"),
@@ -125,7 +125,8 @@ class ImageClock:
         if places is None:
             places = np.arange(len(names))
         lost = lost_sentence(names, _skipped(places), source)
-        return interval_s * (first + places[len(names) - len(labels) :]), "interval", lost
+        counted = places[len(names) - len(labels) :]
+        return np.asarray(interval_s * (first + counted), np.float64), "interval", lost
 
     def machine_clock(self, times_s: Float) -> MachineClock:
         """Return what is known about the machine's clock before strain and load are compared.
@@ -133,7 +134,9 @@ class ImageClock:
         `times_s`, shape (images,): the times of the images. An infinite standard deviation means that the
         value is to be found.
         """
-        known = ((self.offset_s, self.offset_std_s, 0.0), (self.clock_rate, _share(self.clock_rate_std_percent), 1.0))
+        percent = self.clock_rate_std_percent
+        share = None if percent is None else percent / 100.0
+        known = (self.offset_s, self.offset_std_s, 0.0), (self.clock_rate, share, 1.0)
         interval_s = usual_interval_s(times_s)
         unknown = (ASSUMED_INTERVALS * interval_s if isfinite(interval_s) else 0.0), ASSUMED_RATE_STD
         (offset_s, offset_std_s, offset_from), (rate, rate_std, rate_from) = (
@@ -145,15 +148,11 @@ class ImageClock:
         return MachineClock(offset_s, offset_std_s, rate, rate_std, 0.0, offset_from, rate_from)
 
 
-def _share(percent: float | None) -> float | None:
-    return None if percent is None else percent / 100.0
-
-
-def _between(value: object, low: float, high: float) -> bool:
+def _between(value: float, low: float, high: float) -> bool:
     return is_number(value) and isfinite(value) and low <= value <= high
 
 
-def _is_std(std: object, value: float | None, most: float) -> bool:
+def _is_std(std: float | None, value: float | None, most: float) -> bool:
     """Return True if a standard deviation is possible; a value that is to be found has none."""
     return std is None or (value is not None and _between(std, 0.0, most))
 

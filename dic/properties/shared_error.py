@@ -113,7 +113,7 @@ def _finite(parts: dict[str, float]) -> dict[str, float]:
 
 
 def _with_parts(found: Properties, parts: dict[str, float], lost: str) -> Properties:
-    """Return properties with further parts of their deviations; a part that is not known gets the flag `lost`."""
+    """Return properties with further parts of their deviations; an unknown part gives the flag `lost`."""
     values = dict(found.values | {NECKING: found.necking})
     for name, part in parts.items():
         value = values[name]
@@ -158,7 +158,7 @@ def _filled(values: Float) -> Float:
 
 
 def _changes(found: Properties, elastic: Elastic, error: Float) -> dict[str, float]:
-    """Return by how much the given errors of axial strain, transverse strain and load change each property."""
+    """Return by how much the errors of axial strain, transverse strain and load change each property."""
     curve = found.record.curve
     # Use the same window for both curves, so that the difference does not contain the choice of a window.
     window = elastic.line.first, elastic.line.stop

@@ -1,6 +1,6 @@
 """The clock of a testing machine, compared with the clock of the images."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,8 +10,8 @@ from dic.typing import Float
 ASSUMED, GIVEN, FOUND = "assumed", "given", "found"
 """Where an offset or a rate comes from: nobody gave it, the user did, or strain and load show it."""
 ASSUMED_INTERVALS, ASSUMED_RATE_STD = 1.0 / np.sqrt(3.0), 0.01 / np.sqrt(3.0)
-"""Standard deviations of an offset, in intervals between two images, and of a rate that nobody gave: each value
-up to one interval, and up to 1 %, is equally probable.
+"""Standard deviations of an offset, in intervals between two images, and of a rate that nobody gave: all
+errors up to one interval, and up to 1 %, are equally probable.
 """
 SMOOTHED_INTERVALS = 0.25
 """The load is averaged over this part of an interval where its change with time is needed."""
@@ -45,6 +45,13 @@ class MachineClock:
     def at(self, times_s: Float, first_s: float) -> Float:
         """Return the machine's times at `times_s` of the images; `first_s` is the first image's time."""
         return np.asarray(first_s + self.offset_s + self.rate * (times_s - first_s))
+
+    def sampled(self, sample_s: float) -> "MachineClock":
+        """Return the clock of a record whose readings may be half a sample, `sample_s`, earlier or later."""
+        half_s = 0.5 * sample_s if np.isfinite(sample_s) else 0.0
+        std_s = float(np.hypot(self.offset_std_s, half_s))
+        share = self.offset_std_s / std_s if std_s > 0.0 else 0.0
+        return replace(self, offset_std_s=std_s, correlation=share * self.correlation)
 
 
 def usual_interval_s(times_s: Float) -> float:

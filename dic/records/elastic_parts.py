@@ -1,7 +1,7 @@
 """The parts of a tensile test in which the strain is a known kind of function of the load.
 
-- The start: from the first image up to half of the load at which the specimen begins to yield. The strain is a
-  linear function of the load.
+- The start: from the first image up to half of the load at which the specimen begins to yield. The strain is
+  a linear function of the load.
 - The falls: while the load falls and rises again, or falls to the end of the test. Here the function may be
   slightly curved, and the strain while the load falls may differ a little from the strain while it rises. A
   fall because of necking or of the break is left out: its strain does not fall in proportion to the load.
@@ -9,15 +9,15 @@
 The load is 0 at the first point of the record; its range is 1.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from dic.typing import Float
+from dic.typing import Float, Indices
 
 TOP_SHARE, _RISEN_SHARE = 0.25, 0.02
-"""Shares of the largest load. At first, the start ends at the first one; some images must be above the second."""
+"""Shares of the largest load. At first, the start ends at the first; some images must exceed the second."""
 LEAST_RISEN, LEAST_IMAGES, _LEAST_OF_FALL = 5, 8, 6
 _YIELD_STRAIN, _YIELD_STDS, _YIELD_SHARE, _LEAST_TOP = 1e-4, 3.0, 0.5, 0.05
 """The specimen yields where the strain exceeds the elastic line by this strain and this number of standard
@@ -33,7 +33,7 @@ _SLOPES = 0.6, 1.5
 class Part:
     """The images of one part."""
 
-    images: Sequence[int]
+    images: Indices
     is_fall: bool = False
 
     def design(self, load: Float) -> tuple[Float, Float]:
@@ -64,9 +64,8 @@ class ElasticParts:
         self._most = float(load.max())
         self.risen = _RISEN_SHARE * self._most
         steps = max(1, int(np.searchsorted(time_s - time_s[0], 0.2 * interval_s)))
-        self.falls = [
-            (first, last) for first, low, last in self._falls(steps) if low - first >= _FALL_INTERVALS * interval_s
-        ]
+        least_s = _FALL_INTERVALS * interval_s
+        self.falls = [(first, last) for first, low, last in self._falls(steps) if low - first >= least_s]
 
     def top(self, load: Float, strain: Float, top: float) -> float:
         """Return the load at which the start ends: half of the load at which the specimen begins to yield.

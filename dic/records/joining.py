@@ -1,7 +1,7 @@
 """Join the record of a testing machine to images: by the images' names, by rows, or by time."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import PurePath
 
 import numpy as np
@@ -71,9 +71,11 @@ class JoinedRecord:
         text = f"joined by time{times}, machine's time minus image's time {self.offset_s:.6g} s{std}"
         if self.clock is not None:
             text += _FROM[self.clock.offset_from].format("--offset-s")
-            text += f", machine's seconds per image's second {self.clock.rate:.6g} ± {self.clock.rate_std:.2g}"
+            text += (
+                f", machine's seconds per image's second {self.clock.rate:.6g} ± {self.clock.rate_std:.2g}"
+            )
             text += _FROM[self.clock.rate_from].format("--clock-rate")
-        return text
+        return f"{text}; {self.lost}" if self.lost else text
 
     def as_dict(self) -> dict[str, object]:
         """Return how the record was joined to the images, as a dict for JSON."""
@@ -136,9 +138,9 @@ def join_by_time(
     """Interpolate the record at the time of each image.
 
     `images`: names of the images, for messages. `image_times_s`, shape (images,): times of the images on the
-    camera's clock. `clock`: the machine's clock; an infinite standard deviation of offset or rate means that it
-    is found from the strain. `strain`, shape (images,): the strain in each image, needed to find the clock; NaN
-    for an image without strain.
+    camera's clock. `clock`: the machine's clock; an infinite standard deviation of offset or rate means that
+    it is found from the strain. `strain`, shape (images,): the strain in each image, needed to find the
+    clock; NaN for an image without strain.
 
     Raises `CurveError` if the record has no time, a time of the record or the images runs backwards, an image
     was taken before the record begins or after it ends, or the clock cannot be found.
@@ -155,9 +157,7 @@ def join_by_time(
         if strain is None:
             raise ValueError("a clock is found from strain")
         clock = find_clock(record, times, strain, clock)
-    # The machine may have taken its reading half a sample earlier or later.
-    std_s = float(np.hypot(clock.offset_std_s, 0.5 * min(usual_interval_s(record.time_s), 1e9)))
-    clock = replace(clock, correlation=clock.correlation * clock.offset_std_s / std_s if std_s else 0.0, offset_std_s=std_s)
+    clock = clock.sampled(usual_interval_s(record.time_s))
     at = clock.at(times, times[0])
     first, last = record.time_s[0], record.time_s[-1]
     outside = np.flatnonzero((at < first) | (at > last))

@@ -25,8 +25,8 @@ _MOST_PLACES = 3
 def places_of(images: Sequence[str]) -> Indices | None:
     """Return the place of each image in its series, from the numbers in the names; the first place is 0.
 
-    Result: shape (images,). None if the names have no numbers that count images: text around the numbers differs,
-    the steps are not multiples of the usual step, or the numbers are times of day.
+    Result: shape (images,). None if the names have no numbers that count images: the text around the numbers
+    differs, the steps are not multiples of the usual step, or the numbers are times of day.
     """
     parts = [_NUMBER.fullmatch(_stem(image)) for image in images]
     found = [part.groups() for part in parts if part is not None]
@@ -45,11 +45,11 @@ def places_of(images: Sequence[str]) -> Indices | None:
 
 
 def lost_by_time(times_s: Float) -> Indices:
-    """Return the number of images that are missing before each image, shape (images,), from the images' times.
+    """Return how many images are missing before each image, shape (images,), from the images' times.
 
-    An image that is late once, because its file was written late, leaves no gap: a gap delays all later images.
-    If the interval between images was changed during the test, this is no gap either. Times without a fraction
-    of a second show no gaps between images that were taken in quick succession.
+    An image that is late once, because its file was written late, leaves no gap: a gap delays all later
+    images. A change of the interval between images is no gap either. Times without a fraction of a second
+    show no gaps between images that were taken in quick succession.
     """
     lost = np.zeros(len(times_s), np.int64)
     steps = np.diff(times_s)
@@ -62,7 +62,8 @@ def lost_by_time(times_s: Float) -> Indices:
         usual = max(_interval_s(sides[0][-_NEAR:]), _interval_s(sides[1][:_NEAR]))
         if usual > 0.0 and steps[k] > (1.0 + _LATE) * usual:
             back = np.arange(min(k, 2) + 1)
-            before = np.median(times_s[k - back] + usual * (back + lost[k] * (back > 0) + lost[k - 1] * (back > 1)))
+            places = back + lost[k] * (back > 0) + lost[k - 1] * (back > 1)
+            before = np.median(times_s[k - back] + usual * places)
             after = sides[1][:_AHEAD]
             late = (after - before) / usual - np.arange(1, len(after) + 1)
             if len(late) >= _LEAST_AFTER and late.min() > _LATE:

@@ -1,16 +1,16 @@
 """Find the offset and the rate between the clocks of a camera and a testing machine from strain and load.
 
-While a specimen is elastic, its strain is a linear function of the load. So with the right clock, the strain of
-the images is such a function of the load in each elastic part of the test (`dic.records.elastic_parts`). A
-wrong clock bends this function wherever the load does not grow evenly: where it begins to rise, at a hold, and
-where it falls or rises again. Each such place shows the machine's time at one time of the images. One place
-determines the offset; a second one, long after the first, also determines the rate. Other parts of the curve
-are not used, because the function is not known there: if the load grows evenly, a wrong rate looks like another
-material.
+While a specimen is elastic, its strain is a linear function of the load. So with the right clock, the strain
+of the images is such a function of the load in each elastic part of the test (`dic.records.elastic_parts`). A
+wrong clock bends this function wherever the load does not grow evenly: where it begins to rise, at a hold,
+and where it falls or rises again. Each such place shows the machine's time at one time of the images. One
+place determines the offset; a second one, long after the first, also determines the rate. Other parts of the
+curve are not used, because the function is not known there: if the load grows evenly, a wrong rate looks like
+another material.
 
-The clock with the least residual is chosen. What is known before counts like a further measurement. If the load
-grows evenly from the first image to the last, the offset cannot be found. Images of the specimen at rest before
-the test make it possible.
+The clock with the least residual is chosen. What is known before counts like a further measurement. If the
+load grows evenly from the first image to the last, the offset cannot be found. Images of the specimen at rest
+before the test make it possible.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from dic.records.clock import FOUND, SMOOTHED_INTERVALS, MachineClock, smoothed_load, usual_interval_s
-from dic.records.elastic_parts import LEAST_IMAGES, LEAST_RISEN, TOP_SHARE, ElasticParts, Part, rise_of
+from dic.records.elastic_parts import LEAST_RISEN, TOP_SHARE, ElasticParts, Part, rise_of
 from dic.records.machine import MachineRecord
 from dic.typing import Float
 
@@ -52,21 +52,21 @@ def find_clock(
     if np.isinf(known.offset_std_s):
         clock = _searched(fit, record, record.time_s, image_times_s, known)
     found = fit.refined(clock)
-    limit = _MOST_INTERVALS * fit.interval_s
-    if not found.offset_std_s <= limit:
-        expected = f"an offset known to {limit:.3g} s, the time between two images"
-        got = _known_to(found.offset_std_s, f"{found.offset_std_s:.3g} s")
-        raise record.wrong("find the offset", expected, got, "give the offset with --offset-s")
-    if not found.rate_std <= _MOST_RATE_STD:
+    if np.isinf(known.rate_std) and not found.rate_std <= _MOST_RATE_STD:
         expected = f"a rate known to {_MOST_RATE_STD:.0%}, from changes of the load at two times"
         got = _known_to(found.rate_std, f"{found.rate_std:.2%}")
         raise record.wrong("find the clock's rate", expected, got, "give the rate with --clock-rate")
-    names = {}
-    if found.offset_std_s < _IMPROVED * known.offset_std_s:
-        names["offset_from"] = FOUND
-    if found.rate_std < _IMPROVED * known.rate_std:
-        names["rate_from"] = FOUND
-    return replace(found, **names)
+    limit = _MOST_INTERVALS * fit.interval_s
+    if np.isinf(known.offset_std_s) and not found.offset_std_s <= limit:
+        expected = f"an offset known to {limit:.3g} s, the time between two images"
+        got = _known_to(found.offset_std_s, f"{found.offset_std_s:.3g} s")
+        raise record.wrong("find the offset", expected, got, "give the offset with --offset-s")
+    better = found.offset_std_s < _IMPROVED * known.offset_std_s, found.rate_std < _IMPROVED * known.rate_std
+    return replace(
+        found,
+        offset_from=FOUND if better[0] else known.offset_from,
+        rate_from=FOUND if better[1] else known.rate_from,
+    )
 
 
 def _known_to(std: float, text: str) -> str:
@@ -129,20 +129,21 @@ class _Fit:
     def refined(self, clock: MachineClock) -> MachineClock:
         """Return the clock with the least residual near the given one, and its standard deviations."""
         top = TOP_SHARE * float(self._load.max())
+        # The start alone hardly shows the rate, so the rate may not move far at first.
+        usual = min(self._known.rate_std, _MOST_RATE_STD)
         for _ in range(2):
             at, load = self._joined(clock)
             top = self._parts.top(load, self._strain, top)
             start = self._parts.start(at, load, top)
             if start is None:
                 return replace(clock, offset_std_s=np.inf)
-            clock = self._solved(clock, [start])
-        if not self._parts.falls:
-            return clock
-        near = self._nearest_rate(clock, top)
+            clock = self._solved(clock, [start], usual)
+        if self._parts.falls:
+            clock = self._nearest_rate(clock, top)
         for _ in range(2):
-            parts = self._all(near, top)
-            near = near if len(parts) < 2 else self._solved(near, parts)
-        return near if len(parts) > 1 else clock
+            parts = self._all(clock, top)
+            clock = self._solved(clock, parts, self._known.rate_std) if parts else clock
+        return clock
 
     def _joined(self, clock: MachineClock) -> tuple[Float, Float]:
         at = clock.at(self._times, self._first_s)
@@ -156,7 +157,7 @@ class _Fit:
 
     def _nearest_rate(self, clock: MachineClock, top: float) -> MachineClock:
         """Return the clock of the rate with the least residual; the time of the first rise stays the same."""
-        at, load = self._joined(clock)
+        _, load = self._joined(clock)
         rise_s = float(self._times[int(np.argmax(load > self._parts.risen))]) - self._first_s
         reach = min(_RATE_STDS * self._known.rate_std, _MOST_RATE_CHANGE)
         best, least = clock, np.inf
@@ -169,13 +170,16 @@ class _Fit:
                 best, least = trial, cost
         return best
 
-    def _solved(self, clock: MachineClock, parts: Sequence[Part]) -> MachineClock:
-        """Return the clock with the least sum of squares in the given parts, and its standard deviations."""
+    def _solved(self, clock: MachineClock, parts: Sequence[Part], rate_std: float) -> MachineClock:
+        """Return the clock with the least sum of squares in the given parts, and its standard deviations.
+
+        `rate_std`: standard deviation of the rate that is known before.
+        """
         from scipy.optimize import least_squares
 
         # Both unknowns are in units of one interval, at the first and at the last image.
         unit = np.array([self.interval_s, self.interval_s / max(float(np.ptp(self._times)), 1e-9)])
-        stds = np.array([self._known.offset_std_s, self._known.rate_std]) / unit
+        stds = np.array([self._known.offset_std_s, rate_std]) / unit
         expected = np.array([self._known.offset_s, self._known.rate]) / unit
         weights = np.diag(1.0 / np.maximum(stds, _EXACT))
         std = self._std_of(clock, parts)
@@ -200,9 +204,7 @@ class _Fit:
         own = np.sqrt(np.diag(covariance))
         correlation = float(covariance[0, 1] / (own[0] * own[1]))
         stds = own * unit
-        return replace(
-            clock, offset_std_s=float(stds[0]), rate_std=float(stds[1]), correlation=correlation
-        )
+        return replace(clock, offset_std_s=float(stds[0]), rate_std=float(stds[1]), correlation=correlation)
 
     def _std_of(self, clock: MachineClock, parts: Sequence[Part]) -> float:
         """Return the standard deviation of the strain about its function of the load."""

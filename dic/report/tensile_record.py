@@ -106,6 +106,7 @@ class TensileColumn:
             "left_out": self.read.left_out,
             "values": values,
             **{name: found[name] for name in ("necking", "fits", "not_counted", "flags")},
+            "std_by_join": found.get("std_by_join"),
             "curve": [dict(zip(names, row, strict=True)) for row in rows],
         }
 
