@@ -64,13 +64,15 @@ def join_record(
         joined = join_by_row(record, labels)
     else:
         clock = clock or ImageClock()
-        times_s, source, lost = clock.of(series.images, series.reference)
+        times_s, source = clock.of(series.images, series.reference)
         if source == "file":
             _require_own_times(record, times_s)
-        strain = None
-        if clock.offset_s is None or clock.clock_rate is None:
-            strain, _ = series.strain(gauge or _first_along(series, record))
+        along = gauge or next((one.name for one in series.gauges if one.is_axial), None)
+        strain = series.strain(along)[0] if along is not None and series.kinds else None
+        if strain is None and (clock.offset_s is None or clock.clock_rate is None):
+            raise _no_gauge_along(series, record)
         joined = join_by_time(record, labels, times_s, clock.machine_clock(times_s), strain)
+        lost = clock.lost(series.images, times_s, strain, series.reference)
         joined = replace(joined, image_times=source, lost=lost)
     # The machine's time replaces the image's time.
     own = {"time_s", "time_source"} if joined.time_s is not None else set()
@@ -304,12 +306,9 @@ def _require_joinable(series: GaugeSeries, record: MachineRecord, join: str) -> 
         raise record.wrong(f"join by {join}", expected, got, remedy)
 
 
-def _first_along(series: GaugeSeries, record: MachineRecord) -> str:
-    """Return the first gauge whose strain can rise with the load."""
-    names = [gauge.name for gauge in series.gauges if gauge.is_axial]
-    if not names:
-        expected = "an extensometer, an area or a point along the specimen"
-        got = f"{', '.join(sorted({gauge.kind for gauge in series.gauges}))} only"
-        remedy = "declare such a gauge, or give the offset with --offset-s"
-        raise record.wrong("find the offset", expected, got, remedy)
-    return names[0]
+def _no_gauge_along(series: GaugeSeries, record: MachineRecord) -> CurveError:
+    """Return the error that no gauge has a strain that can rise with the load."""
+    expected = "an extensometer, an area or a point along the specimen"
+    got = f"{', '.join(sorted({gauge.kind for gauge in series.gauges}))} only"
+    remedy = "declare such a gauge, or give the offset with --offset-s"
+    return record.wrong("find the offset", expected, got, remedy)

@@ -18,10 +18,8 @@ from dic.records.clock import (
     usual_interval_s,
 )
 from dic.records.joining import times_of
-from dic.records.lost import lost_by_time, lost_sentence, places_by_time, places_of
+from dic.records.lost import lost_by_strain, lost_by_time, lost_sentence, places_by_time, places_of
 from dic.typing import Float, Indices
-
-_BY_NUMBER, _BY_TIME = "the numbers in the file names", "the times of the images"
 
 
 @dataclass(frozen=True)
@@ -85,12 +83,12 @@ class ImageClock:
         ]  # fmt: skip
         require_all(CurveError, "settings", checks)
 
-    def of(self, images: Sequence[GaugeImage], reference: str = "") -> tuple[Float, str, str]:
+    def of(self, images: Sequence[GaugeImage], reference: str = "") -> tuple[Float, str]:
         """Return the time of each image in seconds, shape (images,), and the source of the times.
 
-        The third value is a sentence about images that are missing in the series; "" if none are. The sources
-        are tried in this order: "table" (`times_s`), "interval" (`interval_s`), and the times that the images
-        have themselves, "video", "exif" or "file". `reference` is the name of the reference image.
+        The sources are tried in this order: "table" (`times_s`), "interval" (`interval_s`), and the times
+        that the images have themselves, "video", "exif" or "file". `reference`: the name of the reference
+        image; its number counts with an interval.
 
         Raises
         ------
@@ -98,35 +96,43 @@ class ImageClock:
             If an image has no time, or the images' own times come from different sources or are equal.
         """
         labels = [image.label for image in images]
-        if self.interval_s is not None:
-            return self._counted(images, labels, reference, self.interval_s)
         if self.times_s is not None:
-            times, source = times_of(labels, self.times_s, "image times"), "table"
-        else:
-            times, source = _own_times(images)
-        lost = lost_sentence(labels, lost_by_time(times), _BY_TIME)
-        return times, source, lost or lost_sentence(labels, _skipped(places_of(labels)), _BY_NUMBER)
-
-    def _counted(
-        self, images: Sequence[GaugeImage], labels: list[str], reference: str, interval_s: float
-    ) -> tuple[Float, str, str]:
-        """Return the times of images that were taken at one interval; missing images are counted."""
-        names, first = [reference, *labels], 0
-        if (places := places_of(names)) is None:
-            names, first, places = labels, 1, places_of(labels)
-        source = _BY_NUMBER
-        if not _skipped(places).any():
-            names, first, source = labels, 1, _BY_TIME
-            own = {str(image.known.get("time_source", "")) for image in images}
-            places = None
-            if len(own) == 1 and "" not in own:
-                times = np.array([float(image.known["time_s"]) for image in images])
-                places = places_by_time(times, interval_s)
+            return times_of(labels, self.times_s, "image times"), "table"
+        if self.interval_s is None:
+            return _own_times(images)
+        places, first = places_of([reference, *labels]), 0
         if places is None:
-            places = np.arange(len(names))
-        lost = lost_sentence(names, _skipped(places), source)
-        counted = places[len(names) - len(labels) :]
-        return np.asarray(interval_s * (first + counted), np.float64), "interval", lost
+            places, first = places_of(labels), 1
+        if not _skipped(places).any():
+            # The numbers show no gap, but the images' own times may.
+            places, first = None, 1
+            if len({image.known.get("time_source", "") for image in images} | {""}) == 2:
+                own = np.array([float(image.known.get("time_s", np.nan)) for image in images])
+                places = places_by_time(own, self.interval_s)
+        places = np.arange(len(labels)) if places is None else places[-len(labels) :]
+        return np.asarray(self.interval_s * (first + places), np.float64), "interval"
+
+    def lost(
+        self, images: Sequence[GaugeImage], times_s: Float, strain: Float | None, reference: str = ""
+    ) -> str:
+        """Return a sentence about images that are missing in the series; "" if none are.
+
+        `times_s`, `reference`: the result and the argument of `of`. `strain`, shape (images,): the strain
+        along the specimen; None if it is not known.
+        """
+        labels = [image.label for image in images]
+        names = [reference, *labels]
+        if (by_number := places_of(names)) is None:
+            names, by_number = labels, places_of(labels)
+        if _skipped(by_number).any():
+            return lost_sentence(names, _skipped(by_number), "as the numbers in the file names show")
+        if self.interval_s is None:
+            lost = lost_by_time(times_s)
+        else:
+            lost = _skipped(np.round(times_s / self.interval_s).astype(np.int64))
+        if lost.any() or self.interval_s is None or strain is None:
+            return lost_sentence(labels, lost, "as the times of the images show")
+        return lost_sentence(labels, lost_by_strain(strain), "as jumps of the strain suggest")
 
     def machine_clock(self, times_s: Float) -> MachineClock:
         """Return what is known about the machine's clock before strain and load are compared.

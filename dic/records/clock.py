@@ -59,11 +59,11 @@ def usual_interval_s(times_s: Float) -> float:
     return float(np.median(np.diff(times_s))) if len(times_s) > 1 else np.inf
 
 
-def smoothed_load(record: MachineRecord, time_s: Float, width_s: float) -> Float:
-    """Return the load of a record with the times `time_s`, N, averaged over `width_s`."""
+def smoothed(values: Float, time_s: Float, width_s: float) -> Float:
+    """Return values at the times `time_s`, averaged over `width_s`."""
     sample_s = usual_interval_s(time_s)
     half = int(min(0.5 * width_s / sample_s, (len(time_s) - 1) // 2)) if sample_s > 0.0 else 0
-    padded = np.pad(record.load_n, half, mode="edge")
+    padded = np.pad(values, half, mode="reflect", reflect_type="odd")
     return np.convolve(padded, np.full(2 * half + 1, 1.0 / (2 * half + 1)), "valid")
 
 
@@ -72,7 +72,7 @@ def clock_errors_n(record: MachineRecord, time_s: Float, image_times_s: Float, c
 
     Shape (images, 2). `time_s`: the times of the record.
     """
-    load = smoothed_load(record, time_s, SMOOTHED_INTERVALS * usual_interval_s(image_times_s))
+    load = smoothed(record.load_n, time_s, SMOOTHED_INTERVALS * usual_interval_s(image_times_s))
     passed = image_times_s - image_times_s[0]
     at = clock.at(image_times_s, image_times_s[0])
     late = np.column_stack([np.full(len(at), clock.offset_std_s), clock.rate_std * passed])

@@ -18,7 +18,7 @@ from dic.typing import Float, Indices
 
 TOP_SHARE, _RISEN_SHARE = 0.25, 0.02
 """Shares of the largest load. At first, the start ends at the first; some images must exceed the second."""
-LEAST_RISEN, LEAST_IMAGES, _LEAST_OF_FALL = 5, 8, 6
+LEAST_RISEN, LEAST_IMAGES, _LEAST_AT_REST, _LEAST_OF_FALL = 5, 8, 3, 6
 _YIELD_STRAIN, _YIELD_STDS, _YIELD_SHARE, _LEAST_TOP = 1e-4, 3.0, 0.5, 0.05
 """The specimen yields where the strain exceeds the elastic line by this strain and this number of standard
 deviations. The start ends at this share of the load, and not below the last share of the largest load.
@@ -35,12 +35,17 @@ class Part:
 
     images: Indices
     is_fall: bool = False
+    is_at_rest: bool = False
+    """True if some images show the specimen at rest before the load rises."""
 
     def design(self, load: Float) -> tuple[Float, Float]:
         """Return the functions of the load whose sum is the strain, and their derivatives, as columns."""
         one, none = np.ones(len(load)), np.zeros(len(load))
-        if not self.is_fall:
+        if self.is_at_rest:
             return np.column_stack([one, load]), np.column_stack([none, one])
+        if not self.is_fall:
+            # Without a sudden rise, a wrong clock looks like yielding.
+            return np.column_stack([one, load, load**2]), np.column_stack([none, one, 2.0 * load])
         height = (load - load.min()) / max(float(np.ptp(load)), 1e-12)
         loop = 4.0 * height * (1.0 - height) * np.where(np.arange(len(load)) <= int(np.argmin(load)), 1, -1)
         return np.column_stack([one, load, load**2, loop]), np.column_stack([none, one, 2.0 * load, none])
@@ -94,7 +99,9 @@ class ElasticParts:
         end_s = float(self._time_s[int(np.argmax(above))]) if above.any() else float(self._time_s[-1])
         images = np.flatnonzero(at_s <= end_s)
         risen = np.count_nonzero(load[images] > self.risen)
-        return Part(images) if len(images) >= LEAST_IMAGES and risen >= LEAST_RISEN else None
+        if len(images) < LEAST_IMAGES or risen < LEAST_RISEN:
+            return None
+        return Part(images, is_at_rest=bool(len(images) - risen >= _LEAST_AT_REST))
 
     def later(self, at_s: Float, load: Float, strain: Float, start: Part) -> Iterator[Part]:
         """Yield the images of each fall whose strain falls in proportion to the load."""

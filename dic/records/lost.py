@@ -17,8 +17,17 @@ _LATE = 0.5
 """All images after a gap are late by this share of the usual interval, or more."""
 _TRIALS = np.linspace(0.85, 1.18, 67)
 """Trials of the usual interval, divided by the median."""
-_LEAST_WHOLE_S, _ALIKE = 5.0, 0.6
+_ALIKE = 0.6
+"""The phases of the times in the usual interval have a mean of at least this length; 1 if they are equal."""
+_LEAST_WHOLE_S = 5.0
+"""Images whose times are whole seconds must be this far apart to show gaps."""
 _SAME_INTERVAL = 0.1
+"""Largest relative difference of the interval that the user gave from that of the images' own times."""
+_BESIDE, _SCATTER, _CLEAR, _WHOLE = 6, 0.14, 7.0, 0.3
+"""A step of strain is compared with this number of steps on each side. Their scatter is at most the second
+number times the usual step. The step exceeds the usual one by more than the third number times the scatter,
+and differs from a multiple of it by less than the fourth number.
+"""
 _MOST_PLACES = 3
 
 
@@ -57,7 +66,8 @@ def lost_by_time(times_s: Float) -> Indices:
         return lost
     for k in range(len(steps)):
         sides = times_s[max(k - _NEAR, 0) : k + 1], times_s[k + 1 : k + 2 + _NEAR]
-        if steps[k] < max(np.median(np.diff(side)) if len(side) > 1 else 0.0 for side in sides):
+        usual = max(float(np.median(np.diff(side))) if len(side) > 1 else 0.0 for side in sides)
+        if steps[k] < (1.0 + _LATE) * _TRIALS[0] * usual:
             continue
         usual = max(_interval_s(sides[0][-_NEAR:]), _interval_s(sides[1][:_NEAR]))
         if usual > 0.0 and steps[k] > (1.0 + _LATE) * usual:
@@ -91,10 +101,35 @@ def places_by_time(times_s: Float, interval_s: float) -> Indices | None:
     return np.arange(len(times_s)) + np.cumsum(lost_by_time(times_s))
 
 
-def lost_sentence(images: Sequence[str], lost: Indices, source: str) -> str:
+def lost_by_strain(strain: Float) -> Indices:
+    """Return how many images may be missing before each image, shape (images,), from the strain alone.
+
+    The strain then grows by a multiple of its usual step, between steps that are all alike. So plastic flow
+    in jumps, the beginning of yielding and noise as large as the steps show nothing.
+    """
+    lost = np.zeros(len(strain), np.int64)
+    steps = np.diff(strain)
+    bends = np.abs(np.diff(steps, n=2))
+    if not np.isfinite(bends).any():
+        return lost
+    # The third difference of white noise has 20 times its variance, a step twice.
+    noise = 1.4826 * float(np.nanmedian(bends)) / np.sqrt(10.0)
+    for k in range(_BESIDE, len(steps) - _BESIDE):
+        sides = steps[k - _BESIDE : k], steps[k + 1 : k + 1 + _BESIDE]
+        both = np.concatenate(sides)
+        usual, ends = float(np.median(both)), [float(np.median(side)) for side in sides]
+        scatter = max(noise, 1.4826 * float(np.median(np.abs(both - usual))))
+        alike = scatter < _SCATTER * usual and np.ptp(ends) < 2.0 * _SCATTER * usual
+        if alike and steps[k] - usual > _CLEAR * scatter:
+            times = float(steps[k]) / usual
+            lost[k + 1] = round(times) - 1 if abs(times - round(times)) < _WHOLE else 0
+    return lost
+
+
+def lost_sentence(images: Sequence[str], lost: Indices, because: str) -> str:
     """Return a sentence about the places where images are missing; "" if none are.
 
-    `lost`: number of images that are missing before each image. `source`: what shows it.
+    `lost`: number of images that are missing before each image. `because`: what shows it.
     """
     at = np.flatnonzero(lost)
     if not at.size:
@@ -103,7 +138,7 @@ def lost_sentence(images: Sequence[str], lost: Indices, source: str) -> str:
     places = [f"{lost[k]} between {names[k - 1]} and {names[k]}" for k in at[:_MOST_PLACES]]
     more = f" and {len(at) - len(places)} more gaps" if len(at) > len(places) else ""
     count = int(lost.sum())
-    return f"{count} image{'s are' if count > 1 else ' is'} missing by {source}: {', '.join(places)}{more}"
+    return f"{count} image{'s are' if count > 1 else ' is'} missing, {because}: {', '.join(places)}{more}"
 
 
 def _stem(image: str) -> str:

@@ -18,14 +18,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from dic.records.clock import FOUND, SMOOTHED_INTERVALS, MachineClock, smoothed_load, usual_interval_s
+from dic.records.clock import FOUND, SMOOTHED_INTERVALS, MachineClock, smoothed, usual_interval_s
 from dic.records.elastic_parts import LEAST_RISEN, TOP_SHARE, ElasticParts, Part, rise_of
 from dic.records.machine import MachineRecord
 from dic.typing import Float
 
 _TRIALS_PER_IMAGE, _MOST_TRIALS, _RATE_TRIALS = 4, 20_000, 121
-_MOST_INTERVALS, _MOST_RATE_STD = 1.0, 0.01
-"""Largest accepted standard deviations: of the offset, in intervals between two images, and of the rate."""
+_MOST_INTERVALS, _MOST_RATE_STD = (0.5, 1.5), 0.01
+"""Largest accepted standard deviations: of the offset, in intervals between two images, without and with images
+at rest, and of the rate.
+"""
 _RATE_STDS, _MOST_RATE_CHANGE = 3.0, 0.05
 """The rate is searched up to this number of standard deviations, and up to this change."""
 _HYSTERESIS = 0.01
@@ -56,9 +58,9 @@ def find_clock(
         expected = f"a rate known to {_MOST_RATE_STD:.0%}, from changes of the load at two times"
         got = _known_to(found.rate_std, f"{found.rate_std:.2%}")
         raise record.wrong("find the clock's rate", expected, got, "give the rate with --clock-rate")
-    limit = _MOST_INTERVALS * fit.interval_s
+    limit = _MOST_INTERVALS[fit.is_at_rest] * fit.interval_s
     if np.isinf(known.offset_std_s) and not found.offset_std_s <= limit:
-        expected = f"an offset known to {limit:.3g} s, the time between two images"
+        expected = f"an offset known to {limit:.3g} s, as from images at rest before the test"
         got = _known_to(found.offset_std_s, f"{found.offset_std_s:.3g} s")
         raise record.wrong("find the offset", expected, got, "give the offset with --offset-s")
     better = found.offset_std_s < _IMPROVED * known.offset_std_s, found.rate_std < _IMPROVED * known.rate_std
@@ -107,10 +109,15 @@ class _Fit:
         self.interval_s = usual_interval_s(image_times_s)
         self._known, self._first_s, self._time_s = known, float(image_times_s[0]), time_s
         self._times, self._strain = image_times_s[seen], strain[seen]
-        load = smoothed_load(record, time_s, SMOOTHED_INTERVALS * self.interval_s)
+        load = smoothed(record.load_n, time_s, SMOOTHED_INTERVALS * self.interval_s)
         self._load = (load - load[0]) / max(float(np.ptp(load)), 1e-300)
+        # Noise in the rate would look like a load that does not grow evenly, so the rate is a mean.
+        step_s = min(self.interval_s, float(np.ptp(time_s)))
+        ends = [np.clip(time_s + step, time_s[0], time_s[-1]) for step in (step_s, -step_s)]
+        ahead, behind = (np.interp(end, time_s, self._load) for end in ends)
+        self._rate = smoothed((ahead - behind) / (ends[0] - ends[1]), time_s, step_s)
         self._parts = ElasticParts(time_s, self._load, self.interval_s)
-        self._std = 0.0
+        self._std, self.is_at_rest = 0.0, False
 
     def variance(self, clock: MachineClock) -> float:
         """Return the residual variance of the strain, divided by the squared slope; infinity if unknown.
@@ -137,6 +144,7 @@ class _Fit:
             start = self._parts.start(at, load, top)
             if start is None:
                 return replace(clock, offset_std_s=np.inf)
+            self.is_at_rest = start.is_at_rest
             clock = self._solved(clock, [start], usual)
         if self._parts.falls:
             clock = self._nearest_rate(clock, top)
@@ -219,9 +227,7 @@ class _Fit:
         The third value is the number of images minus the number of coefficients.
         """
         at, load = self._joined(clock)
-        small_s = SMOOTHED_INTERVALS * self.interval_s
-        ahead, behind = (np.interp(at + step, self._time_s, self._load) for step in (small_s, -small_s))
-        rate = (ahead - behind) / (2.0 * small_s)
+        rate = np.interp(at, self._time_s, self._rate)
         passed = np.column_stack([np.ones(len(at)), self._times - self._first_s])
         rests, changes, free = [], [], 0
         for part in parts:

@@ -145,7 +145,7 @@ def test_properties_of_a_result_file_are_those_of_its_table(folder, found, tmp_p
         (
             [*("--declare", AXIAL, "--record", "{machine}", "--load", "Force:kN", "--time", "Time:s"),
              *("--image-interval-s", "0.5", "--offset-s", "soon")],
-            "a number of seconds, or auto, got 'soon'",
+            "a number, or auto, got 'soon'",
         ),
         (
             [*("--declare", AXIAL, "--record", "{machine}", "--load", "Force:kN", "--kind", "corrected")],
