@@ -25,8 +25,8 @@ from dic.typing import Float
 
 _TRIALS_PER_IMAGE, _MOST_TRIALS, _RATE_TRIALS = 4, 20_000, 121
 _MOST_INTERVALS, _MOST_RATE_STD = (0.5, 1.5), 0.01
-"""Largest accepted standard deviations: of the offset, in intervals between two images, without and with images
-at rest, and of the rate.
+"""Largest accepted standard deviations: of the offset, in intervals between two images, without and with
+images at rest, and of the rate.
 """
 _RATE_STDS, _MOST_RATE_CHANGE = 3.0, 0.05
 """The rate is searched up to this number of standard deviations, and up to this change."""
