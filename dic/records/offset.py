@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from dic.records.clock import FOUND, SMOOTHED_INTERVALS, MachineClock, smoothed, usual_interval_s
-from dic.records.elastic_parts import LEAST_RISEN, TOP_SHARE, ElasticParts, Part, rise_of
+from dic.records.elastic_parts import LEAST_RISEN, TOP_SHARES, ElasticParts, Part, rise_of
 from dic.records.machine import MachineRecord
 from dic.typing import Float
 
@@ -87,11 +87,12 @@ def _searched(
         raise record.wrong("find the offset", "images that overlap with the record", got, remedy)
     count = int(min(_MOST_TRIALS, 2 + _TRIALS_PER_IMAGE * (high - low) / max(fit.interval_s, 1e-9)))
     trials = [replace(known, offset_s=float(trial)) for trial in np.linspace(low, high, count)]
-    costs = np.array([fit.variance(trial) for trial in trials])
-    if not np.isfinite(costs).any():
-        expected = f"an offset at which {LEAST_RISEN} images show the first quarter of the largest load"
-        raise record.wrong("find the offset", expected, "none", remedy)
-    return trials[int(np.argmin(costs))]
+    for fit.top_share in TOP_SHARES:
+        costs = np.array([fit.variance(trial) for trial in trials])
+        if np.isfinite(costs).any():
+            return trials[int(np.argmin(costs))]
+    expected = f"an offset at which {LEAST_RISEN} images show the first half of the largest load"
+    raise record.wrong("find the offset", expected, "none", remedy)
 
 
 class _Fit:
@@ -106,7 +107,7 @@ class _Fit:
         known: MachineClock,
     ) -> None:
         seen = np.isfinite(strain)
-        self.interval_s = usual_interval_s(image_times_s)
+        self.interval_s = max(usual_interval_s(image_times_s), 1e-9)
         self._known, self._first_s, self._time_s = known, float(image_times_s[0]), time_s
         self._times, self._strain = image_times_s[seen], strain[seen]
         load = smoothed(record.load_n, time_s, SMOOTHED_INTERVALS * self.interval_s)
@@ -115,9 +116,9 @@ class _Fit:
         step_s = min(self.interval_s, float(np.ptp(time_s)))
         ends = [np.clip(time_s + step, time_s[0], time_s[-1]) for step in (step_s, -step_s)]
         ahead, behind = (np.interp(end, time_s, self._load) for end in ends)
-        self._rate = smoothed((ahead - behind) / (ends[0] - ends[1]), time_s, step_s)
+        self._rate = smoothed((ahead - behind) / np.maximum(ends[0] - ends[1], 1e-9), time_s, step_s)
         self._parts = ElasticParts(time_s, self._load, self.interval_s)
-        self._std, self.is_at_rest = 0.0, False
+        self._std, self.is_at_rest, self.top_share = 0.0, False, TOP_SHARES[0]
 
     def variance(self, clock: MachineClock) -> float:
         """Return the residual variance of the strain, divided by the squared slope; infinity if unknown.
@@ -126,7 +127,7 @@ class _Fit:
         Without the division, the search would choose an offset at which the specimen is at rest.
         """
         at, load = self._joined(clock)
-        start = self._parts.start(at, load, TOP_SHARE * float(self._load.max()))
+        start = self._parts.start(at, load, self.top_share * float(self._load.max()))
         if start is None:
             return float("inf")
         load, strain = load[start.images], self._strain[start.images]
@@ -135,7 +136,7 @@ class _Fit:
 
     def refined(self, clock: MachineClock) -> MachineClock:
         """Return the clock with the least residual near the given one, and its standard deviations."""
-        top = TOP_SHARE * float(self._load.max())
+        top = self.top_share * float(self._load.max())
         # The start alone hardly shows the rate, so the rate may not move far at first.
         usual = min(self._known.rate_std, _MOST_RATE_STD)
         for _ in range(2):
