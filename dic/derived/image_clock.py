@@ -106,8 +106,9 @@ class ImageClock:
         if not _skipped(places).any():
             # The numbers show no gap, but the images' own times may.
             places, first = None, 1
-            if len({image.known.get("time_source", "") for image in images} | {""}) == 2:
-                own = np.array([float(image.known.get("time_s", np.nan)) for image in images])
+            sources = {str(image.known.get("time_source", "")) for image in images}
+            if len(sources) == 1 and "" not in sources:
+                own = np.array([float(image.known["time_s"]) for image in images])
                 places = places_by_time(own, self.interval_s)
         places = np.arange(len(labels)) if places is None else places[-len(labels) :]
         return np.asarray(self.interval_s * (first + places), np.float64), "interval"

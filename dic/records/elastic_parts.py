@@ -17,8 +17,8 @@ import numpy as np
 from dic.typing import Float, Indices
 
 TOP_SHARES, _RISEN_SHARE = (0.25, 0.5), 0.02
-"""Shares of the largest load. At first, the start ends at the first one, or at the second one if few images are
-below the first. Some images must exceed the last share.
+"""Shares of the largest load. At first, the start ends at the first one, or at the second one if few images
+are below the first. Some images must exceed the last share.
 """
 LEAST_RISEN, LEAST_IMAGES, _LEAST_AT_REST, _LEAST_OF_FALL = 5, 8, 3, 6
 _YIELD_STRAIN, _YIELD_STDS, _YIELD_SHARE, _LEAST_TOP = 1e-4, 3.0, 0.5, 0.05
