@@ -191,6 +191,8 @@ class Measurement:
     def objection(self) -> str | None:
         """The reason why the measurement is not good; None if it is good."""
         if 2 * self.field.count(Status.CONVERGED) < self.field.in_view:
+            if 2 * self.field.count(Status.REPEATING) >= self.field.in_view:
+                return "the pattern repeats, and nothing shows by how many periods most points have moved"
             return "fewer than half of the points in view converged; see their statuses"
         if self.raw_mean.points < _POINTS_OF_A_PLANE:
             where = "" if self.calibrated is None else " within the calibrated area"
