@@ -174,7 +174,7 @@ motion_options = use(
     "assumed",
     Motion,
     title="Motion",
-    only=("kind", "poisson_ratio", "shift_std_um", "tilt_axis_mm"),
+    only=("kind", "poisson_ratio", "shift_std_um", "tilt_axis_mm", "thickness_mm", "fixed_face"),
     common=("kind",),
 )
 

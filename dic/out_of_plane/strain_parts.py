@@ -11,7 +11,7 @@ from dic.out_of_plane.linearised import PARTS
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.uncertainty import Points, weighted_sums
-from dic.strain.fit import gradient_weights, slopes_of
+from dic.strain.fit import gradient_weights
 from dic.strain.tensor import strain_covariance
 from dic.typing import Float
 
@@ -31,8 +31,13 @@ UNCERTAINTY_KEYS = (
     *(f"{name}_std_{part}" for part in PART_NAMES for name in _STRAINS),
     "curved_probability",
     "graded_probability",
+    "thinning_um",
+    "contraction_um",
+    "contraction_std_um",
+    "contraction_contradicts",
 )
-"""Names of the parts of the standard deviations, and of probabilities, in result files and JSON."""
+"""Names of the parts of the standard deviations, of probabilities, and of shifts by thinning and as the
+lateral contraction shows them, in result files and JSON."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +82,8 @@ def open_parts(points: Points, shift: Shift) -> tuple[Float, dict[str, Float]]:
         CameraSight(points.before_mm, points.after_mm, pinhole.centre_mm),
         gradient_weights(points.before_mm),
     )
-    gradient = slopes_of(points.before_mm, points.after_mm - points.before_mm)
+    gradient, shift = points.mean_gradient, shift.during(points)
+    thinned_mm = 0.0 if shift.thickness_mm is None else shift.thinned_mm(gradient)
     own = fields(sight, Plane(), gradient, 0.0, np.array([1.0, 0.0]), shift.per_slope_mm)
     false = weighted_sums(weights, own)
     of_map, _ = points.calibration_factors(weights)
@@ -85,7 +91,7 @@ def open_parts(points: Points, shift: Shift) -> tuple[Float, dict[str, Float]]:
         "images": points.noise_covariance(weights) + points.smooth_covariance(weights),
         "calibration": np.asarray(of_map @ of_map.T),
     }
-    at, std = places(), unmeasured(shift.std_mm)
+    at, std = places(), unmeasured(float(np.hypot(shift.std_mm, thinned_mm)))
     for part, names in PARTS.items():
         for name in names:
             here = false[:, at[name]] * std[at[name]] if name in OUT_OF_PLANE else np.zeros((4, 1))

@@ -63,6 +63,11 @@ class Points:
         return self.before_mm + self.displacement.vector[self.use]
 
     @property
+    def mean_gradient(self) -> Float:
+        """Mean displacement gradient of the calibrated displacements, shape (2, 2)."""
+        return slopes_of(self.before_mm, self.after_mm - self.before_mm)
+
+    @property
     def centre_mm(self) -> Float:
         """The camera's centre, shape (3,), in the axes of the surface: two axes within it, and its normal."""
         return self.surface.to_axes(self.grid_centre_mm)
@@ -156,7 +161,7 @@ class Points:
             raise ValueError("this calibration knows no camera centre")
         # With the deformation gradient F, an error dx of the reference position changes the expected deformed
         # position by F dx.
-        F = slopes_of(self.before_mm, self.after_mm - self.before_mm) + np.eye(2)
+        F = self.mean_gradient + np.eye(2)
 
         def part(some: slice) -> Float:
             before, after = (self.calibration.error_factors(px[some]) for px in self.px)

@@ -11,7 +11,13 @@ from dic.files.lazy import Computed
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correct import Corrections, correct
 from dic.out_of_plane.correction import Correction, stated
-from dic.out_of_plane.diagnosis import Harmonics, Sensitivity, rotation_findings, tension_findings
+from dic.out_of_plane.diagnosis import (
+    Harmonics,
+    Sensitivity,
+    contraction_findings,
+    rotation_findings,
+    tension_findings,
+)
 from dic.out_of_plane.motion import Motion
 from dic.out_of_plane.reference_match import match_references
 from dic.out_of_plane.reference_surface import ReferenceSurface
@@ -340,7 +346,7 @@ def _findings(
         harmonics = Harmonics.of(angles_deg, np.array(strains)) if strains else None
         findings += rotation_findings(harmonics, found.alignment)
     if motion == "tension":
-        findings += tension_findings(found.images, loads_n)
+        findings += tension_findings(found.images, loads_n) + contraction_findings(found.images)
     reasons = {c.declined for c in found.images if c.declined is not None}
     return findings + [f"not corrected: {reason}" for reason in sorted(reasons)]
 

@@ -97,7 +97,7 @@ def process_run(
         run.step_of_kind("reference")
         plate_mm = run.mounting.plate_mm if plate_mm is None else plate_mm
         correcting.require_use(str(source.path), list(run.cameras), {step.kind for step in run.series()[1:]})
-        correcting = correcting.completed(run.mounting)
+        correcting = correcting.completed(run.mounting, run.info.thickness_mm)
         set_up = RunSetUp(str(run.path), run.info, settings, strain or StrainSettings(), correcting, plate_mm)
         regions = source.masks(run)
         cameras = RunCameras(run, regions, settings, incremental, plate_mm, workers)

@@ -242,6 +242,7 @@ def _mounting(run: RunFile) -> Mounting:
         plate_mm=mounting.plate_mm,
         tilt_axis_mm=None if mounting.tilt_axis_mm is None else list(mounting.tilt_axis_mm),
         shift_std_um=mounting.shift_std_um,
+        fixed_face=mounting.fixed_face,
     )
 
 

@@ -88,8 +88,8 @@ def test_the_interval_contains_the_truth_with_a_hinge():
 
 
 def test_the_default_deviation_is_smaller_with_a_hinge_and_a_declared_one_counts():
-    assert Motion("tension").shift == Shift(30.0)
-    assert Motion("tension", tilt_axis_mm=HINGE_MM).shift == Shift(5.0, HINGE_MM)
+    assert Motion("tension").shift == Shift(30.0, grows=True)
+    assert Motion("tension", tilt_axis_mm=HINGE_MM).shift == Shift(5.0, HINGE_MM, grows=True)
     assert Motion("tension", shift_std_um=12.0, tilt_axis_mm=HINGE_MM).shift == Shift(12.0, HINGE_MM)
 
 
