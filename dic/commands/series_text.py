@@ -7,7 +7,7 @@ from typing import Any
 
 from dic.commands.strain_table import COMPONENTS, Column, StrainTable, share_text
 
-_OTHERS = ("images", "calibration", "mounting", "model")
+_OTHERS = ("images", "calibration", "mounting", "model", "still")
 """All parts of the standard deviation except the shift; see `dic.out_of_plane.strain_parts`."""
 _LOST_MIN = 0.03
 """A loss of the amplitude of local strain is printed if it is at least this fraction."""
@@ -128,7 +128,7 @@ def _shift_text(corrected: dict[str, Any]) -> str:
         return ""
     shift = 1e6 * corrected["exx_std_shift"]
     others = ", ".join(
-        f"{1e6 * math.sqrt(sum(corrected[f'{name}_std_{part}'] ** 2 for part in _OTHERS)):.0f}"
+        f"{1e6 * math.sqrt(sum(corrected.get(f'{name}_std_{part}', 0.0) ** 2 for part in _OTHERS)):.0f}"
         for name in ("exx", "eyy", "exy")
     )
     return f"± {shift:.0f} µε of exx and eyy is the shift, ± {others} all else"

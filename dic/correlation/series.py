@@ -196,6 +196,14 @@ class Series:
         finally:
             image.correlated()
 
+    def correlate_still(self, image: ImageLike) -> Field:
+        """Return the field from the first reference to an image that does not belong to the series.
+
+        Raises `CorrelationError` if the image cannot be used, or does not show the reference's pattern.
+        """
+        attempt = CurrentReference(self._first_image).attempt(0, None)
+        return self.completed(attempt, attempt.correlate(image))
+
     @property
     def at_once(self) -> int:
         """Largest number of images that can be correlated at the same time."""

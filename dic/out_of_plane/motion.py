@@ -10,9 +10,10 @@ from dic.settings import Number, Pair, one_of, place_of, setting, settings_class
 if TYPE_CHECKING:
     from dic.out_of_plane.alignment import Alignment
     from dic.out_of_plane.shift import Shift
+    from dic.strain.still import StillErrors
 else:
     # The options of commands are made from this class, and NumPy would delay their help.
-    Alignment = Any
+    Alignment = StillErrors = Any
 
 MOTIONS = ("free", "rigid", "tension")
 """Kinds of motion: unknown motion, rotation without strain, and uniform tension with some bending."""
@@ -94,6 +95,7 @@ class Motion:
     tilt_axis_mm: Pair | None = TILT_AXIS
     thickness_mm: Number | None = THICKNESS
     fixed_face: str | None = FIXED_FACE
+    still: StillErrors | None = None
 
     def __post_init__(self) -> None:
         checks = [
@@ -125,12 +127,15 @@ class Motion:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the attributes as values for JSON."""
-        return vars(self) | {"alignment": None if self.alignment is None else self.alignment.as_lists()}
+        alignment = None if self.alignment is None else self.alignment.as_lists()
+        still = None if self.still is None else self.still.as_dict()
+        return vars(self) | {"alignment": alignment, "still": still}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> "Motion":
         """Return the motion from the values that `as_dict` returned."""
         from dic.out_of_plane.alignment import Alignment
+        from dic.strain.still import StillErrors
 
         alignment, hinge_mm = values["alignment"], values["tilt_axis_mm"]
         return cls(
@@ -139,7 +144,8 @@ class Motion:
             None if alignment is None else Alignment.from_lists(alignment),
             values["shift_std_um"],
             None if hinge_mm is None else (hinge_mm[0], hinge_mm[1]),
-            # Results of earlier versions have no thickness.
+            # Results of earlier versions lack these values.
             values.get("thickness_mm"),
             values.get("fixed_face"),
+            StillErrors.from_dict(values.get("still")),
         )

@@ -18,7 +18,8 @@ from dic.typing import Float
 PART_NAMES = ("images", *PARTS)
 """The names of the parts of a standard deviation.
 
-images: noise of the images. calibration: errors of the calibration. mounting: the unknown tilt and distance
+images: noise of the images. calibration: errors of the calibration. still: errors that still images show,
+such as haze. mounting: the unknown tilt and distance
 between the specimen's surface and the grid's plane in the reference. model: tilt, bending, strain gradient
 and taper, which the fit determines with an uncertainty only. shift: motion of the specimen towards the
 camera, which one camera cannot measure.
@@ -90,6 +91,7 @@ def open_parts(points: Points, shift: Shift) -> tuple[Float, dict[str, Float]]:
     covariances = {
         "images": points.noise_covariance(weights) + points.smooth_covariance(weights),
         "calibration": np.asarray(of_map @ of_map.T),
+        "still": points.still_covariance(weights),
     }
     at, std = places(), unmeasured(float(np.hypot(shift.std_mm, thinned_mm)))
     for part, names in PARTS.items():

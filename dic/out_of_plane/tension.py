@@ -22,10 +22,10 @@ from dic.out_of_plane.strain_parts import StrainParts, open_parts
 from dic.out_of_plane.tilt import TiltFit, fit_tilt, suspect
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.displacement import Displacement
-from dic.strain.fit import slopes_of
+from dic.strain.fit import gradient_weights, slopes_of
 from dic.strain.measurement import Measurement
-from dic.strain.strain import MeanStrain, strain_of_gradient
-from dic.strain.tensor import strain_by_gradient
+from dic.strain.strain import MeanStrain, strain_of_gradient, with_shared
+from dic.strain.tensor import strain_by_gradient, strain_covariance
 from dic.typing import Float
 
 _FEWEST_POINTS = 30
@@ -115,6 +115,19 @@ def declined(
     return Correction.refused(method, measurement, reason, mean, parts.as_dict() | numbers, parts.shared)
 
 
+def with_still(found: Correction, measurement: Measurement, calibration: Calibration) -> Correction:
+    """Return a correction by another method, whose errors also contain those that still images show."""
+    if measurement.still is None:
+        return found
+    points = points_of(measurement, calibration)
+    covariance = points.still_covariance(gradient_weights(points.before_mm))
+    shared = strain_covariance(points.mean_gradient, covariance, measurement.strain_settings.measure)
+    # Strains that are read from a file contain the other errors only.
+    return replace(
+        found, mean=with_shared(found.mean, shared), shared=found.shared_errors + shared, stored_strain=None
+    )
+
+
 def _calibrated_mean(measurement: Measurement, covariance: Float) -> MeanStrain:
     """Return the calibrated mean strain with the given covariance (4, 4) of its gradient."""
     displacement, mean = measurement.calibrated, measurement.calibrated_mean
@@ -161,9 +174,9 @@ def _too_uncertain(
     parts: StrainParts, change: float, points: Points, fit: TiltFit, centre_mm: Float
 ) -> str | None:
     """Return the reason if a correction by `change` is more likely to harm than to help; otherwise None."""
-    # The error that the shift towards the camera causes is equal in calibrated and in corrected strain, so it
-    # is left out of the comparison.
-    own_std = np.sqrt(sum(part**2 for name, part in parts.parts.items() if name != "shift"))
+    # The errors that the shift towards the camera and the camera itself cause are nearly equal in calibrated
+    # and in corrected strain, so they are left out of the comparison.
+    own_std = np.sqrt(sum(part**2 for name, part in parts.parts.items() if name not in ("shift", "still")))
     if own_std.max() <= _USEFUL or change >= 2 * own_std.max():
         return None
     mounting = (parts.parts["mounting"].max() / own_std.max()) ** 2 > _LARGEST_PART
@@ -220,7 +233,8 @@ def _unexplained(fit: TiltFit, points: Points, mm_per_px: float) -> str | None:
         raise ValueError("the noise of these displacements is unknown")
     rms_mm = np.sqrt((fit.residual_mm**2).sum(axis=1).mean())
     by_noise_mm = np.sqrt((noise.factors[points.use] ** 2).sum(axis=(1, 2)).mean())
-    limit_mm = _TORN * by_noise_mm + _UNEVEN_PX * mm_per_px
+    still_mm = 0.0 if points.still is None else points.still.rest_mm
+    limit_mm = _TORN * np.hypot(by_noise_mm, still_mm) + _UNEVEN_PX * mm_per_px
     if rms_mm > limit_mm:
         return f"residual {rms_mm / mm_per_px:.3f} px rms, at most {limit_mm / mm_per_px:.3f} px is explained"
     return "" if fit.misfit > _UNEXPLAINED else None

@@ -17,6 +17,7 @@ from dic.out_of_plane.plane import Plane
 from dic.strain.displacement import Displacement
 from dic.strain.fit import covariance_of_sums, slopes_of
 from dic.strain.mean_in_blocks import MANY_POINTS, covariances_in_blocks
+from dic.strain.still import StillErrors
 from dic.typing import Float, Mask
 
 _SMOOTH_PX = 0.0004
@@ -51,6 +52,8 @@ class Points:
     """Plane of the specimen's surface in the reference. Displacements are along this plane."""
     seen_from_mm: Float | None = None
     """Shape (3,). The camera's centre in the grid's axes, if it is known better than from the calibration."""
+    still: StillErrors | None = None
+    """Errors that still images show."""
 
     @property
     def before_mm(self) -> Float:
@@ -131,6 +134,12 @@ class Points:
         factors = (weights.reshape(len(weights), -1).T @ terms).reshape(2, weights.shape[2], -1)
         factors = np.concatenate(list(factors), axis=1)
         return np.asarray(factors @ factors.T)
+
+    def still_covariance(self, weights: Float) -> Float:
+        """Return the covariance (p, p) of p weighted sums by the errors that still images show."""
+        if self.still is None:
+            return np.zeros((weights.shape[2],) * 2)
+        return self.still.covariance(self.before_mm, weights)
 
     @property
     def _bias_mm2(self) -> float:

@@ -21,6 +21,8 @@ from dic.out_of_plane.diagnosis import (
 from dic.out_of_plane.motion import Motion
 from dic.out_of_plane.reference_match import match_references
 from dic.out_of_plane.reference_surface import ReferenceSurface
+from dic.out_of_plane.still_images import still_errors
+from dic.out_of_plane.tension import with_still
 from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
 from dic.pipeline.camera import CorrectedCamera
 from dic.pipeline.measured_images import MeasuredImage
@@ -166,7 +168,8 @@ class Corrector:
     """Correct strains for out-of-plane motion, step by step. Memory does not grow with the number of steps.
 
     `calibrations`: the calibration of each camera, by the camera's name. `motions`: the specimen's motion, by
-    the camera's name; None for no correction. `pair`: two cameras that correct together.
+    the camera's name; None for no correction. `pair`: two cameras that correct together. `reference_s`: time
+    of the reference in a run; NaN if it is not known.
     """
 
     def __init__(
@@ -174,8 +177,11 @@ class Corrector:
         calibrations: Mapping[str, Calibration | None],
         motions: Mapping[str, Motion | None],
         pair: tuple[CorrectedCamera, CorrectedCamera] | None = None,
+        reference_s: float = np.nan,
     ) -> None:
-        self._calibrations, self._motions = calibrations, motions
+        self._calibrations, self._motions, self._reference_s = calibrations, motions, reference_s
+        self._static: dict[str, list[tuple[Measurement, float]]] = {name: [] for name in calibrations}
+        self._still = {name: None if motion is None else motion.still for name, motion in motions.items()}
         self._solved: dict[str, Corrections] = {}
         self.pair = None if pair is None else (pair[0].camera, pair[1].camera)
         """Names of the two cameras that are solved together; None if there is no joint solution."""
@@ -185,11 +191,17 @@ class Corrector:
             self._surface = match_references(images, both)
 
     @classmethod
-    def of(cls, cameras: Sequence[CorrectedCamera], motions: Mapping[str, Motion | None]) -> "Corrector":
+    def of(
+        cls,
+        cameras: Sequence[CorrectedCamera],
+        motions: Mapping[str, Motion | None],
+        reference_s: float = np.nan,
+    ) -> "Corrector":
         """Return the corrector of cameras; if the motion is a tension, two of them correct together."""
         kinds = {motion and motion.kind for motion in motions.values()}
         pair = _pair(cameras) if kinds == {"tension"} else None
-        return cls({camera.camera: camera.calibration for camera in cameras}, motions, pair)
+        calibrations = {camera.camera: camera.calibration for camera in cameras}
+        return cls(calibrations, motions, pair, reference_s)
 
     def solve(self, camera: str, measurements: Sequence[Measurement]) -> None:
         """Solve the alignment of a rotation from all images of a camera; each is used several times."""
@@ -216,7 +228,9 @@ class Corrector:
         measurements that `solve` was given.
         """
         measured = {
-            name: image.measurement for name, image in images.items() if image.measurement is not None
+            name: self._with_still(name, number, step, image, image.measurement)
+            for name, image in images.items()
+            if image.measurement is not None
         }
         single = {name: self._single(name, measured[name], places.get(name, 0)) for name in measured}
         joint = self._joint(measured)
@@ -247,6 +261,9 @@ class Corrector:
             findings[name] = (
                 [] if calibration is None else _findings(motion, calibration, means, loads_n, found)
             )
+            still = self._still.get(name)
+            if still is not None and calibration is not None:
+                findings[name].append(still.text(calibration.mm_per_px))
         if self.pair is None or self._surface is None:
             return RunCorrections(motion, single, findings)
         of_both = [step for step in steps if step.joint is not None]
@@ -254,6 +271,23 @@ class Corrector:
         sentences = tension_findings([found.corrections[0] for found in both.values()], _loads_n(of_both))
         joint = JointCorrections(self.pair, both, [self._surface.text, *sentences])
         return RunCorrections(motion, single, findings, joint)
+
+    def _with_still(
+        self, camera: str, number: int, step: RunStep | None, image: MeasuredImage, measured: Measurement
+    ) -> Measurement:
+        """Return a measurement with the errors that still images show, or keep that of a still image."""
+        if step is not None and step.kind == "static":
+            stills = self._static[camera]
+            stills.append((measured, step.time_s - self._reference_s))
+            self._still[camera] = still_errors(stills, self._calibrations[camera], in_seconds=True)
+            return measured
+        still = self._still.get(camera)
+        if still is None:
+            return measured
+        elapsed = float(still.images + number + 1)
+        if still.in_seconds:
+            elapsed = (image.time.time_s or 0.0) if step is None else step.time_s - self._reference_s
+        return replace(measured, still=still.at(elapsed if np.isfinite(elapsed) else 0.0))
 
     def _is_known(self, camera: str) -> bool:
         """Return True if the images of a camera have a correction by now."""
@@ -266,7 +300,7 @@ class Corrector:
         if calibration is None:
             return None
         if camera in self._solved:
-            return self._solved[camera].images[place]
+            return with_still(self._solved[camera].images[place], measurement, calibration)
         if motion is None or not self._is_known(camera):
             motion = Motion()
         return correct([measurement], calibration, motion).images[0]

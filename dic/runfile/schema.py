@@ -12,7 +12,7 @@ Level: TypeAlias = Literal["info", "warning", "error"]
 Moment: TypeAlias = Literal["start", "end"]
 """When the settings of a device were read: before the first image, or at the end of the run."""
 StepKind: TypeAlias = Literal[
-    "grid", "reference", "load", "displacement", "rotation", "creep", "relaxation", "rest"
+    "grid", "reference", "static", "load", "displacement", "rotation", "creep", "relaxation", "rest"
 ]
 FixedFace: TypeAlias = Literal["middle", "back", "front"]
 """What the grips hold in place while the specimen becomes thinner; the cameras see the front."""
