@@ -71,6 +71,8 @@ FIXED_FACE: Any = setting(
     expected=one_of(FACES),
     remedy="give --fixed-face middle for grips that centre the specimen, or leave it out",
     example='"middle"',
+    metavar="FACE",
+    read=str,
     among=(None, *FACES),
 )
 
