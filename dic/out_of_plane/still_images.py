@@ -24,7 +24,7 @@ from dic.strain.measurement import Measurement
 from dic.strain.still import COEFFICIENTS, StillErrors, orthogonal_polynomials
 from dic.typing import Float
 
-_GRID = np.append(0.0, np.geomspace(0.05, 1e6, 60))
+_GRID = np.append(0.0, np.geomspace(0.05, 1e8, 75))
 """Possible variances of the errors, divided by the variance that the images' noise causes."""
 
 _DRIFTS = 0.8
