@@ -21,11 +21,11 @@ from dic.out_of_plane.diagnosis import (
 from dic.out_of_plane.motion import Motion
 from dic.out_of_plane.reference_match import match_references
 from dic.out_of_plane.reference_surface import ReferenceSurface
-from dic.out_of_plane.still_images import still_errors
 from dic.out_of_plane.tension import with_still
 from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
 from dic.pipeline.camera import CorrectedCamera
 from dic.pipeline.measured_images import MeasuredImage
+from dic.pipeline.still_steps import StillSteps
 from dic.runfile.reader import RunStep
 from dic.strain.measurement import Measurement
 from dic.strain.strain import MeanStrain
@@ -179,9 +179,8 @@ class Corrector:
         pair: tuple[CorrectedCamera, CorrectedCamera] | None = None,
         reference_s: float = np.nan,
     ) -> None:
-        self._calibrations, self._motions, self._reference_s = calibrations, motions, reference_s
-        self._static: dict[str, list[tuple[Measurement, float]]] = {name: [] for name in calibrations}
-        self._still = {name: None if motion is None else motion.still for name, motion in motions.items()}
+        self._calibrations, self._motions = calibrations, motions
+        self._still = StillSteps(calibrations, motions, reference_s)
         self._solved: dict[str, Corrections] = {}
         self.pair = None if pair is None else (pair[0].camera, pair[1].camera)
         """Names of the two cameras that are solved together; None if there is no joint solution."""
@@ -228,7 +227,7 @@ class Corrector:
         measurements that `solve` was given.
         """
         measured = {
-            name: self._with_still(name, number, step, image, image.measurement)
+            name: self._still.measured(name, number, step, image, image.measurement)
             for name, image in images.items()
             if image.measurement is not None
         }
@@ -261,9 +260,7 @@ class Corrector:
             findings[name] = (
                 [] if calibration is None else _findings(motion, calibration, means, loads_n, found)
             )
-            still = self._still.get(name)
-            if still is not None and calibration is not None:
-                findings[name].append(still.text(calibration.mm_per_px))
+            findings[name] += self._still.findings(name)
         if self.pair is None or self._surface is None:
             return RunCorrections(motion, single, findings)
         of_both = [step for step in steps if step.joint is not None]
@@ -271,23 +268,6 @@ class Corrector:
         sentences = tension_findings([found.corrections[0] for found in both.values()], _loads_n(of_both))
         joint = JointCorrections(self.pair, both, [self._surface.text, *sentences])
         return RunCorrections(motion, single, findings, joint)
-
-    def _with_still(
-        self, camera: str, number: int, step: RunStep | None, image: MeasuredImage, measured: Measurement
-    ) -> Measurement:
-        """Return a measurement with the errors that still images show, or keep that of a still image."""
-        if step is not None and step.kind == "static":
-            stills = self._static[camera]
-            stills.append((measured, step.time_s - self._reference_s))
-            self._still[camera] = still_errors(stills, self._calibrations[camera], in_seconds=True)
-            return measured
-        still = self._still.get(camera)
-        if still is None:
-            return measured
-        elapsed = float(still.images + number + 1)
-        if still.in_seconds:
-            elapsed = (image.time.time_s or 0.0) if step is None else step.time_s - self._reference_s
-        return replace(measured, still=still.at(elapsed if np.isfinite(elapsed) else 0.0))
 
     def _is_known(self, camera: str) -> bool:
         """Return True if the images of a camera have a correction by now."""
