@@ -51,11 +51,14 @@ def shown_shift(
     height_mm : float
         Height of the camera above the specimen's plane.
     """
-    strains, directions = np.linalg.eigh((gradient + gradient.T) / 2)
+    # A rotation is no strain, so the stretches are used, of which the larger one comes first.
+    now, stretches, before = np.linalg.svd(gradient + np.eye(2))
+    strains = stretches - 1.0
+    rows = np.array([np.outer(now[:, k], before[k]).ravel() for k in (0, 1)])
     found = []
     # A stretched specimen has its load along the larger strain, and a compressed one along the smaller.
-    for along in (1, 0):
-        common, std, elastic = _common(strains, directions, covariance, poisson_ratio, along)
+    for along in (0, 1):
+        common, std, elastic = _common(strains, rows, covariance, poisson_ratio, along)
         if elastic <= _ELASTIC:
             limit = _CLEAR * hypot(std, expected_mm / height_mm)
             found.append(ShownShift(height_mm * common, height_mm * std, abs(common) > limit))
@@ -63,13 +66,15 @@ def shown_shift(
 
 
 def _common(
-    strains: Float, directions: Float, covariance: Float, nu: float, along: int
+    strains: Float, rows: Float, covariance: Float, nu: float, along: int
 ) -> tuple[float, float, float]:
-    """Return s, its standard deviation, and the strain along the load; `along` is its index."""
+    """Return s, its standard deviation, and the strain along the load; `along` is its index.
+
+    `rows`, shape (2, 4): derivatives of the principal strains with respect to the gradient's elements.
+    """
     across = 1 - along
     common = float(nu * strains[along] + strains[across]) / (1.0 + nu)
     elastic = float(strains[along]) - common
-    rows = np.array([np.outer(direction, direction).ravel() for direction in directions.T])
     weights = (nu * rows[along] + rows[across]) / (1.0 + nu)
     # Plastic flow contracts the specimen more than Poisson's ratio does.
     yielded, part, part_std = elastic_part(abs(elastic))

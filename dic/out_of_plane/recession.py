@@ -23,8 +23,9 @@ def without_thinning(
     if shift.thickness_mm is None:
         return fit, {}
     height_mm = float(fit.plane.to_axes(centre_mm)[2])
+    strain_std = float(np.sqrt(np.diag(fit.covariance)[[0, 3]].max()))
     gradient, shift_mm, gain, error = receded(
-        fit.gradient, poisson_ratio, shift.thickness_mm, shift.fixed_face, height_mm
+        fit.gradient, poisson_ratio, shift.thickness_mm, shift.fixed_face, height_mm, strain_std
     )
     parts = {name: gain @ part @ gain.T for name, part in fit.parts.items()}
     parts["shift"] = parts["shift"] + np.outer(error, error)

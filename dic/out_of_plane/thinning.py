@@ -6,10 +6,11 @@ e. Let e1 and e2 be the logarithmic principal strains in the plane, with e1 alon
 Poisson's ratio. An elastic specimen has e = -ν e1. Plastic flow keeps the volume, so a specimen whose strain
 e1 has the elastic part y has e = -(e1 + e2) + (1 - 2 ν) y. This holds for any plastic anisotropy. The yield
 point is not known. So both cases are weighed by the probability that a metal yields below the strain e1, and
-the difference between the cases enters the standard deviation.
+the difference between the cases enters the standard deviation. Poisson's ratio is known only roughly. If the
+measured strains are accurate enough, their ratio improves it.
 """
 
-from math import erfc, exp, expm1, hypot, log, sqrt
+from math import erfc, exp, expm1, hypot, inf, log, sqrt
 
 import numpy as np
 
@@ -41,11 +42,16 @@ _STEP = 1e-6
 _ROUNDS, _CLOSE_MM = 50, 1e-9
 
 
-def thickness_strain(gradient: Float, poisson_ratio: float) -> tuple[float, float]:
-    """Return the strain of the thickness, and its standard deviation, for a displacement gradient (2, 2)."""
+def thickness_strain(gradient: Float, poisson_ratio: float, strain_std: float = inf) -> tuple[float, float]:
+    """Return the strain of the thickness, and its standard deviation, for a displacement gradient (2, 2).
+
+    `strain_std`: standard deviation of the strains, among them of an equal error of both. If it is small, the
+    ratio of the strains improves Poisson's ratio.
+    """
     strains = np.log(np.linalg.svd(gradient + np.eye(2), compute_uv=False))
     along, across = sorted(strains.tolist(), key=abs, reverse=True)
-    elastic, elastic_std = -poisson_ratio * along, RATIO_STD * along
+    ratio, ratio_std = _elastic_ratio(along, across, poisson_ratio, strain_std)
+    elastic, elastic_std = -ratio * along, ratio_std * along
     yielded, part, part_std = elastic_part(abs(along))
     volume = (1.0 - 2.0 * poisson_ratio) * part * (1.0 if along > 0.0 else -1.0)
     plastic = -(along + across) + volume
@@ -54,6 +60,19 @@ def thickness_strain(gradient: Float, poisson_ratio: float) -> tuple[float, floa
     variance = (1.0 - yielded) * elastic_std**2 + yielded * plastic_std**2
     variance += yielded * (1.0 - yielded) * (plastic - elastic) ** 2
     return expm1(mean), exp(mean) * sqrt(variance)
+
+
+def _elastic_ratio(
+    along: float, across: float, poisson_ratio: float, strain_std: float
+) -> tuple[float, float]:
+    """Return Poisson's ratio and its standard deviation, from the expected ratio and from that of strains."""
+    if along == 0.0 or strain_std == inf:
+        return poisson_ratio, RATIO_STD
+    measured_std = (1.0 + poisson_ratio) * strain_std / abs(along)
+    share = RATIO_STD**2 / (RATIO_STD**2 + measured_std**2)
+    # Farther away the specimen is not elastic.
+    farther = min(max(-across / along - poisson_ratio, -3.0 * RATIO_STD), 3.0 * RATIO_STD)
+    return poisson_ratio + share * farther, RATIO_STD * sqrt(1.0 - share)
 
 
 def elastic_part(strain: float) -> tuple[float, float, float]:
@@ -78,19 +97,25 @@ def _normal(d: float) -> float:
 
 
 def recession_mm(
-    gradient: Float, poisson_ratio: float, thickness_mm: float, face: str | None
+    gradient: Float, poisson_ratio: float, thickness_mm: float, face: str | None, strain_std: float = inf
 ) -> tuple[float, float]:
     """Return the shift of the surface towards the camera by thinning, and its standard deviation, mm.
 
     `gradient`, shape (2, 2): displacement gradient. `face`: the face that the grips hold, or None.
+    `strain_std`: as for `thickness_strain`.
     """
-    strain, std = thickness_strain(gradient, poisson_ratio)
+    strain, std = thickness_strain(gradient, poisson_ratio, strain_std)
     share, share_std = FACES[face]
     return share * thickness_mm * strain, thickness_mm * hypot(share * std, share_std * strain)
 
 
 def receded(
-    gradient: Float, poisson_ratio: float, thickness_mm: float, face: str | None, height_mm: float
+    gradient: Float,
+    poisson_ratio: float,
+    thickness_mm: float,
+    face: str | None,
+    height_mm: float,
+    strain_std: float = inf,
 ) -> tuple[Float, float, Float, Float]:
     """Return the gradient of a specimen whose surface moved away from the camera by its own thinning.
 
@@ -105,6 +130,8 @@ def receded(
         As for `recession_mm`.
     height_mm : float
         Height of the camera above the specimen's plane.
+    strain_std : float
+        As for `thickness_strain`.
 
     Returns
     -------
@@ -118,7 +145,7 @@ def receded(
     """
 
     def shift_of(new: Float) -> tuple[float, float]:
-        return recession_mm(new, poisson_ratio, thickness_mm, face)
+        return recession_mm(new, poisson_ratio, thickness_mm, face, strain_std)
 
     measured = gradient + np.eye(2)
     shift_mm = 0.0

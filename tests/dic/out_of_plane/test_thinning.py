@@ -85,6 +85,17 @@ def test_elastic_strain_of_a_thick_specimen_is_corrected():
     assert found.as_dict()["thinning_um"] == pytest.approx(-6e3 * NU * 0.002, rel=0.02)
 
 
+def test_modulus_and_poissons_ratio_of_a_thick_specimen_are_those_of_the_material():
+    # The ratio of the material is not the expected one, and its strains tell so.
+    nu, loads = 0.29, np.array([0.0005, 0.0012, 0.002])
+    means = [
+        corrected(stretched(e, 6.0, "back", nu=nu), Shift(0.0, None, 6.0, "back"))[0].mean for e in loads
+    ]
+    along, across = (np.polyfit(loads, [getattr(m, name) for m in means], 1)[0] for name in ("eyy", "exx"))
+    assert along == pytest.approx(np.polyfit(loads, loads + loads**2 / 2, 1)[0], rel=0.01)
+    assert -across / along == pytest.approx(nu, rel=0.04)
+
+
 def test_a_face_that_is_not_known_enters_the_standard_deviation():
     for face in SHARE:
         found, error = corrected(stretched(0.1, 4.0, face), Shift(0.0, None, 4.0, None))
@@ -109,6 +120,10 @@ def test_a_contraction_that_contradicts_the_shift_is_told_and_covered():
     assert "in 1 of 1 images" in sentence
     agreeing, _ = corrected(stretched(0.002, 1.0, "front"), Shift.of(5.0, None))
     assert contraction_findings([agreeing]) == []
+    turn, (along, across, _) = np.radians(1.5), stretches(0.002)
+    c, s = np.cos(turn), np.sin(turn)
+    turned = State(F=np.array([[c, -s], [s, c]]) @ np.diag([across, along]))
+    assert contraction_findings([corrected(turned, Shift.of(1.0, None))[0]]) == []
     yielded, _ = corrected(stretched(0.02, 1.0, "front"), Shift.of(5.0, None))
     assert contraction_findings([yielded]) == []
 
