@@ -8,9 +8,18 @@ from dic.out_of_plane.contraction import shown_shift
 from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.thinning import receded
 from dic.out_of_plane.tilt import TiltFit
+from dic.out_of_plane.uncertainty import Points
 from dic.typing import Float
 
 _UM = 1e3
+
+
+def with_travel(fit: TiltFit, shift: Shift, points: Points) -> TiltFit:
+    """Return a fit whose errors contain the shift that is expected for the corrected strain."""
+    if not shift.grows:
+        return fit
+    larger = (shift.during(points, fit.gradient).std_um / shift.std_um) ** 2
+    return replace(fit, parts={**fit.parts, "shift": larger * fit.parts["shift"]})
 
 
 def without_thinning(

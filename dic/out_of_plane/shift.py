@@ -54,21 +54,23 @@ class Shift:
         used_um = default_um if std_um is None else float(std_um)
         return cls(used_um, hinge_mm, thickness_mm, fixed_face, std_um is None)
 
-    def during(self, points: Points) -> "Shift":
-        """Return the shift that is expected for the displacements of these points.
+    def during(self, points: Points, gradient: Float) -> "Shift":
+        """Return the shift that is expected for the displacements of these points, and a gradient (2, 2).
 
-        The default standard deviation grows with the motion of the grips, and with the thinning of a specimen
-        whose thickness is not known.
+        The default standard deviation grows with the thinning of a specimen whose thickness is not known, and
+        with the travel of grips without a hinge.
         """
         if not self.grows:
             return self
-        gradient = points.mean_gradient
-        way_mm = float(np.hypot(*(points.after_mm - points.before_mm).mean(axis=0)))
-        strain = abs(strain_along(gradient, main_direction(gradient))[0])
-        std_mm = np.hypot(self.std_mm, TRAVEL_SHARE * (way_mm + GRIP_MM * strain))
+        std_mm = self.std_mm
+        if self.hinge_mm is None:
+            way_mm = float(np.hypot(*(points.after_mm - points.before_mm).mean(axis=0)))
+            strain = abs(strain_along(gradient, main_direction(gradient))[0])
+            std_mm = float(np.hypot(std_mm, TRAVEL_SHARE * (way_mm + GRIP_MM * strain)))
         if self.thickness_mm is None:
-            std_mm = np.hypot(std_mm, self.thinned_mm(gradient))
-        return replace(self, std_um=1e3 * float(std_mm), grows=False)
+            # At small strain the other shifts exceed that by thinning.
+            std_mm = max(std_mm, self.thinned_mm(gradient))
+        return replace(self, std_um=1e3 * std_mm, grows=False)
 
     def thinned_mm(self, gradient: Float) -> float:
         """Return the root mean square shift that thinning causes at a displacement gradient (2, 2)."""

@@ -83,7 +83,8 @@ def open_parts(points: Points, shift: Shift) -> tuple[Float, dict[str, Float]]:
         CameraSight(points.before_mm, points.after_mm, pinhole.centre_mm),
         gradient_weights(points.before_mm),
     )
-    gradient, shift = points.mean_gradient, shift.during(points)
+    gradient = points.mean_gradient
+    shift = shift.during(points, gradient)
     thinned_mm = 0.0 if shift.thickness_mm is None else shift.thinned_mm(gradient)
     own = fields(sight, Plane(), gradient, 0.0, np.array([1.0, 0.0]), shift.per_slope_mm)
     false = weighted_sums(weights, own)

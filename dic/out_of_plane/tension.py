@@ -16,7 +16,7 @@ from dic.out_of_plane.causes import CameraSight, curved
 from dic.out_of_plane.correction import Correction, points_of
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
 from dic.out_of_plane.reasons import turned_camera_reason, uncertain_mounting, uneven_reason
-from dic.out_of_plane.recession import covering_contraction, without_thinning
+from dic.out_of_plane.recession import covering_contraction, with_travel, without_thinning
 from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.strain_parts import StrainParts, open_parts
 from dic.out_of_plane.tilt import TiltFit, fit_tilt, suspect
@@ -73,7 +73,6 @@ def correct_tilt(
     objection = _unsuitable(measurement, points)
     if objection is not None:
         return declined("tilt", measurement, calibration, objection, shift, poisson_ratio)
-    shift = shift.during(points)
     fit = fit_tilt(points, pinhole.centre_mm, poisson_ratio, shift)
     local = _unexplained(fit, points, calibration.mm_per_px)
     if local is not None:
@@ -81,6 +80,7 @@ def correct_tilt(
         half_width_mm = float(np.abs(points.before_mm - points.before_mm.mean(axis=0)).max())
         reason = uneven_reason(fit.misfit, _UNEXPLAINED, suspicion, half_width_mm, local)
         return declined("tilt", measurement, calibration, reason, shift, poisson_ratio)
+    fit = with_travel(fit, shift, points)
     fit, numbers = without_thinning(fit, shift, poisson_ratio, pinhole.centre_mm)
     height_mm = float(fit.plane.to_axes(pinhole.centre_mm)[2])
     parts, shown = covering_contraction(fit.gradient, fit.parts, poisson_ratio, height_mm)

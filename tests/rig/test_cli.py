@@ -42,7 +42,8 @@ def test_tension_runs_from_protocol_to_a_verified_run_file(tmp_path):
     assert (done.status, done.err) == (0, "")
     table = done.report
     assert table["status"] == "completed"
-    assert [step["kind"] for step in table["steps"][:3]] == ["grid", "reference", "load"]
+    kinds = [step["kind"] for step in table["steps"][:5]]
+    assert kinds == ["grid", "reference", "static", "static", "load"]
     for step in table["steps"]:
         tolerance = {"load": 20.0, "displacement": 0.002}.get(step["kind"])
         if tolerance:
