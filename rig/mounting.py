@@ -2,6 +2,7 @@
 
 from pydantic import Field, field_validator
 
+from dic.runfile.schema import FixedFace
 from drivers.settings import Settings
 
 _FARTHEST_MM = 1e4
@@ -27,6 +28,9 @@ class Mounting(Settings):
         ge=0.0,
         le=1e4,
         description="standard deviation of the specimen's shift towards the camera since the reference",
+    )
+    fixed_face: FixedFace | None = Field(
+        default=None, description="what the grips hold in place while the specimen becomes thinner"
     )
 
     @field_validator("tilt_axis_mm", mode="after")
@@ -55,6 +59,7 @@ class Mounting(Settings):
             *([] if self.plate_mm is None else [f"surface {self.plate_mm:g} mm behind the grid's lines"]),
             *([] if hinge is None else [f"hinge of the grips at {hinge[0]:g}, {hinge[1]:g} mm"]),
             *([] if self.shift_std_um is None else [f"shift known to {self.shift_std_um:g} µm"]),
+            *([] if self.fixed_face is None else [f"grips hold the specimen's {self.fixed_face}"]),
         ]
 
     def over(self, other: "Mounting") -> "Mounting":

@@ -19,7 +19,7 @@ from dic.runfile.lock import is_recorded
 from dic.runfile.reader import RunFile
 from rig.devices import Rig
 from rig.errors import ProtocolError, RigError
-from rig.protocol.protocol import Protocol
+from rig.protocol.protocol import Protocol, recorded_protocol
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder.records import PHASE_ENDED, STEP_REACHED
 
@@ -39,6 +39,7 @@ class FinishedPart:
     """The finished part of a run."""
 
     path: Path
+    protocol: Protocol  # the protocol that the earlier run followed
     # the identity of the run, and the SHA-256 of its whole file
     run_id: str
     sha256: str
@@ -67,7 +68,7 @@ class FinishedPart:
         )
 
 
-def read_earlier(path: Path, protocol: Protocol, definition: str, configuration: str) -> FinishedPart:
+def read_earlier(path: Path, definition: str, configuration: str) -> FinishedPart:
     """Read and verify the finished part of a run.
 
     `path` is the file of the earlier run, which was aborted, failed, or was killed and repaired. `definition`
@@ -100,6 +101,8 @@ def read_earlier(path: Path, protocol: Protocol, definition: str, configuration:
                     "another text",
                     f"give the {what} unchanged; the run file has a copy of its text",
                 )
+        # Runs of earlier versions have no still images.
+        protocol = recorded_protocol(definition, [step.kind for step in run.steps])
         readings = _finished(run)
         following = _following(protocol, readings)
         if 1 not in readings or following is None:
@@ -115,7 +118,8 @@ def read_earlier(path: Path, protocol: Protocol, definition: str, configuration:
                 end |= {name: float(table[name][-1]) for name in end if name in table and len(table[name])}
         digest = file_sha256(path)
         last = RigReading(0.0, end["load_n"], end["displacement_mm"], end["angle_deg"])
-        return FinishedPart(path, run.info.run_id, digest, readings, following, last, identities)
+        known = digest, readings, following, last, identities
+        return FinishedPart(path, protocol, run.info.run_id, *known)
 
 
 def require_unchanged(earlier: FinishedPart, protocol: Protocol, rig: Rig) -> RigReading:

@@ -98,8 +98,8 @@ def run_protocol(
         If the run cannot begin. No device has moved before such an error.
     """
     files, run_path = _read_both(protocol_path, rig_path), Path(run_path)
-    protocol = files.protocol
     earlier = None if continues is None else _read_earlier_run(Path(continues), files, run_path)
+    protocol = files.protocol if earlier is None else earlier.protocol
     if aside := make_room(run_path):
         news.say(f"{run_path} is a run that recorded nothing; it is kept as {aside}")
     facts = facts_of_file(files.rig_file)
@@ -133,7 +133,7 @@ def run_protocol(
 
 def _read_earlier_run(path: Path, files: _ReadFiles, run_path: Path) -> FinishedPart:
     """Read the earlier run, and require that the new run file is in the same folder."""
-    earlier = read_earlier(path, files.protocol, files.definition, files.rig_file.text)
+    earlier = read_earlier(path, files.definition, files.rig_file.text)
     require_same_folder(earlier, run_path)
     return earlier
 

@@ -34,7 +34,8 @@ _OF_TABLES = {"strain": TEXT, "transverse": TEXT, "gauge_length_mm": NUMBER}
 _OF_RESULTS = {
     **dict.fromkeys(("gauges", "gauge", "transverse_gauge", "kind", "camera"), TEXT),
     **dict.fromkeys(("record", "join", "image_column"), TEXT),
-    **dict.fromkeys(("image_interval_s", "offset_s"), NUMBER),
+    **dict.fromkeys(("image_interval_s", "offset_s", "offset_std_s"), NUMBER),
+    **dict.fromkeys(("clock_rate", "clock_rate_std_percent"), NUMBER),
 }
 _OWN = {"name": TEXT, "file": TEXT}
 _PATHS = ("gauges", "record")
@@ -257,6 +258,9 @@ def _source(place: str, file: _File, values: Mapping[str, Any]) -> CurveColumns 
     given = {key: values[key] for key in keys if key in values}
     given |= {key: file.folder / given[key] for key in _PATHS if key in given}
     if file.from_results:
+        # A value that is given without a standard deviation is exact.
+        for key, std in (("offset_s", "offset_std_s"), ("clock_rate", "clock_rate_std_percent")):
+            given |= {std: 0.0} if key in given and std not in given else {}
         return GaugeChoice(**given)
     without = [key for key in ("load", "strain") if key not in given]
     if without:

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dic.campaigns.campaign import Campaign, SpecimenTest, campaign_of, require_direction
-from dic.derived.gauge_record import ImageClock, gauge_curve, join_record
+from dic.derived.gauge_record import gauge_curve, join_record
 from dic.derived.gauge_series import measure_gauges
+from dic.derived.image_clock import ImageClock
 from dic.derived.whole_field import whole_field_gauges
 from dic.errors import CurveError, MeasurementError, joined
 from dic.files.digest import file_sha256
@@ -14,7 +15,6 @@ from dic.gauges.file import read_gauges
 from dic.properties.curve import read_curve
 from dic.properties.properties import Properties, material_properties
 from dic.properties.settings import PropertySettings
-from dic.properties.shared_error import with_shared_error
 from dic.records.machine import read_machine_record
 
 
@@ -74,8 +74,8 @@ class GaugeChoice:
     join : str
         "row", "name" or "time", as for `join_record`.
     image_interval_s : float or None
-    offset_s : float
-        Time of the machine minus time of the image.
+    offset_s, offset_std_s, clock_rate, clock_rate_std_percent
+        The machine's clock, as for `ImageClock`.
     """
 
     gauges: Path | None = None
@@ -89,7 +89,10 @@ class GaugeChoice:
     image_column: str | None = None
     join: str = "row"
     image_interval_s: float | None = None
-    offset_s: float = 0.0
+    offset_s: float | None = 0.0
+    offset_std_s: float | None = None
+    clock_rate: float | None = 1.0
+    clock_rate_std_percent: float | None = None
 
     def measure(self, file: Path, settings: PropertySettings) -> Evaluated:
         """Return the evaluation of the test whose result file is `file`."""
@@ -107,11 +110,11 @@ class GaugeChoice:
                     str(self.record), "load", "the column of the load and its unit", "none", remedy
                 )
             record = read_machine_record(self.record, load=self.load, time=self.time, image=self.image_column)
-            clock = ImageClock(self.image_interval_s, None, self.offset_s)
+            stds = self.offset_std_s, self.clock_rate_std_percent
+            clock = ImageClock(self.image_interval_s, None, self.offset_s, stds[0], self.clock_rate, stds[1])
             series, _ = join_record(series, record, self.join, clock=clock, gauge=gauge)
         read = gauge_curve(series, gauge, transverse, kind=self.kind, camera=self.camera)
-        found = material_properties(read.curve, settings)
-        found = with_shared_error(found, read.shared_std, read.shared_transverse, read.followed)
+        found = read.judged(material_properties(read.curve, settings))
         return Evaluated(found, read.kind, read.left_out)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +61,7 @@ class Given:
             self.outputs.gauges,
             self.references.settings,
             self.start.motion,
+            self.start.require_static,
             lambda: self.alignment.require_rotation(self.assumed.values["kind"]),
         )
         return correlation, strain, motion, maps, gauges
@@ -97,8 +98,15 @@ def correlate(reference: Path, deformed: tuple[Path, ...], given: Given) -> None
     settings, how, known, drawn, gauges = given.settings()
     region, outputs, calibration_file = given.region, given.outputs, given.start.calibration_file
     sources = dic.pipeline.SeriesSources.of(reference, deformed or None)
+    static = given.start.still_images()
     files = outputs.files(sources.images, gauges, given.maps)
-    known_files = [calibration_file, *region.files(), given.alignment.alignment_file, outputs.gauges_file]
+    known_files = [
+        *static,
+        calibration_file,
+        *region.files(),
+        given.alignment.alignment_file,
+        outputs.gauges_file,
+    ]
     known_files.append(used_settings_file())
     written = [outputs.json_file, given.alignment.save_alignment, *region.outputs(), *files.all()]
     outputs.require_places([*sources.files, *known_files], written, files.folders)
@@ -112,6 +120,9 @@ def correlate(reference: Path, deformed: tuple[Path, ...], given: Given) -> None
         set_up.require_use(series.shape)
         if series.specimen is not None and not series.specimen.is_whole:
             say(str(series.specimen))
+        if static and set_up.motion is not None:
+            still = dic.pipeline.static_errors(series, static, set_up.calibration, times=of_files.times)
+            set_up = replace(set_up, motion=replace(set_up.motion, still=still))
         places = SeriesPlaces(files, drawn, outputs.decimal_comma)
         work = SeriesEvaluation(image, [str(path) for path in sources.images], settings, set_up, places)
         place, inputs = outputs.place(written), [outputs.fields_from, *known_files]

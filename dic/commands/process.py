@@ -56,7 +56,12 @@ class RunAlignmentOptions:
 @reference_options
 @strain_options
 @region_options
-@use("assumed", CorrectionSettings, title="Motion", only=("poisson_ratio", "shift_std_um", "tilt_axis_mm"))
+@use(
+    "assumed",
+    CorrectionSettings,
+    title="Motion",
+    only=("poisson_ratio", "shift_std_um", "tilt_axis_mm", "thickness_mm", "fixed_face"),
+)
 @use("motion", RunAlignmentOptions)
 @use("outputs", RunOutputOptions, needs=COMMA_NEEDS)
 def process(

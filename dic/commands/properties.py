@@ -149,10 +149,7 @@ def properties(
         series, gauge, joined = field.read(curve, record, columns.load, columns.time, choice.camera)
         across = field.transverse_gauge
         read = dic.derived.gauge_curve(series, gauge, across, kind=choice.strain_kind, camera=choice.camera)
-        found = dic.material_properties(read.curve, settings)
-        found = dic.properties.with_shared_error(
-            found, read.shared_std, read.shared_transverse, read.followed
-        )
+        found = read.judged(dic.material_properties(read.curve, settings))
         images = read.curve.measured
         content |= {"strain_kind": read.kind, "images": images, "left_out": read.left_out}
         content |= {} if joined is None else {"record": joined.as_dict()}
@@ -201,6 +198,8 @@ def _say_all(found: dic.properties.Properties) -> None:
         say(f"{symbol:<6}{value.value:>9.{digits}f}{std}{unit}")
         for flag in value.flags:
             say(f"{'':<17}{flag}")
+    if found.join_text:
+        say(found.join_text)
     if found.not_counted:
         say(f"± is one standard deviation, without that of: {', '.join(found.not_counted)}")
     for flag in found.flags:

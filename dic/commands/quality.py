@@ -171,6 +171,7 @@ def text(figures: dict[str, Any]) -> str:
     return "\n".join(
         [
             f"  speckles  {number('speckle_x_px', 1)} px along x, {number('speckle_y_px', 1)} px along y",
+            *_repetition(figures),
             f"  light     contrast {number('contrast', 2)}; clipped {figures['dark_share']:.2%} dark,"
             f" {figures['bright_share']:.2%} bright; mean gradient {number('mean_gradient', 1)} per px",
             f"  focus     edges blurred by {number('blur_px', 2)} px, worst {number('worst_blur_px', 2)} px",
@@ -183,6 +184,16 @@ def text(figures: dict[str, Any]) -> str:
             f"  advice    {recommended} for {figures['wanted_px']:g} px",
         ]
     )
+
+
+def _repetition(figures: dict[str, Any]) -> list[str]:
+    """Return a line about a pattern that repeats; no line about other patterns."""
+    if (found := figures["repetition"]) is None:
+        return []
+    pairs = zip(found["periods_px"], found["directions_deg"], strict=True)
+    periods = " and ".join(f"{period:.1f} px at {direction:.0f}°" for period, direction in pairs)
+    how = "irregular enough to be measured" if found["told_apart"] else "one period looks like the next"
+    return [f"  repeats   every {periods}; {how}"]
 
 
 def _interpolation(figures: dict[str, Any]) -> list[str]:

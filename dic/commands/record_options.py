@@ -47,16 +47,28 @@ class RecordOptions:
     image_time: str | None = option(
         "--image-time", metavar="COLUMN:UNIT", help="Column of the times in that table."
     )
-    offset_s: str = option(
+    offset_s: str | None = option(
         "--offset-s",
-        default="0",
         metavar="NUMBER|auto",
-        help="Machine's time minus image's time; auto finds it from load and strain.",
+        help="Machine's time minus image's time; auto finds it from load and strain. Default: 0, up to one"
+        " interval between images wrong.",
+    )
+    offset_std_s: float | None = option(
+        "--offset-std-s", help="Standard deviation of the offset. Default: a given offset is exact."
+    )
+    clock_rate: str | None = option(
+        "--clock-rate",
+        metavar="NUMBER|auto",
+        help="Seconds of the machine's clock in one of the images' clock; auto finds it from load and strain."
+        " Default: 1, up to 1 % wrong.",
+    )
+    clock_rate_std_percent: float | None = option(
+        "--clock-rate-std-percent", help="Standard deviation of this rate, %. Default: a given rate is exact."
     )
     offset_gauge: str | None = option(
         "--offset-gauge",
         metavar="NAME",
-        help="Gauge along the specimen for --offset-s auto. Default: the first that is not transverse.",
+        help="Gauge along the specimen for auto. Default: the first that is not transverse.",
     )
 
     @property
@@ -89,24 +101,24 @@ class RecordOptions:
         if join in ("name", "row"):
             times = {"--image-interval-s": self.image_interval_s, "--image-times": self.image_times}
             idle = {option: value is not None for option, value in times.items()}
-            idle |= {"--offset-s": self.offset_s != "0", "--offset-gauge": self.offset_gauge is not None}
+            clock = ("offset_s", "offset_std_s", "clock_rate", "clock_rate_std_percent", "offset_gauge")
+            idle |= {f"--{name.replace('_', '-')}": getattr(self, name) is not None for name in clock}
         if self.image_times is None:
             idle["--image-time"] = self.image_time is not None
             idle["--image-column"] = self.image_column is not None and join != "name"
-        idle.setdefault("--offset-gauge", self.offset_gauge is not None and self.offset_s != _FOUND)
+        found = _FOUND in (self.offset_s, self.clock_rate)
+        idle.setdefault("--offset-gauge", self.offset_gauge is not None and not found)
         for name in [name for name, given in idle.items() if given]:
             needs = {
-                "--offset-gauge": "--offset-s auto and --join time",
+                "--offset-gauge": "--offset-s auto or --clock-rate auto, and --join time",
                 "--image-time": "--image-times",
                 "--image-column": "--join name or --image-times",
             }.get(name, "--join time")
             raise CurveError("settings", name, needs, f"--join {join}", f"leave out {name}")
 
     def require_none(self, expected: str, **others: object) -> None:
-        """Raise an error if one of these options or of `others` is given; an offset "0" is allowed."""
-        usual = {"offset_s": "0", "record_file": None}
-        given = others | {name: value for name, value in vars(self).items() if value != usual.get(name)}
-        for name, value in given.items():
+        """Raise an error if one of these options or of `others` is given."""
+        for name, value in (others | vars(self)).items():
             if value is not None:
                 option = "--record" if name == "record_file" else f"--{name.replace('_', '-')}"
                 remedy = f"name the machine's record with --record, or leave out {option}"
@@ -133,16 +145,27 @@ class RecordOptions:
             times_s = dic.records.read_image_times(
                 self.image_times, image=self.image_column, time=self.image_time
             )
-        return dic.derived.ImageClock(self.image_interval_s, times_s, self._offset_s())
+        offset_s, offset_std_s = _declared("--offset-s", self.offset_s, self.offset_std_s, 0.0)
+        rate, rate_std = _declared("--clock-rate", self.clock_rate, self.clock_rate_std_percent, 1.0)
+        return dic.derived.ImageClock(self.image_interval_s, times_s, offset_s, offset_std_s, rate, rate_std)
 
-    def _offset_s(self) -> float | None:
-        if self.offset_s == _FOUND:
-            return None
-        try:
-            return float(self.offset_s)
-        except ValueError as error:
-            expected, remedy = "a number of seconds, or auto", "give --offset-s 0.2"
-            raise CurveError("settings", "--offset-s", expected, repr(self.offset_s), remedy) from error
+
+def _declared(
+    name: str, text: str | None, std: float | None, usual: float
+) -> tuple[float | None, float | None]:
+    """Return a value that the user declares, or None to find it, and its standard deviation.
+
+    A value that is given without a standard deviation is exact.
+    """
+    if text is None:
+        return usual, std
+    if text == _FOUND:
+        return None, std
+    try:
+        return float(text), std or 0.0
+    except ValueError as error:
+        expected, remedy = "a number, or auto", f"give {name} {usual:g}"
+        raise CurveError("settings", name, expected, repr(text), remedy) from error
 
 
 @options

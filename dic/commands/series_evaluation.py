@@ -99,6 +99,8 @@ class SeriesEvaluation:
         say(self._gauge())
         if calibration is not None and motion is not None and motion.kind == "free":
             say(_UNCORRECTED)
+        if calibration is not None and motion is not None and motion.still is not None:
+            say(motion.still.text(calibration.mm_per_px))
         self._maps = maps = dic.derived.SeriesMaps(self._reference, files.pictures, self._places.drawn)
         gauges = (
             dic.derived.GaugeReader(files.gauges, calibration, self._reference.shape)
@@ -151,6 +153,7 @@ class SeriesEvaluation:
         return {
             "motion": motion.kind,
             "shift": motion.shift.as_dict(),
+            "still": None if motion.still is None else motion.still.as_dict(),
             "alignment": None if self.alignment is None else self.alignment.as_dict(),
             "sensitivity": None if sensitivity is None else vars(sensitivity),
         }

@@ -84,6 +84,24 @@ class StartOptions:
         ' or "degrees,right,down" with a shift in px.',
     )
 
+    static: tuple[str, ...] = option(
+        "--static",
+        multiple=True,
+        metavar="IMAGE",
+        help="Still image of the undeformed specimen before the test, or a folder, pattern or stack of them."
+        " May be repeated. Errors by haze, vibration or a warming camera then enter the standard deviations.",
+    )
+
+    def still_images(self) -> list[Path]:
+        """Return the images of `--static`."""
+        return dic.list_images(*self.static) if self.static else []
+
+    def require_static(self) -> None:
+        """Raise an error if there are still images but no calibration."""
+        if self.static and self.calibration_file is None:
+            expected, remedy = "a calibration, with which strain is corrected", "give --calibration cal.h5"
+            raise CorrelationError("settings", "use still images", expected, "--static without one", remedy)
+
     def hint(self, shape: tuple[int, int]) -> dic.typing.Float | None:
         """Return the expected motion from `--hint` as a homography, or None if the option was not given."""
         motion = self.motion()
@@ -174,7 +192,7 @@ motion_options = use(
     "assumed",
     Motion,
     title="Motion",
-    only=("kind", "poisson_ratio", "shift_std_um", "tilt_axis_mm"),
+    only=("kind", "poisson_ratio", "shift_std_um", "tilt_axis_mm", "thickness_mm", "fixed_face"),
     common=("kind",),
 )
 

@@ -7,10 +7,11 @@ from typing import Any
 
 from dic.commands.strain_table import COMPONENTS, Column, StrainTable, share_text
 
-_OTHERS = ("images", "calibration", "mounting", "model")
+_OTHERS = ("images", "calibration", "mounting", "model", "still")
 """All parts of the standard deviation except the shift; see `dic.out_of_plane.strain_parts`."""
 _LOST_MIN = 0.03
 """A loss of the amplitude of local strain is printed if it is at least this fraction."""
+_THINNING_MIN_UM = 0.1
 _NAME_WIDTH_MAX = 24
 _ROTATION_WIDTH = 8
 
@@ -99,14 +100,26 @@ def corrected_texts(corrected: dict[str, Any]) -> list[str]:
 
     `corrected`: the result of `Correction.as_dict`.
     """
+    notes = _other_shifts(corrected)
     if not corrected["applied"]:
-        return [f"not corrected: {corrected['reason']}"]
+        return [f"not corrected: {corrected['reason']}", *notes]
     slopes = ", ".join(f"{axis} {corrected[f'slope_{axis}_deg']:+z.3f}°" for axis in "xy")
     plane, share = f"slopes {slopes}", _shift_text(corrected)
     if corrected.get("shift_mm") is None:
-        return [f"{plane}; {share}" if share else plane]
+        return [f"{plane}; {share}" if share else plane, *notes]
     shift = f"shift {1e3 * corrected['shift_mm']:+z.1f} ± {1e3 * corrected['shift_mm_std']:.1f} µm"
-    return [f"{plane}, {shift}", *([share] if share else [])]
+    return [f"{plane}, {shift}", *([share] if share else []), *notes]
+
+
+def _other_shifts(corrected: dict[str, Any]) -> list[str]:
+    """Return texts on the shift by thinning, and on a shift that the contraction shows unexpectedly."""
+    texts = []
+    if abs(corrected.get("thinning_um", 0.0)) >= _THINNING_MIN_UM:
+        texts.append(f"the specimen became thinner: shift {corrected['thinning_um']:+z.1f} µm, corrected")
+    if corrected.get("contraction_contradicts"):
+        shown = f"{corrected['contraction_um']:+.0f} ± {corrected['contraction_std_um']:.0f} µm"
+        texts.append(f"the contraction shows an unexpected shift of {shown}, or another Poisson's ratio")
+    return texts
 
 
 def _shift_text(corrected: dict[str, Any]) -> str:
@@ -115,7 +128,7 @@ def _shift_text(corrected: dict[str, Any]) -> str:
         return ""
     shift = 1e6 * corrected["exx_std_shift"]
     others = ", ".join(
-        f"{1e6 * math.sqrt(sum(corrected[f'{name}_std_{part}'] ** 2 for part in _OTHERS)):.0f}"
+        f"{1e6 * math.sqrt(sum(corrected.get(f'{name}_std_{part}', 0.0) ** 2 for part in _OTHERS)):.0f}"
         for name in ("exx", "eyy", "exy")
     )
     return f"± {shift:.0f} µε of exx and eyy is the shift, ± {others} all else"

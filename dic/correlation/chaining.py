@@ -53,7 +53,7 @@ def chain(first: Field, second: Field) -> Field:
     return Field(
         first.x_px, first.y_px, warps, std, zncc, iterations, status, first.active, second.start,
         first.settings, first.updates + 1 + second.updates, first.region, first.grid,
-        first.smoothing_px, first.greatest_bias_px, bias,
+        first.smoothing_px, first.greatest_bias_px, bias, second.repetition or first.repetition,
     )  # fmt: skip
 
 

@@ -9,15 +9,18 @@ from dic.correlation import kernel
 from dic.correlation.consistency import consistent_field
 from dic.correlation.earlier_field import EarlierField
 from dic.correlation.field import Field
-from dic.correlation.initial_guess import checked_homography
+from dic.correlation.initial_guess import checked_homography, homography_warps
 from dic.correlation.laid_rows import LaidReference
+from dic.correlation.period_choice import PeriodChoice, tells_apart
 from dic.correlation.prepared_reference import PreparedReference
+from dic.correlation.repetition import find_repetition, naming_repetition, remark, repeats
 from dic.correlation.seeds import FEWEST_SEEDS, SeedFinder, Seeds, scattered
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.smoothing import chosen_smoothing
 from dic.correlation.solver import Solver
 from dic.correlation.status import Status
 from dic.correlation.turned_image import TurnableImage
+from dic.correlation.twins import Twins, Unlike
 from dic.errors import CorrelationError, require_kind
 from dic.image.given import fixed, fixed_region, grey_levels, kept
 from dic.image.memory import give_back_memory
@@ -51,6 +54,9 @@ class Correlator:
     within : ndarray of bool, shape (height, width), optional
         Limits the points of interest, but not the pixels of their subsets, to a part of the region or of the
         specimen.
+    hint_decides : bool
+        True if a hint may decide between the periods of a pattern that repeats. The hint must then be right
+        within a fraction of the period.
     threads : int
         Number of threads. 0 means one thread for each processor.
     copy : bool
@@ -63,6 +69,8 @@ class Correlator:
         The region of interest: the given region or the specimen, within `within`. The mask is read-only.
     specimen : Specimen or None
         The specimen that was found; None if a region was given.
+    repetition : Repetition or None
+        How the pattern repeats; None if it does not.
     smoothing : Smoothing
         The filter that is applied to all images before they are interpolated.
 
@@ -80,6 +88,7 @@ class Correlator:
         *,
         clip: bool = True,
         within: Mask | None = None,
+        hint_decides: bool = True,
         threads: int = 0,
         copy: bool = True,
     ) -> None:
@@ -92,7 +101,8 @@ class Correlator:
         threads = threads or processors()
         self.specimen: Specimen | None = None
         if region is None:
-            self.specimen = find_specimen(grey, settings.subset_px, within)
+            with naming_repetition(grey):
+                self.specimen = find_specimen(grey, settings.subset_px, within)
             surface = self.specimen.mask
         else:
             surface = fixed_region(region, grey.shape)
@@ -108,6 +118,9 @@ class Correlator:
         laid = LaidReference(image, usable, settings.order, mean, threads)
         self._reference = PreparedReference(laid, mean, grid, settings, threads, self.smoothing)
         self._seed_finder = SeedFinder(self._reference, image)
+        self.repetition = find_repetition(image, self.region)
+        self._image, self._hint_decides = image, hint_decides
+        self._unlike: Unlike | None = None
 
     def __repr__(self) -> str:
         height, width = self.region.shape
@@ -156,6 +169,7 @@ class Correlator:
         self._reject_inconsistent(solver, solution)
         if self._solve_lost_points(image, seeds.quarters, solution, earlier):
             self._reject_inconsistent(solver, solution)
+        repetition = self._settle_periods(image, seeds.quarters, solution, hint)
         failed = ~solution.converged
         solution.warps[failed] = solution.std[failed] = np.nan
         solution.std[...] *= np.repeat(self.smoothing.std_factors, 3)
@@ -167,7 +181,28 @@ class Correlator:
             grid.x, grid.y, solution.warps, solution.std, solution.zncc, solution.iterations,
             solution.status, grid.active, seeds.start, self.settings, region=self.region, grid=grid,
             smoothing_px=self.smoothing.width_px, greatest_bias_px=self.smoothing.bias_px,
+            repetition=repetition,
         )  # fmt: skip
+
+    def tells_periods_apart(self, noise: float) -> bool:
+        """Return True if subsets differ enough from those one period away to be measured.
+
+        Parameters
+        ----------
+        noise : float
+            Standard deviation of the noise of an image, grey levels.
+        """
+        if self.repetition is None:
+            return True
+        grey = self._image.rows(0, self.region.shape[0])[self.region]
+        unlike = self._unlike_twins(Twins(self._reference, self.repetition))
+        return tells_apart(unlike, noise**2 / max(float(grey.var()), 1e-9))
+
+    def _unlike_twins(self, twins: Twins) -> Unlike:
+        if self._unlike is None:
+            solver = TurnableImage(self._reference, self._image).solver(0)
+            self._unlike = twins.unlike(solver, self._image)
+        return self._unlike
 
     def _checked_deformed(self, deformed: ImageLike) -> NDArray[Any]:
         """Return the grey levels; raise `CorrelationError` if the size differs from the reference's."""
@@ -186,7 +221,8 @@ class Correlator:
         """Return seeds, which are the start points of propagation, spread over the whole grid."""
         indices = scattered(self._reference.grid.active)
         before = None if earlier is None else earlier.warps
-        seeds = self._seed_finder.find(image, indices, previous=before, hint=hint)
+        near_px = None if self.repetition is None else int(self.repetition.periods_px.min() / 2)
+        seeds = self._seed_finder.find(image, indices, previous=before, hint=hint, near_px=near_px)
         fewest = min(FEWEST_SEEDS, len(indices))
         if len(seeds.indices) < fewest:
             subset_px = self.settings.subset_px
@@ -195,7 +231,8 @@ class Correlator:
                 "find the reference's pattern",
                 f"at least {fewest} of {len(indices)} subsets of {subset_px} px"
                 f" with ZNCC above {self.settings.min_zncc:g} that predict one another",
-                f"{len(seeds.indices)}",
+                f"{len(seeds.indices)}"
+                + ("" if self.repetition is None else f"; {repeats(self.repetition)}"),
                 "check that both images show the same textured surface, or give a larger subset, such as"
                 f" {subset_px + 20} px",
             )
@@ -240,6 +277,25 @@ class Correlator:
             return False
         self._solve_from_seeds(image.solver(quarters), solution, seeds)
         return True
+
+    def _settle_periods(
+        self, image: TurnableImage, quarters: int, solution: kernel.Solution, hint: Float | None
+    ) -> str:
+        """Decline points of a pattern that repeats if nothing decides their period; return a sentence."""
+        if self.repetition is None:
+            return ""
+        grid, expected = self._reference.grid, None
+        if hint is not None and self._hint_decides:
+            points = grid.points_at(np.argwhere(np.ones_like(grid.active)))
+            warps = image.turned(homography_warps(hint, points.astype(np.float64)), points, quarters)
+            expected = warps.reshape(*grid.active.shape, 6)
+        twins = Twins(self._reference, self.repetition)
+        unlike = self._unlike_twins(twins)
+        choice = PeriodChoice(self._reference, twins, unlike, image.solver(quarters))
+        hinted = choice.settle(solution, expected)
+        known = np.count_nonzero(grid.active & solution.converged)
+        declined = np.count_nonzero(grid.active & (solution.status == Status.REPEATING))
+        return remark(self.repetition, declined / (declined + known) if known else 1.0, hinted=hinted)
 
     def _reject_inconsistent(self, solver: Solver, solution: kernel.Solution) -> None:
         """Try points again whose displacement no neighbour predicts, and reject those that fail again.

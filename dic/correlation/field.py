@@ -56,6 +56,8 @@ class Field:
     stored_bias_px : ndarray, shape (rows, columns, 2), or None
         The bias of each point, if it cannot be computed from `warps`, as in a chain of fields. None if the
         bias is computed from `warps`.
+    repetition : str
+        A sentence that says how the pattern repeats, and what decides between its periods; "" if it does not.
     """
 
     x_px: Indices
@@ -74,6 +76,7 @@ class Field:
     smoothing_px: float = 0.0
     greatest_bias_px: tuple[float, float] = (0.0, 0.0)
     stored_bias_px: Float | None = None
+    repetition: str = ""
 
     def __repr__(self) -> str:
         converged = f"{self.count(Status.CONVERGED)} of {self.in_view} points in view converged"

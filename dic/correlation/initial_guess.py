@@ -38,6 +38,7 @@ def guesses(
     *,
     previous: Float | None = None,
     hint: Float | None = None,
+    near_px: int | None = None,
     threads: int = 1,
 ) -> Iterator[tuple[str, Float]]:
     """Yield first guesses one by one; each has a name and the warps (n, 6) at `points` (n, 2).
@@ -47,17 +48,22 @@ def guesses(
     `features`: the feature finder of the reference. `points`, shape (n, 2): coordinates (x, y) of the points
     in the reference. `half_px`: half of the template width. The width is 2 * half_px + 1 pixels. `previous`,
     shape (n, 6): the warps of the points in an earlier image. A warp is NaN if the point failed there.
-    `hint`, shape (3, 3): expected homography from the reference to the deformed image.
+    `hint`, shape (3, 3): expected homography from the reference to the deformed image. `near_px`: half of the
+    period of a pattern that repeats. Within this distance of the expected motion all points choose the same
+    period.
     """
 
     def found_around(motion: Float, radius_px: int) -> Float:
         return search(reference, deformed, points, half_px, radius_px, motion, threads)
 
     small, middle, large = SEARCH_RADII_PX
+    known_before = previous is not None and np.isfinite(previous).any()
+    if near_px is not None and (hint is not None or not known_before):
+        yield "search" if hint is None else "hint", found_around(np.eye(3) if hint is None else hint, near_px)
     if hint is not None:
         for radius in SEARCH_RADII_PX:
             yield "hint", found_around(hint, radius)
-    if previous is not None and np.isfinite(previous).any():
+    if previous is not None and known_before:
         yield "previous", previous
         # The specimen may have moved far since the earlier image.
         yield "search", found_around(mean_motion(previous, points), small)

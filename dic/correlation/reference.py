@@ -35,8 +35,8 @@ class Reference:
 
     `read`: function that returns the image, or its path. The function must be picklable if images are
     correlated in other processes. `region`: function that returns the region of interest as for `Correlator`.
-    It is called at the first use. `clip`, `within`, `threads`: as for `Correlator`. In another process,
-    `threads` is 0.
+    It is called at the first use. `clip`, `within`, `hint_decides`, `threads`: as for `Correlator`. In
+    another process, `threads` is 0.
     """
 
     def __init__(
@@ -47,10 +47,12 @@ class Reference:
         *,
         clip: bool,
         within: Mask | None = None,
+        hint_decides: bool = True,
         threads: int = 0,
     ) -> None:
         self._read, self._find_region, self._settings = read, region, settings
         self._clip, self._within, self._threads = clip, within, threads
+        self._hint_decides = hint_decides
         self._lock = Lock()
 
     @cached_property
@@ -62,7 +64,8 @@ class Reference:
         """The correlator of the reference."""
         return Correlator(
             self._read(), self._region, self._settings,
-            clip=self._clip, within=self._within, threads=self._threads, copy=False,
+            clip=self._clip, within=self._within, hint_decides=self._hint_decides, threads=self._threads,
+            copy=False,
         )  # fmt: skip
 
     def correlate(self, deformed: ImageLike, earlier: EarlierField | None, hint: Float | None) -> Field:
@@ -77,7 +80,7 @@ class Reference:
     @cached_property
     def _content(self) -> bytes:
         # Regions are large, but compress to a few kilobytes.
-        parts = (self._read, self._region, self._settings, self._clip, self._within)
+        parts = (self._read, self._region, self._settings, self._clip, self._within, self._hint_decides)
         return zlib.compress(pickle.dumps(parts), 1)
 
     def __reduce__(self) -> tuple[Callable[[bytes], "Reference"], tuple[bytes]]:
@@ -88,10 +91,12 @@ def _received(content: bytes) -> Reference:
     """Return the reference that another process has sent; the same reference is prepared only once."""
     reference = _received_last.pop(content, None)
     if reference is None:
-        read, region, settings, clip, within = pickle.loads(zlib.decompress(content))
+        read, region, settings, clip, within, hint_decides = pickle.loads(zlib.decompress(content))
         if isinstance(region, np.ndarray):
             # Nobody else has this array, so the correlator needs no copy of it.
             fixed(region)
-        reference = Reference(read, lambda: region, settings, clip=clip, within=within)
+        reference = Reference(
+            read, lambda: region, settings, clip=clip, within=within, hint_decides=hint_decides
+        )
     _received_last[content] = reference
     return reference

@@ -62,14 +62,15 @@ class SeedFinder:
         *,
         previous: Float | None = None,
         hint: Float | None = None,
+        near_px: int | None = None,
         quarters: int | None = None,
     ) -> Seeds:
         """Try first guesses, and return the seeds from the guess that gives the most consistent points.
 
         `indices`, shape (n, 2): row and column of the points to try. `previous`, shape (n, 6): warps of the
         points in an earlier image. `hint`, shape (3, 3): expected homography from the reference to the
-        deformed image. `quarters`: number of quarter turns of the image. By default the number of quarter
-        turns follows from each first guess.
+        deformed image. `near_px`: as for `guesses`. `quarters`: number of quarter turns of the image. By
+        default the number of quarter turns follows from each first guess.
 
         Result: the seeds; their number may be 0.
         """
@@ -78,7 +79,7 @@ class SeedFinder:
         best = Seeds("", 0, indices[:0], Solution.empty((0,), settings.parameters))
         for name, guess in guesses(
             self._image, image.image, self._features, points, template_radius_px,
-            previous=previous, hint=hint, threads=self._reference.threads,
+            previous=previous, hint=hint, near_px=near_px, threads=self._reference.threads,
         ):  # fmt: skip
             turn = quarters_of(guess) if quarters is None else quarters
             solved = image.solver(turn).solve(indices, image.turned(guess, points, turn))

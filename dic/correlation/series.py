@@ -59,6 +59,8 @@ class Series:
         the image.
     within : ndarray of bool, shape (height, width), optional
         Limits the points of interest to a part of the region or of the specimen.
+    hint_decides : bool
+        As for `Correlator`.
     threads : int
         Number of threads. 0 means one thread for each processor.
 
@@ -77,6 +79,7 @@ class Series:
         incremental: str = "auto",
         clip: bool | None = None,
         within: Mask | None = None,
+        hint_decides: bool = True,
         threads: int = 0,
     ) -> None:
         self.require_incremental(incremental)
@@ -86,8 +89,9 @@ class Series:
             reference = reference.copy()
         read = reference if callable(reference) else partial(_given, reference)
         image = Reference(
-            read, partial(_given, region), settings, clip=clip is not False, within=within, threads=threads
-        )
+            read, partial(_given, region), settings,
+            clip=clip is not False, within=within, hint_decides=hint_decides, threads=threads,
+        )  # fmt: skip
         self._first_image, first = image, image.prepared
         specimen = first.specimen
         self._clip = (specimen is None or not specimen.mask.all()) if clip is None else clip
@@ -192,6 +196,14 @@ class Series:
         finally:
             image.correlated()
 
+    def correlate_still(self, image: ImageLike) -> Field:
+        """Return the field from the first reference to an image that does not belong to the series.
+
+        Raises `CorrelationError` if the image cannot be used, or does not show the reference's pattern.
+        """
+        attempt = CurrentReference(self._first_image).attempt(0, None)
+        return self.completed(attempt, attempt.correlate(image))
+
     @property
     def at_once(self) -> int:
         """Largest number of images that can be correlated at the same time."""
@@ -286,8 +298,11 @@ class Series:
             return current, self._field(correlate, number, hint)
         try:
             field = self._field(correlate, number, hint)
-        except CorrelationError:
-            updated = self._updated(last)
+        except CorrelationError as error:
+            try:
+                updated = self._updated(last)
+            except CorrelationError:
+                raise error from None
             return updated, correlate(updated.attempt(number, None))
         if not current.has_dropped(field):
             return current, field
@@ -318,6 +333,14 @@ class Series:
     def _updated(self, last: LastImage) -> CurrentReference:
         """Return the last image as a new reference."""
         before = last.fields().from_first
+        if not before.converged.any():
+            raise CorrelationError(
+                "last image",
+                "take it as the new reference",
+                "points with a displacement",
+                "none",
+                "see why the last image was not measured",
+            )
         region = partial(moved_region, self._first_region, before)
         reference = Reference(last.read, region, self._later_settings, clip=self._clip, threads=self._threads)
         return CurrentReference(reference, before, self._current.updates + 1)

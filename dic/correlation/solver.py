@@ -53,12 +53,15 @@ class Solver:
         self._prepared: kernel.Prepared | None = None
         self._counted = False
 
-    def solve(self, indices: Indices, warps: Float) -> kernel.Solution:
+    def solve(self, indices: Indices, warps: Float, most_iterations: int | None = None) -> kernel.Solution:
         """Run IC-GN at grid `indices` (n, 2) from guesses `warps` (n, 6 or 12).
 
         Warp parameters that a guess does not give start at 0. A point whose guess has NaN is not tried and
-        keeps the status "not reached".
+        keeps the status "not reached". `most_iterations` replaces the largest number of iterations.
         """
+        method = self._method
+        if most_iterations is not None:
+            method = method._replace(max_iterations=most_iterations)
         reference, radius = self._reference, self._method.radius
         solution = kernel.Solution.empty((len(indices),), reference.settings.parameters)
         solution.warps[:, : warps.shape[1]] = warps
@@ -67,16 +70,17 @@ class Solver:
         for strip in strips(at[guessed], solution.warps[guessed], radius, whole=not reference.image.in_bands):
             image, deformed = reference.image.rows(*strip.here), self._deformed.rows(*strip.there)
             chosen = guessed[strip.members]
-            self._correlate(image, deformed, indices, chosen[~cut[chosen]], solution)
+            self._correlate(image, deformed, method, indices, chosen[~cut[chosen]], solution)
             for k in chosen[cut[chosen]]:
                 limited = limited_to(image, int(at[k, 0]), int(at[k, 1]), reference.grid.usable, radius)
-                self._correlate(limited, deformed, indices, np.array([k]), solution)
+                self._correlate(limited, deformed, method, indices, np.array([k]), solution)
         return solution
 
     def _correlate(
         self,
         image: kernel.KernelReference,
         deformed: kernel.Deformed,
+        method: kernel.Method,
         indices: Indices,
         chosen: Indices,
         solution: kernel.Solution,
@@ -92,7 +96,7 @@ class Solver:
         small.put((row, column), solution.part(chosen))
         small_grid = kernel.KernelGrid(grid.x[columns], grid.y[rows], grid.pixels[np.ix_(rows, columns)])
         seeds = np.stack([row, column], axis=1)
-        kernel.correlate_seeds(image, deformed, self._method, small_grid, seeds, small)
+        kernel.correlate_seeds(image, deformed, method, small_grid, seeds, small)
         solution.put((chosen,), small.part((row, column)))
 
     def propagate(self, solution: kernel.Solution, pending: Mask, *, in_bands: bool) -> None:

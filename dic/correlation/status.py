@@ -17,6 +17,7 @@ class Status(IntEnum):
     NOT_CONVERGED = 4
     LOW_CORRELATION = 5
     INCONSISTENT = 6
+    REPEATING = 7
 
     @property
     def text(self) -> str:

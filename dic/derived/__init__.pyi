@@ -13,7 +13,6 @@ from .export_tables import (
 )
 from .gauge_record import (
     GaugeCurve as GaugeCurve,
-    ImageClock as ImageClock,
     gauge_curve as gauge_curve,
     join_record as join_record,
 )
@@ -23,6 +22,7 @@ from .gauge_series import (
     measure_gauges as measure_gauges,
     write_gauge_picture as write_gauge_picture,
 )
+from .image_clock import ImageClock as ImageClock
 from .ontology_facts import about_curve as about_curve, about_series as about_series
 from .run_tables import write_run_tables as write_run_tables
 from .series_files import GAUGE_FILE as GAUGE_FILE, SeriesFiles as SeriesFiles, SeriesOutputs as SeriesOutputs

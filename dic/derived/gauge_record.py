@@ -1,87 +1,23 @@
 """Join the record of a testing machine to images, and form the curve of a tensile test from gauges."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dic.errors import CurveError, GaugeError, is_number
+from dic.derived.image_clock import ImageClock
+from dic.errors import CurveError, GaugeError
 from dic.gauges.reading import Reading, SharedPart
 from dic.gauges.series import GaugeImage, GaugeSeries
 from dic.gauges.strains import covariance_along
 from dic.properties.curve import Curve
-from dic.records.joining import JOINS, JoinedRecord, join_by_name, join_by_row, join_by_time, times_of
+from dic.properties.properties import Properties
+from dic.properties.shared_error import JoinError, with_join_error, with_shared_error
+from dic.records.joining import JOINS, JoinedRecord, join_by_name, join_by_row, join_by_time
 from dic.records.machine import MachineRecord
 from dic.typing import Float, Mask
 
 _COPIED = 0.03
 """Images of a test span more than this part of the machine's record. Copies of their files span less."""
-
-
-@dataclass(frozen=True)
-class ImageClock:
-    """The times of the images, and the offset between the camera's clock and the machine's clock.
-
-    Without `interval_s` and `times_s`, the times come from the image files.
-
-    Attributes
-    ----------
-    interval_s : float or None
-        Time between two images; the reference image is at 0, the first image after it at `interval_s`.
-    times_s : mapping of str to float, or None
-        Times by the images' names, such as from `read_image_times`.
-    offset_s : float or None
-        Machine's time minus image's time. None if the offset is to be found from strain and load.
-    """
-
-    interval_s: float | None = None
-    times_s: Mapping[str, float] | None = None
-    offset_s: float | None = 0.0
-
-    def __post_init__(self) -> None:
-        given = self.interval_s
-        if given is not None and self.times_s is not None:
-            expected, remedy = (
-                "an interval or a table of times",
-                "leave out --image-interval-s or --image-times",
-            )
-            raise CurveError("settings", "image times", expected, "both", remedy)
-        if given is not None and not (is_number(given) and 0.0 < given < 1e9):
-            remedy = "give --image-interval-s 0.5"
-            raise CurveError(
-                "settings", "--image-interval-s", "a number of seconds above 0", str(given), remedy
-            )
-
-    def of(self, images: Sequence[GaugeImage]) -> tuple[Float, str]:
-        """Return the time of each image in seconds, shape (images,), and the source of the times.
-
-        The sources are tried in this order: "table" (`times_s`), "interval" (`interval_s`), and the times
-        that the images have themselves, "video", "exif" or "file".
-
-        Raises
-        ------
-        CurveError
-            If an image has no time, or the images' own times come from different sources or are equal.
-        """
-        if self.times_s is not None:
-            return times_of([image.label for image in images], self.times_s, "image times"), "table"
-        if self.interval_s is not None:
-            return self.interval_s * np.arange(1.0, len(images) + 1), "interval"
-        sources = {str(image.known.get("time_source", "")) for image in images}
-        if len(sources) != 1 or "" in sources:
-            named = [f"times from {name}" if name else "images without" for name in sorted(sources)]
-            got = "none" if sources <= {""} else " and ".join(named)
-            remedy = "give --image-interval-s, or --image-times with a table"
-            raise CurveError("settings", "join by time", "times of all images from one source", got, remedy)
-        times, source = np.array([float(image.known["time_s"]) for image in images]), sources.pop()
-        equal = np.flatnonzero(np.diff(times) == 0.0)
-        if equal.size:
-            # Exif tags without a fraction of a second, and videos without times of frames, give equal times.
-            pair = f"{images[equal[0]].label} and {images[equal[0] + 1].label}"
-            expected, got = "a time of its own for each image", f"{times[equal[0]]:g} s for both {pair}"
-            remedy = "give --image-interval-s, or --image-times with a table"
-            raise CurveError(f"times from {source}", "join by time", expected, got, remedy)
-        return times, source
 
 
 def join_record(
@@ -106,13 +42,13 @@ def join_record(
     clock : ImageClock, optional
         The images' times; needed for "time".
     gauge : str, optional
-        The gauge whose strain is compared with the load to find an offset. Default: the first one that is
-        neither a transverse extensometer nor a cut.
+        The gauge whose strain is compared with the load to find offset or rate. Default: the first one that
+        is neither a transverse extensometer nor a cut.
 
     Returns
     -------
     GaugeSeries
-        The series with load_n, displacement_mm and time_s in `GaugeImage.known`.
+        The series with load_n, displacement_mm and time_s in `GaugeImage.known`, and with `joined`.
     JoinedRecord
 
     Raises
@@ -128,20 +64,23 @@ def join_record(
         joined = join_by_row(record, labels)
     else:
         clock = clock or ImageClock()
-        times_s, source = clock.of(series.images)
+        times_s, source = clock.of(series.images, series.reference)
         if source == "file":
             _require_own_times(record, times_s)
-        strain = None
-        if clock.offset_s is None:
-            strain, _ = series.strain(gauge or _first_along(series, record))
-        joined = replace(join_by_time(record, labels, times_s, clock.offset_s, strain), image_times=source)
+        along = gauge or next((one.name for one in series.gauges if one.is_axial), None)
+        strain = series.strain(along)[0] if along is not None and series.kinds else None
+        if strain is None and (clock.offset_s is None or clock.clock_rate is None):
+            raise _no_gauge_along(series, record)
+        joined = join_by_time(record, labels, times_s, clock.machine_clock(times_s), strain)
+        lost = clock.lost(series.images, times_s, strain, series.reference)
+        joined = replace(joined, image_times=source, lost=lost)
     # The machine's time replaces the image's time.
     own = {"time_s", "time_source"} if joined.time_s is not None else set()
     images = tuple(
         replace(image, known={name: image.known[name] for name in image.known if name not in own} | reading)
         for image, reading in zip(series.images, map(joined.reading, range(len(labels))), strict=True)
     )
-    return replace(series, images=images), joined
+    return replace(series, images=images, joined=joined), joined
 
 
 def _require_own_times(record: MachineRecord, times_s: Float) -> None:
@@ -185,6 +124,8 @@ class GaugeCurve:
         Number of images without a reading.
     labels : tuple of str
         The image or the run's step of each point, shape (n,).
+    joined : JoinError or None
+        The errors of the loads by the machine's clock; None if they were not joined by time.
     """
 
     curve: Curve
@@ -194,6 +135,12 @@ class GaugeCurve:
     kind: str
     left_out: int
     labels: tuple[str, ...]
+    joined: JoinError | None = None
+
+    def judged(self, found: Properties) -> Properties:
+        """Return the properties of this curve with deviations that contain all errors of this curve."""
+        found = with_shared_error(found, self.shared_std, self.shared_transverse, self.followed)
+        return found if self.joined is None else with_join_error(found, self.joined)
 
 
 def gauge_curve(
@@ -258,7 +205,10 @@ def gauge_curve(
     labels = tuple(str(image.known.get("step", image.label)) for image in series.images)
     kept = tuple(label for label, used in zip(labels, use, strict=True) if used)
     left_out = int(np.count_nonzero(~read))
-    return GaugeCurve(curve, shared[use], beside, followed[use], chosen, left_out, kept)
+    joined = None
+    if series.joined is not None and series.joined.errors_n is not None and series.joined.clock is not None:
+        joined = JoinError(series.joined.errors_n[use], series.joined.clock.correlation)
+    return GaugeCurve(curve, shared[use], beside, followed[use], chosen, left_out, kept, joined)
 
 
 def _passed(load_n: Float, use: Mask) -> Float | None:
@@ -356,12 +306,9 @@ def _require_joinable(series: GaugeSeries, record: MachineRecord, join: str) -> 
         raise record.wrong(f"join by {join}", expected, got, remedy)
 
 
-def _first_along(series: GaugeSeries, record: MachineRecord) -> str:
-    """Return the first gauge whose strain can rise with the load."""
-    names = [gauge.name for gauge in series.gauges if gauge.is_axial]
-    if not names:
-        expected = "an extensometer, an area or a point along the specimen"
-        got = f"{', '.join(sorted({gauge.kind for gauge in series.gauges}))} only"
-        remedy = "declare such a gauge, or give the offset with --offset-s"
-        raise record.wrong("find the offset", expected, got, remedy)
-    return names[0]
+def _no_gauge_along(series: GaugeSeries, record: MachineRecord) -> CurveError:
+    """Return the error that no gauge has a strain that can rise with the load."""
+    expected = "an extensometer, an area or a point along the specimen"
+    got = f"{', '.join(sorted({gauge.kind for gauge in series.gauges}))} only"
+    remedy = "declare such a gauge, or give the offset with --offset-s"
+    return record.wrong("find the offset", expected, got, remedy)

@@ -95,8 +95,10 @@ def _read_all(results: Loaded, gauges: Sequence[Gauge], camera: str | None) -> G
     found = GaugeSeries(source, tuple(gauges), images, outcomes is None or bool(outcomes), run)
     if not isinstance(results, SeriesResult):
         return found
-    reference = results.provenance.inputs.get(results.reference_name, "")
-    return replace(found, reference_digest=reference, contents=_contents(images, results.outcomes))
+    reference = results.reference_name
+    digest = results.provenance.inputs.get(reference, "")
+    contents = _contents(images, results.outcomes)
+    return replace(found, reference_digest=digest, contents=contents, reference=reference)
 
 
 def write_gauge_picture(

@@ -13,6 +13,7 @@ from dic.gauges.reading import Reading
 from dic.typing import Float
 
 if TYPE_CHECKING:
+    from dic.records.joining import JoinedRecord
     from dic.runfile.reader import RunInfo
 
 KINDS = ("corrected", "calibrated", "raw")
@@ -72,6 +73,10 @@ class GaugeSeries:
     contents : tuple of str
         For each image, also if it could not be measured, a text that identifies its content; see
         `dic.results.job.content_of`. Empty for a run, a series in memory, or a file of an earlier version.
+    reference : str
+        Name of the reference image; "" for a run or a series in memory.
+    joined : JoinedRecord or None
+        How the record of a testing machine was joined to the images; None if none was.
     """
 
     source: str
@@ -81,6 +86,8 @@ class GaugeSeries:
     run: "RunInfo | None" = None
     reference_digest: str = ""
     contents: tuple[str, ...] = ()
+    reference: str = ""
+    joined: "JoinedRecord | None" = None
 
     def __repr__(self) -> str:
         return f"GaugeSeries({', '.join(gauge.name for gauge in self.gauges)}; {len(self.images)} images)"

@@ -189,7 +189,7 @@ def points_of(
     use = displacement.valid
     before = field.points.reshape(*use.shape, 2)[use]
     moved = np.stack([field.u_px, field.v_px], axis=-1)[use]
-    points = Points(displacement, use, np.stack([before, before + moved]), best)
+    points = Points(displacement, use, np.stack([before, before + moved]), best, still=measurement.still)
     if surface is None or calibration.pinhole is None:
         return points
     points = replace(points, surface=surface, seen_from_mm=centre_mm)

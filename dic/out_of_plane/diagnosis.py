@@ -162,6 +162,21 @@ def tension_findings(corrections: Sequence[Correction], loads_n: Float) -> list[
     return [finding, _shift_text(shifts)] if shifts else [finding]
 
 
+def contraction_findings(corrections: Sequence[Correction]) -> list[str]:
+    """Return a sentence if the lateral contraction of the specimen contradicts the expected shift."""
+    shown = [c.uncertainty for c in corrections if c.uncertainty and "contraction_um" in c.uncertainty]
+    clear = [each for each in shown if each.get("contraction_contradicts")]
+    if not clear:
+        return []
+    worst = max(clear, key=lambda each: abs(each["contraction_um"]))
+    return [
+        f"the lateral contraction contradicts the expected shift in {len(clear)} of {len(shown)} images: "
+        f"it shows a shift of up to {worst['contraction_um']:+.0f} ± {worst['contraction_std_um']:.0f} µm "
+        "towards the camera, which the standard deviations now contain: check grips, thickness and "
+        "Poisson's ratio, or measure the shift with a second camera"
+    ]
+
+
 def _shift_text(shifts_um: Sequence[tuple[float, float]]) -> str:
     """Return a text about the shift of the specimen towards the camera.
 

@@ -117,6 +117,7 @@ class JointSystem:
         noise, of_maps, of_centres = np.zeros((11, 11)), [], []
         for points, weights in zip((self.pairs.first, self.pairs.second), self.weights(), strict=True):
             noise += points.noise_covariance(weights) + points.smooth_covariance(weights)
+            noise += points.still_covariance(weights)
             of_map, of_centre = points.calibration_factors(weights)
             of_maps.append(of_map)
             of_centres.append(of_centre)

@@ -15,11 +15,12 @@ from dic.typing import Float
 _NO_STRAIN = 1e-6
 PARTS = {
     "calibration": (),
+    "still": (),
     "mounting": ("mounted tilt", "gap"),
     "model": ("bending", "tilt", "curvature", "gradient", "taper"),
     "shift": ("shift",),
 }
-"""The causes that belong to each part of the standard deviation. The part "images" belongs to no cause."""
+"""The causes that belong to each part of the standard deviation. Some parts belong to none."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ class Linearised:
 
     @property
     def _noise(self) -> Float:
-        noise = self.polynomial.noise + self.polynomial.by_calibration
+        noise = self.polynomial.noise + self.polynomial.by_calibration + self.polynomial.still
         return np.asarray(noise[COEFFICIENTS, COEFFICIENTS])
 
     def _outcome(self, model: Model, std: Float, kind: tuple[bool, bool]) -> ModelOutcome:
@@ -133,6 +134,7 @@ class Linearised:
         parts = {
             "images": rows @ self.polynomial.noise @ rows.T,
             "calibration": rows @ self.polynomial.by_calibration @ rows.T,
+            "still": rows @ self.polynomial.still @ rows.T,
         }
         for part, names in PARTS.items():
             for name in names:

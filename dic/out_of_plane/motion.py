@@ -4,15 +4,16 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from dic.errors import CorrelationError, require_all
-from dic.out_of_plane.expected_shift import FARTHEST_MM, HINGE_STD_UM, SHIFT_STD_UM
+from dic.out_of_plane.expected_shift import FACES, FARTHEST_MM, HINGE_STD_UM, SHIFT_STD_UM, THICKEST_MM
 from dic.settings import Number, Pair, one_of, place_of, setting, settings_class
 
 if TYPE_CHECKING:
     from dic.out_of_plane.alignment import Alignment
     from dic.out_of_plane.shift import Shift
+    from dic.strain.still import StillErrors
 else:
     # The options of commands are made from this class, and NumPy would delay their help.
-    Alignment = Any
+    Alignment = StillErrors = Any
 
 MOTIONS = ("free", "rigid", "tension")
 """Kinds of motion: unknown motion, rotation without strain, and uniform tension with some bending."""
@@ -29,8 +30,9 @@ POISSON_RATIO: Any = setting(
 SHIFT_STD: Any = setting(
     "standard deviation of the shift",
     "Standard deviation of the specimen's shift towards the camera since the reference, µm:"
-    f" one camera cannot measure the shift. Default: {SHIFT_STD_UM:g}; {HINGE_STD_UM:g} with --tilt-axis-mm,"
-    " for the shift that the tilt does not cause.",
+    f" one camera cannot measure the shift. Default: {SHIFT_STD_UM:g}, or {HINGE_STD_UM:g} with"
+    " --tilt-axis-mm, and more with the travel of the specimen. The shift by a known tilt axis or a known"
+    " thickness is corrected and does not count.",
     default=None,
     expected="0 to 10000 µm",
     remedy=f"give --shift-std-um {SHIFT_STD_UM:g}, the default, or 0 if the specimen kept its distance",
@@ -50,6 +52,28 @@ TILT_AXIS: Any = setting(
     metavar="X,Y",
     read=place_of,
     check=lambda hinge: hinge is None or all(abs(each) <= FARTHEST_MM for each in hinge),
+)
+THICKNESS: Any = setting(
+    "thickness of the specimen",
+    "Thickness of the specimen before the test, mm. The surface moves back as the specimen becomes thinner;"
+    " one camera then computes this shift from the strain. Default: that of the run file, otherwise unknown.",
+    default=None,
+    expected=f"more than 0 mm and at most {THICKEST_MM:g} mm",
+    remedy="give --thickness-mm 2, or leave it out",
+    example="2.0",
+    check=lambda thickness: thickness is None or 0.0 < thickness <= THICKEST_MM,
+)
+FIXED_FACE: Any = setting(
+    "fixed face",
+    "What the grips hold in place while the specimen becomes thinner: its middle, its back (the face away"
+    " from the camera), or its front. Default: unknown, which enters the standard deviation.",
+    default=None,
+    expected=one_of(FACES),
+    remedy="give --fixed-face middle for grips that centre the specimen, or leave it out",
+    example='"middle"',
+    metavar="FACE",
+    read=str,
+    among=(None, *FACES),
 )
 
 
@@ -71,6 +95,9 @@ class Motion:
     alignment: Alignment | None = None
     shift_std_um: Number | None = SHIFT_STD
     tilt_axis_mm: Pair | None = TILT_AXIS
+    thickness_mm: Number | None = THICKNESS
+    fixed_face: str | None = FIXED_FACE
+    still: StillErrors | None = None
 
     def __post_init__(self) -> None:
         checks = [
@@ -96,16 +123,21 @@ class Motion:
         """Knowledge about the specimen's shift towards the camera."""
         from dic.out_of_plane.shift import Shift
 
-        return Shift.of(self.shift_std_um, self.tilt_axis_mm)
+        known = Shift.of(self.shift_std_um, self.tilt_axis_mm, self.thickness_mm, self.fixed_face)
+        # A rotating specimen is rigid: it does not become thinner, and its grips do not travel.
+        return Shift(known.std_um) if self.kind == "rigid" else known
 
     def as_dict(self) -> dict[str, Any]:
         """Return the attributes as values for JSON."""
-        return vars(self) | {"alignment": None if self.alignment is None else self.alignment.as_lists()}
+        alignment = None if self.alignment is None else self.alignment.as_lists()
+        still = None if self.still is None else self.still.as_dict()
+        return vars(self) | {"alignment": alignment, "still": still}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> "Motion":
         """Return the motion from the values that `as_dict` returned."""
         from dic.out_of_plane.alignment import Alignment
+        from dic.strain.still import StillErrors
 
         alignment, hinge_mm = values["alignment"], values["tilt_axis_mm"]
         return cls(
@@ -114,4 +146,8 @@ class Motion:
             None if alignment is None else Alignment.from_lists(alignment),
             values["shift_std_um"],
             None if hinge_mm is None else (hinge_mm[0], hinge_mm[1]),
+            # Results of earlier versions lack these values.
+            values.get("thickness_mm"),
+            values.get("fixed_face"),
+            StillErrors.from_dict(values.get("still")),
         )

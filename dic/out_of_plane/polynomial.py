@@ -31,8 +31,9 @@ class Polynomial:
     """Shape (n, 2, 24). Weights of the displacements in the 24 rows."""
     noise: Float
     by_calibration: Float
-    """Shape (24, 24). Covariance of the 24 rows that the noise of the images causes, and covariance that the
-    calibration causes.
+    still: Float
+    """Shape (24, 24). Covariances of the 24 rows by the noise of the images, by the calibration, and by the
+    errors that still images show.
     """
 
     @classmethod
@@ -51,7 +52,8 @@ class Polynomial:
         noise = points.noise_covariance(weights) + points.smooth_covariance(weights, _DEGREE, smooth_px)
         of_map, of_centre = points.calibration_factors(weights)
         factors = of_map + by_centre(estimate, centre_mm) @ of_centre
-        return cls(points, weights, noise, np.asarray(factors @ factors.T))
+        by_calibration = np.asarray(factors @ factors.T)
+        return cls(points, weights, noise, by_calibration, points.still_covariance(weights))
 
     def rows(self, field: Float) -> Float:
         """Return the 24 rows of a displacement field (n, 2), or of several fields (n, 2, k)."""

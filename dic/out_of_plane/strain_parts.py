@@ -11,14 +11,15 @@ from dic.out_of_plane.linearised import PARTS
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.uncertainty import Points, weighted_sums
-from dic.strain.fit import gradient_weights, slopes_of
+from dic.strain.fit import gradient_weights
 from dic.strain.tensor import strain_covariance
 from dic.typing import Float
 
 PART_NAMES = ("images", *PARTS)
 """The names of the parts of a standard deviation.
 
-images: noise of the images. calibration: errors of the calibration. mounting: the unknown tilt and distance
+images: noise of the images. calibration: errors of the calibration. still: errors that still images show,
+such as haze. mounting: the unknown tilt and distance
 between the specimen's surface and the grid's plane in the reference. model: tilt, bending, strain gradient
 and taper, which the fit determines with an uncertainty only. shift: motion of the specimen towards the
 camera, which one camera cannot measure.
@@ -31,8 +32,13 @@ UNCERTAINTY_KEYS = (
     *(f"{name}_std_{part}" for part in PART_NAMES for name in _STRAINS),
     "curved_probability",
     "graded_probability",
+    "thinning_um",
+    "contraction_um",
+    "contraction_std_um",
+    "contraction_contradicts",
 )
-"""Names of the parts of the standard deviations, and of probabilities, in result files and JSON."""
+"""Names of the parts of the standard deviations, of probabilities, and of shifts by thinning and as the
+lateral contraction shows them, in result files and JSON."""
 
 
 @dataclass(frozen=True)
@@ -77,15 +83,18 @@ def open_parts(points: Points, shift: Shift) -> tuple[Float, dict[str, Float]]:
         CameraSight(points.before_mm, points.after_mm, pinhole.centre_mm),
         gradient_weights(points.before_mm),
     )
-    gradient = slopes_of(points.before_mm, points.after_mm - points.before_mm)
+    gradient = points.mean_gradient
+    shift = shift.during(points, gradient)
+    thinned_mm = 0.0 if shift.thickness_mm is None else shift.thinned_mm(gradient)
     own = fields(sight, Plane(), gradient, 0.0, np.array([1.0, 0.0]), shift.per_slope_mm)
     false = weighted_sums(weights, own)
     of_map, _ = points.calibration_factors(weights)
     covariances = {
         "images": points.noise_covariance(weights) + points.smooth_covariance(weights),
         "calibration": np.asarray(of_map @ of_map.T),
+        "still": points.still_covariance(weights),
     }
-    at, std = places(), unmeasured(shift.std_mm)
+    at, std = places(), unmeasured(float(np.hypot(shift.std_mm, thinned_mm)))
     for part, names in PARTS.items():
         for name in names:
             here = false[:, at[name]] * std[at[name]] if name in OUT_OF_PLANE else np.zeros((4, 1))

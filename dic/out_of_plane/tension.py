@@ -6,6 +6,7 @@ than the calibrated strain. The standard deviation of the calibrated strain then
 out of the plane.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -15,15 +16,16 @@ from dic.out_of_plane.causes import CameraSight, curved
 from dic.out_of_plane.correction import Correction, points_of
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
 from dic.out_of_plane.reasons import turned_camera_reason, uncertain_mounting, uneven_reason
+from dic.out_of_plane.recession import covering_contraction, with_travel, without_thinning
 from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.strain_parts import StrainParts, open_parts
 from dic.out_of_plane.tilt import TiltFit, fit_tilt, suspect
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.displacement import Displacement
-from dic.strain.fit import slopes_of
+from dic.strain.fit import gradient_weights, slopes_of
 from dic.strain.measurement import Measurement
-from dic.strain.strain import MeanStrain, strain_of_gradient
-from dic.strain.tensor import strain_by_gradient
+from dic.strain.strain import MeanStrain, strain_of_gradient, with_shared
+from dic.strain.tensor import strain_by_gradient, strain_covariance
 from dic.typing import Float
 
 _FEWEST_POINTS = 30
@@ -63,39 +65,67 @@ def correct_tilt(
     `poisson_ratio`: Poisson's ratio of the specimen. `shift`: knowledge about the specimen's shift towards
     the camera since the reference. Default: the expected shift, without a hinge.
     """
-    shift = shift or Shift()
+    shift = shift or Shift.of(None, None)
     pinhole = calibration.pinhole
     if pinhole is None:
         return Correction.refused("tilt", measurement, "the calibration knows no camera centre")
     points = points_of(measurement, calibration)
     objection = _unsuitable(measurement, points)
     if objection is not None:
-        return declined("tilt", measurement, calibration, objection, shift)
+        return declined("tilt", measurement, calibration, objection, shift, poisson_ratio)
     fit = fit_tilt(points, pinhole.centre_mm, poisson_ratio, shift)
     local = _unexplained(fit, points, calibration.mm_per_px)
     if local is not None:
         suspicion = suspect(points, pinhole.centre_mm, poisson_ratio, shift)
         half_width_mm = float(np.abs(points.before_mm - points.before_mm.mean(axis=0)).max())
         reason = uneven_reason(fit.misfit, _UNEXPLAINED, suspicion, half_width_mm, local)
-        return declined("tilt", measurement, calibration, reason, shift)
-    return _corrected(measurement, points, fit, pinhole.centre_mm)
+        return declined("tilt", measurement, calibration, reason, shift, poisson_ratio)
+    fit = with_travel(fit, shift, points)
+    fit, numbers = without_thinning(fit, shift, poisson_ratio, pinhole.centre_mm)
+    height_mm = float(fit.plane.to_axes(pinhole.centre_mm)[2])
+    parts, shown = covering_contraction(fit.gradient, fit.parts, poisson_ratio, height_mm)
+    return _corrected(measurement, points, replace(fit, parts=parts), pinhole.centre_mm, numbers | shown)
 
 
 def declined(
-    method: str, measurement: Measurement, calibration: Calibration, reason: str, shift: Shift
+    method: str,
+    measurement: Measurement,
+    calibration: Calibration,
+    reason: str,
+    shift: Shift,
+    poisson_ratio: float | None = None,
 ) -> Correction:
     """Return the calibrated strain with the reason why it is not corrected.
 
-    The standard deviations contain the expected motion of a specimen out of the plane.
+    The standard deviations contain the expected motion of a specimen out of the plane. The argument
+    `poisson_ratio` is that of a specimen in tension; None for another motion.
     """
-    points = None if calibration.pinhole is None else points_of(measurement, calibration)
-    if points is None or not points.determine(1) or points.displacement.noise is None:
+    pinhole = calibration.pinhole
+    points = None if pinhole is None else points_of(measurement, calibration)
+    if pinhole is None or points is None or not points.determine(1) or points.displacement.noise is None:
         return Correction.refused(method, measurement, reason)
     measure = measurement.strain_settings.measure
     gradient, covariances = open_parts(points, shift)
+    numbers: dict[str, float] = {}
+    if poisson_ratio is not None:
+        height_mm = float(pinhole.centre_mm[2])
+        covariances, numbers = covering_contraction(gradient, covariances, poisson_ratio, height_mm)
     parts = StrainParts.of(gradient, covariances, measure)
     mean = _calibrated_mean(measurement, np.sum(list(covariances.values()), axis=0))
-    return Correction.refused(method, measurement, reason, mean, parts.as_dict(), parts.shared)
+    return Correction.refused(method, measurement, reason, mean, parts.as_dict() | numbers, parts.shared)
+
+
+def with_still(found: Correction, measurement: Measurement, calibration: Calibration) -> Correction:
+    """Return a correction by another method, whose errors also contain those that still images show."""
+    if measurement.still is None:
+        return found
+    points = points_of(measurement, calibration)
+    covariance = points.still_covariance(gradient_weights(points.before_mm))
+    shared = strain_covariance(points.mean_gradient, covariance, measurement.strain_settings.measure)
+    # Strains that are read from a file contain the other errors only.
+    return replace(
+        found, mean=with_shared(found.mean, shared), shared=found.shared_errors + shared, stored_strain=None
+    )
 
 
 def _calibrated_mean(measurement: Measurement, covariance: Float) -> MeanStrain:
@@ -109,14 +139,17 @@ def _calibrated_mean(measurement: Measurement, covariance: Float) -> MeanStrain:
     return replace(mean, **{name: value for name, value in vars(uncertain).items() if name.endswith("_std")})
 
 
-def _corrected(measurement: Measurement, points: Points, fit: TiltFit, centre_mm: Float) -> Correction:
+def _corrected(
+    measurement: Measurement, points: Points, fit: TiltFit, centre_mm: Float, shifts: Mapping[str, float]
+) -> Correction:
     settings, count = measurement.strain_settings, len(points.before_mm)
     mean = strain_of_gradient(fit.gradient, fit.covariance, count, settings.measure)
-    plain = slopes_of(points.before_mm, points.after_mm - points.before_mm)
+    plain = points.mean_gradient
     calibrated = strain_of_gradient(plain, None, count, settings.measure)
     off = np.array([calibrated.exx - mean.exx, calibrated.eyy - mean.eyy, calibrated.exy - mean.exy])
     parts = StrainParts.of(fit.gradient, fit.parts, settings.measure)
-    numbers = parts.as_dict() | {"curved_probability": fit.curved, "graded_probability": fit.graded}
+    numbers = {"curved_probability": fit.curved, "graded_probability": fit.graded}
+    numbers = parts.as_dict() | dict(shifts) | numbers
     reason = _too_uncertain(parts, float(np.abs(off).max()), points, fit, centre_mm)
     reason = reason or turned_camera_reason(points, fit.slopes, centre_mm)
     if reason is not None:
@@ -141,9 +174,9 @@ def _too_uncertain(
     parts: StrainParts, change: float, points: Points, fit: TiltFit, centre_mm: Float
 ) -> str | None:
     """Return the reason if a correction by `change` is more likely to harm than to help; otherwise None."""
-    # The error that the shift towards the camera causes is equal in calibrated and in corrected strain, so it
-    # is left out of the comparison.
-    own_std = np.sqrt(sum(part**2 for name, part in parts.parts.items() if name != "shift"))
+    # The errors that the shift towards the camera and the camera itself cause are nearly equal in calibrated
+    # and in corrected strain, so they are left out of the comparison.
+    own_std = np.sqrt(sum(part**2 for name, part in parts.parts.items() if name not in ("shift", "still")))
     if own_std.max() <= _USEFUL or change >= 2 * own_std.max():
         return None
     mounting = (parts.parts["mounting"].max() / own_std.max()) ** 2 > _LARGEST_PART
@@ -200,7 +233,8 @@ def _unexplained(fit: TiltFit, points: Points, mm_per_px: float) -> str | None:
         raise ValueError("the noise of these displacements is unknown")
     rms_mm = np.sqrt((fit.residual_mm**2).sum(axis=1).mean())
     by_noise_mm = np.sqrt((noise.factors[points.use] ** 2).sum(axis=(1, 2)).mean())
-    limit_mm = _TORN * by_noise_mm + _UNEVEN_PX * mm_per_px
+    still_mm = 0.0 if points.still is None else points.still.rest_mm
+    limit_mm = _TORN * np.hypot(by_noise_mm, still_mm) + _UNEVEN_PX * mm_per_px
     if rms_mm > limit_mm:
         return f"residual {rms_mm / mm_per_px:.3f} px rms, at most {limit_mm / mm_per_px:.3f} px is explained"
     return "" if fit.misfit > _UNEXPLAINED else None

@@ -8,7 +8,7 @@ causes are fitted to its 20 coefficients. The models are averaged by their evide
 (`dic.out_of_plane.evidence`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -49,7 +49,7 @@ class TiltFit:
     """Shape (3,). Curvatures of the surface since the reference: along X, mixed, along Y; 1/mm."""
     gradient: Float
     """Shape (2, 2). Mean displacement gradient of the specimen."""
-    parts: Mapping[str, Float]
+    parts: dict[str, Float]
     """Each of shape (4, 4). Covariances of the gradient's elements xx, xy, yx, yy by their cause: "images"
     and the names in `PARTS`.
     """

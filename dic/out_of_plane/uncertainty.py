@@ -18,6 +18,7 @@ from dic.out_of_plane.plane import Plane
 from dic.strain.displacement import Displacement
 from dic.strain.fit import covariance_of_sums, slopes_of
 from dic.strain.mean_in_blocks import MANY_POINTS, covariances_in_blocks
+from dic.strain.still import StillErrors
 from dic.typing import Float, Mask
 
 _SMOOTH_PX = 0.0004
@@ -52,6 +53,8 @@ class Points:
     """Plane of the specimen's surface in the reference. Displacements are along this plane."""
     seen_from_mm: Float | None = None
     """Shape (3,). The camera's centre in the grid's axes, if it is known better than from the calibration."""
+    still: StillErrors | None = None
+    """Errors that still images show."""
 
     @property
     def before_mm(self) -> Float:
@@ -62,6 +65,11 @@ class Points:
     def after_mm(self) -> Float:
         """Calibrated positions of the points in the deformed image, shape (n, 2)."""
         return self.before_mm + self.displacement.vector[self.use]
+
+    @property
+    def mean_gradient(self) -> Float:
+        """Mean displacement gradient of the calibrated displacements, shape (2, 2)."""
+        return slopes_of(self.before_mm, self.after_mm - self.before_mm)
 
     @property
     def centre_mm(self) -> Float:
@@ -128,6 +136,12 @@ class Points:
         factors = np.concatenate(list(factors), axis=1)
         return np.asarray(factors @ factors.T)
 
+    def still_covariance(self, weights: Float) -> Float:
+        """Return the covariance (p, p) of p weighted sums by the errors that still images show."""
+        if self.still is None:
+            return np.zeros((weights.shape[2],) * 2)
+        return self.still.covariance(self.before_mm, weights)
+
     @property
     def _bias_mm2(self) -> float:
         """Mean variance of the predicted interpolation bias, per component of the displacement, mm²."""
@@ -168,7 +182,7 @@ class Points:
             raise ValueError("this calibration knows no camera centre")
         # With the deformation gradient F, an error dx of the reference position changes the expected deformed
         # position by F dx.
-        F = slopes_of(self.before_mm, self.after_mm - self.before_mm) + np.eye(2)
+        F = self.mean_gradient + np.eye(2)
 
         def part(some: slice) -> Float:
             before, after = (self.calibration.error_factors(px[some]) for px in self.px)

@@ -40,6 +40,7 @@ from .series_camera import SeriesCamera as SeriesCamera
 from .series_image import FileDigests as FileDigests, KnownImage as KnownImage, SeriesImage as SeriesImage
 from .series_sources import SeriesSources as SeriesSources, files_of as files_of
 from .set_up import SeriesSetUp as SeriesSetUp, strain_of_job as strain_of_job
+from .static_images import static_errors as static_errors
 from .strain_anew import (
     series_anew as series_anew,
     strain_of_run as strain_of_run,

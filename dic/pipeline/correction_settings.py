@@ -6,7 +6,7 @@ from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
 from dic.errors import CorrelationError
-from dic.out_of_plane.motion import POISSON_RATIO, SHIFT_STD, TILT_AXIS, Motion
+from dic.out_of_plane.motion import FIXED_FACE, POISSON_RATIO, SHIFT_STD, THICKNESS, TILT_AXIS, Motion
 from dic.settings import Number, Pair, setting, settings_class
 
 if TYPE_CHECKING:
@@ -45,19 +45,21 @@ class CorrectionSettings:
     alignments: Mapping[str, Alignment] = field(default_factory=dict)
     shift_std_um: Number | None = SHIFT_STD
     tilt_axis_mm: Pair | None = TILT_AXIS
+    thickness_mm: Number | None = THICKNESS
+    fixed_face: str | None = FIXED_FACE
 
     @property
     def shift(self) -> "Shift":
         """The assumed uncertainty of the specimen's shift towards the camera."""
         from dic.out_of_plane.shift import Shift
 
-        return Shift.of(self.shift_std_um, self.tilt_axis_mm)
+        return Shift.of(self.shift_std_um, self.tilt_axis_mm, self.thickness_mm, self.fixed_face)
 
-    def completed(self, mounting: "RunMounting") -> "CorrectionSettings":
+    def completed(self, mounting: "RunMounting", thickness_mm: float) -> "CorrectionSettings":
         """Return the settings; a setting that is not given has the value that the run file declares."""
-        shift_std_um = mounting.shift_std_um if self.shift_std_um is None else self.shift_std_um
-        hinge_mm = mounting.tilt_axis_mm if self.tilt_axis_mm is None else self.tilt_axis_mm
-        return replace(self, shift_std_um=shift_std_um, tilt_axis_mm=hinge_mm)
+        declared = {"thickness_mm": thickness_mm, **vars(mounting)}
+        names = ("shift_std_um", "tilt_axis_mm", "thickness_mm", "fixed_face")
+        return replace(self, **{name: declared[name] for name in names if getattr(self, name) is None})
 
     def require_use(self, source: str, cameras: Sequence[str], kinds: Set[str]) -> None:
         """Raise an error if a run with these cameras and kinds of steps cannot use a given setting.
@@ -89,18 +91,20 @@ class CorrectionSettings:
         if kind == "rigid":
             alignment = self.alignments.get(camera)
             return Motion(kind, self.poisson_ratio, alignment, self.shift_std_um)
-        return Motion(kind, self.poisson_ratio, None, self.shift_std_um, self.tilt_axis_mm)
+        known = self.shift_std_um, self.tilt_axis_mm, self.thickness_mm, self.fixed_face
+        return Motion(kind, self.poisson_ratio, None, *known)
 
     def as_text(self) -> str:
         """Return the settings as JSON text for the result file."""
         alignments = {name: alignment.as_lists() for name, alignment in self.alignments.items()}
         content = {"poisson_ratio": self.poisson_ratio, "alignments": alignments}
         content |= {"shift_std_um": self.shift_std_um, "tilt_axis_mm": self.tilt_axis_mm}
+        content |= {"thickness_mm": self.thickness_mm, "fixed_face": self.fixed_face}
         return json.dumps(content)
 
     @classmethod
     def from_text(cls, text: str) -> "CorrectionSettings":
-        """Return the settings from the JSON text that `as_text` returned; older texts have no hinge."""
+        """Return the settings from the JSON text that `as_text` returned; older texts lack some values."""
         from dic.out_of_plane.alignment import Alignment
 
         content = json.loads(text)
@@ -111,6 +115,8 @@ class CorrectionSettings:
             alignments,
             content.get("shift_std_um"),
             None if hinge_mm is None else (hinge_mm[0], hinge_mm[1]),
+            content.get("thickness_mm"),
+            content.get("fixed_face"),
         )
 
 

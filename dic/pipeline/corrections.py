@@ -11,13 +11,21 @@ from dic.files.lazy import Computed
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correct import Corrections, correct
 from dic.out_of_plane.correction import Correction, stated
-from dic.out_of_plane.diagnosis import Harmonics, Sensitivity, rotation_findings, tension_findings
+from dic.out_of_plane.diagnosis import (
+    Harmonics,
+    Sensitivity,
+    contraction_findings,
+    rotation_findings,
+    tension_findings,
+)
 from dic.out_of_plane.motion import Motion
 from dic.out_of_plane.reference_match import match_references
 from dic.out_of_plane.reference_surface import ReferenceSurface
+from dic.out_of_plane.tension import with_still
 from dic.out_of_plane.two_cameras import TwoCameraStep, correct_with_two_cameras
 from dic.pipeline.camera import CorrectedCamera
 from dic.pipeline.measured_images import MeasuredImage
+from dic.pipeline.still_steps import StillSteps
 from dic.runfile.reader import RunStep
 from dic.strain.measurement import Measurement
 from dic.strain.strain import MeanStrain
@@ -160,7 +168,8 @@ class Corrector:
     """Correct strains for out-of-plane motion, step by step. Memory does not grow with the number of steps.
 
     `calibrations`: the calibration of each camera, by the camera's name. `motions`: the specimen's motion, by
-    the camera's name; None for no correction. `pair`: two cameras that correct together.
+    the camera's name; None for no correction. `pair`: two cameras that correct together. `reference_s`: time
+    of the reference in a run; NaN if it is not known.
     """
 
     def __init__(
@@ -168,8 +177,10 @@ class Corrector:
         calibrations: Mapping[str, Calibration | None],
         motions: Mapping[str, Motion | None],
         pair: tuple[CorrectedCamera, CorrectedCamera] | None = None,
+        reference_s: float = np.nan,
     ) -> None:
         self._calibrations, self._motions = calibrations, motions
+        self._still = StillSteps(calibrations, motions, reference_s)
         self._solved: dict[str, Corrections] = {}
         self.pair = None if pair is None else (pair[0].camera, pair[1].camera)
         """Names of the two cameras that are solved together; None if there is no joint solution."""
@@ -179,11 +190,17 @@ class Corrector:
             self._surface = match_references(images, both)
 
     @classmethod
-    def of(cls, cameras: Sequence[CorrectedCamera], motions: Mapping[str, Motion | None]) -> "Corrector":
+    def of(
+        cls,
+        cameras: Sequence[CorrectedCamera],
+        motions: Mapping[str, Motion | None],
+        reference_s: float = np.nan,
+    ) -> "Corrector":
         """Return the corrector of cameras; if the motion is a tension, two of them correct together."""
         kinds = {motion and motion.kind for motion in motions.values()}
         pair = _pair(cameras) if kinds == {"tension"} else None
-        return cls({camera.camera: camera.calibration for camera in cameras}, motions, pair)
+        calibrations = {camera.camera: camera.calibration for camera in cameras}
+        return cls(calibrations, motions, pair, reference_s)
 
     def solve(self, camera: str, measurements: Sequence[Measurement]) -> None:
         """Solve the alignment of a rotation from all images of a camera; each is used several times."""
@@ -210,7 +227,9 @@ class Corrector:
         measurements that `solve` was given.
         """
         measured = {
-            name: image.measurement for name, image in images.items() if image.measurement is not None
+            name: self._still.measured(name, number, step, image, image.measurement)
+            for name, image in images.items()
+            if image.measurement is not None
         }
         single = {name: self._single(name, measured[name], places.get(name, 0)) for name in measured}
         joint = self._joint(measured)
@@ -241,6 +260,7 @@ class Corrector:
             findings[name] = (
                 [] if calibration is None else _findings(motion, calibration, means, loads_n, found)
             )
+            findings[name] += self._still.findings(name)
         if self.pair is None or self._surface is None:
             return RunCorrections(motion, single, findings)
         of_both = [step for step in steps if step.joint is not None]
@@ -260,7 +280,7 @@ class Corrector:
         if calibration is None:
             return None
         if camera in self._solved:
-            return self._solved[camera].images[place]
+            return with_still(self._solved[camera].images[place], measurement, calibration)
         if motion is None or not self._is_known(camera):
             motion = Motion()
         return correct([measurement], calibration, motion).images[0]
@@ -340,7 +360,7 @@ def _findings(
         harmonics = Harmonics.of(angles_deg, np.array(strains)) if strains else None
         findings += rotation_findings(harmonics, found.alignment)
     if motion == "tension":
-        findings += tension_findings(found.images, loads_n)
+        findings += tension_findings(found.images, loads_n) + contraction_findings(found.images)
     reasons = {c.declined for c in found.images if c.declined is not None}
     return findings + [f"not corrected: {reason}" for reason in sorted(reasons)]
 

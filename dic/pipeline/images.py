@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from dic.pipeline.measuring import Measuring
 from dic.pipeline.series_image import SeriesImage
 from dic.pipeline.series_sources import SeriesSources, expanded, only_paths
 from dic.pipeline.set_up import SeriesSetUp, require_calibration, require_size
+from dic.pipeline.static_images import static_errors
 from dic.results.finished import FinishedImage
 from dic.strain.settings import StrainSettings
 from dic.typing import Grey, ImageLike, Mask, PathLike
@@ -43,6 +45,7 @@ def measure_images(
     region: Mask | PathLike | None = None,
     incremental: str = "auto",
     motion: Motion | str = "free",
+    static: ImageLike | Iterable[ImageLike] | None = None,
 ) -> MeasuredSeries:
     """Measure displacement and strain in images relative to a reference image.
 
@@ -76,11 +79,14 @@ def measure_images(
     motion : Motion or str
         Assumed motion of the specimen, used to correct calibrated strain: "free" (no correction), "rigid"
         (rotation without strain) or "tension" (uniform stretching with some bending).
+    static : iterable of ndarray or path, optional
+        Still images of the undeformed specimen before the test. Errors that they show, such as those by haze
+        or a warming camera, enter the standard deviations of strain.
 
     Raises
     ------
     MeasurementError
-        If the reference image, the calibration, the region or a setting cannot be used.
+        If the reference image, the calibration, the region, a still image or a setting cannot be used.
     """
     motion = Motion(motion) if isinstance(motion, str) else motion
     if isinstance(calibration, str | Path):
@@ -91,6 +97,10 @@ def measure_images(
     with each_warning_once():
         grey = kept(grey_image(reference, "reference image"), reference)
         series = Series(lambda: grey, region, settings, incremental=incremental)
+        if static is not None:
+            times = SeriesTimes(reference) if isinstance(reference, str | Path) else None
+            still = static_errors(series, expanded(one_by_one(static)), calibration, times)
+            motion = replace(motion, still=still)
         timed = _timed(reference, several)
         measuring = _measuring(series, timed, SeriesSetUp(_strain(strain), motion, calibration), grey)
         found = tuple(step.image for step in measuring.steps())

@@ -127,7 +127,8 @@ class Measuring:
         return self._corrector.alignment(camera)
 
     def _new_corrector(self, steps: Mapping[str, Sequence[RunStep]]) -> None:
-        self._corrector = Corrector.of(self._cameras, self._set_up.motions(steps))
+        motions, reference_s = self._set_up.motions(steps), self._set_up.reference_s
+        self._corrector = Corrector.of(self._cameras, motions, reference_s)
 
     def _correlated(self) -> Iterator[dict[str, FinishedImage]]:
         """Yield the finished image of each camera at each step; the cameras work at the same time."""

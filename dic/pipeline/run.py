@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -97,8 +98,11 @@ def process_run(
         run.step_of_kind("reference")
         plate_mm = run.mounting.plate_mm if plate_mm is None else plate_mm
         correcting.require_use(str(source.path), list(run.cameras), {step.kind for step in run.series()[1:]})
-        correcting = correcting.completed(run.mounting)
-        set_up = RunSetUp(str(run.path), run.info, settings, strain or StrainSettings(), correcting, plate_mm)
+        correcting = correcting.completed(run.mounting, run.info.thickness_mm)
+        first, *others = run.series()
+        reference_s = first.time_s if any(step.kind == "static" for step in others) else nan
+        known = run.info, settings, strain or StrainSettings(), correcting, plate_mm, reference_s
+        set_up = RunSetUp(str(run.path), *known)
         regions = source.masks(run)
         cameras = RunCameras(run, regions, settings, incremental, plate_mm, workers)
         job = Job.of(_fields_job(run, settings, incremental) | region_digests(regions), set_up.as_dict())

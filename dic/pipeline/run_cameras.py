@@ -98,6 +98,8 @@ class RunCameras:
         """
         how: dict[str, Any] = {
             "incremental": self.incremental,
+            # The stage tells the angle, but not the place of its axis.
+            "hint_decides": False,
             "threads": max(1, processors() // len(self.run.cameras)),
         }
         region = self.regions.get(camera)

@@ -60,7 +60,7 @@ class SeriesCamera:
     digests: FileDigests = field(default_factory=FileDigests)
 
     def __post_init__(self) -> None:
-        self._times, self.digested = SeriesTimes(self.sources.reference), True
+        self.times, self.digested = SeriesTimes(self.sources.reference), True
 
     @property
     def job(self) -> dict[str, Any]:
@@ -134,8 +134,8 @@ class SeriesCamera:
 
     def _renamed(self, image: FinishedImage, path: Path) -> FinishedImage:
         # Keep the times of the result file, because copying an image file changes its time.
-        return replace(image, label=str(path), time=image.time if image.time.source else self._times.of(path))
+        return replace(image, label=str(path), time=image.time if image.time.source else self.times.of(path))
 
     def _image(self, path: Path) -> SeriesImage:
         digest, identity = self.digests.identified(path) if self.digested else ("", ())
-        return SeriesImage(path, str(path), self.hint, digest, self._times.of(path), identity)
+        return SeriesImage(path, str(path), self.hint, digest, self.times.of(path), identity)

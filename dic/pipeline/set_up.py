@@ -3,7 +3,8 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from math import isnan, nan
+from typing import Any, ClassVar
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.settings import CorrelationSettings
@@ -34,6 +35,7 @@ class SeriesSetUp:
     motion: Motion | None = field(default_factory=lambda: Motion())
     calibration: Calibration | None = None
     calibration_digest: str = ""
+    reference_s: ClassVar[float] = nan
 
     def as_dict(self) -> dict[str, Any]:
         """Return a dict for JSON of all values that determine the strains."""
@@ -81,11 +83,14 @@ class RunSetUp:
     """Settings of the corrections, with the values that the run file declares."""
     plate_mm: float
     """Distance of the specimen's surface behind the grid's lines."""
+    reference_s: float = nan
+    """Time of the reference in the run, with which still images tell a drift; NaN if it is not known."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return a dict for JSON of all values that determine strain and corrections."""
         correcting = json.loads(self.correcting.as_text())
-        return {"strain": vars(self.strain), "correcting": correcting, "plate_mm": self.plate_mm}
+        known = {} if isnan(self.reference_s) else {"reference_s": self.reference_s}
+        return {"strain": vars(self.strain), "correcting": correcting, "plate_mm": self.plate_mm} | known
 
     def motions(self, steps: Mapping[str, Sequence[RunStep]]) -> dict[str, Motion | None]:
         """Return the motion of the specimen in the images of each camera, from the kinds of their steps."""
@@ -104,6 +109,11 @@ def strain_of_job(job: Job) -> StrainSettings:
 def plate_of_job(job: Job) -> float:
     """Return the distance of the surface behind the grid's lines with which a result was computed, mm."""
     return float(json.loads(job.strains)["plate_mm"])
+
+
+def reference_time_of_job(job: Job) -> float:
+    """Return the time of the reference with which a result was computed, s; NaN if it is not known."""
+    return float(json.loads(job.strains).get("reference_s", nan))
 
 
 def require_calibration(motion: Motion | None, calibration: Calibration | None) -> None:

@@ -9,5 +9,9 @@ from .properties import (
     material_properties as material_properties,
 )
 from .settings import PropertySettings as PropertySettings
-from .shared_error import with_shared_error as with_shared_error
+from .shared_error import (
+    JoinError as JoinError,
+    with_join_error as with_join_error,
+    with_shared_error as with_shared_error,
+)
 from .value import PropertyValue as PropertyValue

@@ -47,6 +47,8 @@ from dic.properties.yielding import (
 
 _MOST_GPA, _MOST_MPA = 1250.0, 50e3
 """Largest modulus and stress of any material: those of diamond and of the strongest whiskers."""
+_LEAST_SHARE = 0.1
+"""Smallest share of a standard deviation that is told."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,10 @@ class Properties:
     strain_parts : mapping of str to float, or None
         The part of each standard deviation that an error of strain common to all points causes, keyed by the
         name of the value; None if no such error was given.
+    join_parts : mapping of str to mapping of str to float, or None
+        For each value, the parts of its standard deviation that the offset and the rate of the machine's
+        clock cause, "offset" and "clock_rate", and with their correlation "both"; None without a join by
+        time.
     """
 
     record: Record
@@ -83,11 +89,24 @@ class Properties:
     laws: dict[str, dict[str, Any]]
     true: TrueCurve | None
     strain_parts: Mapping[str, float] | None = None
+    join_parts: Mapping[str, Mapping[str, float]] | None = None
 
     @cached_property
     def flags(self) -> list[str]:
         """Warnings about the whole record, not about a single property."""
         return [self.record.end_reason] if self.record.end_reason else []
+
+    @property
+    def join_text(self) -> str:
+        """The parts of the standard deviations that the machine's clock causes, in words; "" without any."""
+        texts = []
+        for name, part in (self.join_parts or {}).items():
+            value = self.values.get(name)
+            if value is not None and value.std and part["both"] > _LEAST_SHARE * value.std:
+                unit = "" if value.unit == "1" else f" {value.unit}"
+                symbol = name.partition("_")[0]
+                texts.append(f"{symbol} {part['offset']:.2g} and {part['clock_rate']:.2g}{unit}")
+        return f"± by offset and rate of the machine's clock: {', '.join(texts)}" if texts else ""
 
     @property
     def not_counted(self) -> list[str]:
@@ -104,6 +123,7 @@ class Properties:
             "area_mm2": self.settings.area_mm2,
             "not_counted": self.not_counted,
             **({} if self.strain_parts is None else {"std_by_strain": dict(self.strain_parts)}),
+            **({} if self.join_parts is None else {"std_by_join": {**self.join_parts}}),
             "flags": self.flags,
         }
 

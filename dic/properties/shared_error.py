@@ -11,7 +11,7 @@ zero and has no error, so the error grows during the test. There are two kinds o
   for a factor that is the same in all images.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,24 @@ from dic.typing import Float
 NECKING = "necking"
 
 _LOST = "strain error: the value does not exist if the strain is wrong by one standard deviation"
+_LOST_BY_CLOCK = "clock: the value does not exist if the machine's clock is wrong by one standard deviation"
+
+
+@dataclass(frozen=True)
+class JoinError:
+    """The errors of the loads of a record that was joined to images by time.
+
+    Attributes
+    ----------
+    load_n : ndarray, shape (n, 2)
+        Change of the load at each point if the offset, or the rate, of the machine's clock is larger by one
+        standard deviation.
+    correlation : float
+        Correlation of the errors of offset and rate.
+    """
+
+    load_n: Float
+    correlation: float = 0.0
 
 
 def with_shared_error(
@@ -58,18 +76,53 @@ def with_shared_error(
     if elastic is None or not np.isfinite(shared_std[np.isfinite(curve.strain)]).all():
         return found
     errors = _errors(found, elastic, shared_std, shared_transverse, followed)
-    changes = [_changes(found, elastic, error) for error in errors]
-    values, parts = {}, {}
-    for name, value in (found.values | {NECKING: found.necking}).items():
-        values[name] = value
-        own = [each[name] for each in changes if name in each]
-        if own and not np.isfinite(own).all():
-            values[name] = replace(value, std=None, flags=(*value.flags, _LOST))
-        elif own:
-            parts[name] = float(np.linalg.norm(own))
-            values[name] = replace(value, std=float(np.hypot(value.std or 0.0, parts[name])))
+    none = np.zeros(len(shared_std))
+    changes = [_changes(found, elastic, np.vstack([error, none])) for error in errors]
+    parts = {
+        name: float(np.linalg.norm([each[name] for each in changes if name in each]))
+        for name in dict.fromkeys(name for each in changes for name in each)
+    }
+    return replace(_with_parts(found, parts, _LOST), strain_parts=_finite(parts))
+
+
+def with_join_error(found: Properties, error: JoinError) -> Properties:
+    """Return properties whose deviations contain the errors of offset and rate of the machine's clock.
+
+    Each property is computed with the loads at a clock that is wrong by one standard deviation, as in
+    `with_shared_error`.
+    """
+    if found.elastic is None:
+        return found
+    none = np.zeros((2, len(error.load_n)))
+    changes = [_changes(found, found.elastic, np.vstack([none, load_n])) for load_n in error.load_n.T]
+    pairs = {name: (change, changes[1][name]) for name, change in changes[0].items()}
+    parts = {
+        name: float(np.sqrt(max(a * a + b * b + 2.0 * error.correlation * a * b, 0.0)))
+        for name, (a, b) in pairs.items()
+    }
+    names = ("offset", "clock_rate", "both")
+    shares = {
+        name: dict(zip(names, (abs(pairs[name][0]), abs(pairs[name][1]), part), strict=True))
+        for name, part in _finite(parts).items()
+    }
+    return replace(_with_parts(found, parts, _LOST_BY_CLOCK), join_parts=shares)
+
+
+def _finite(parts: dict[str, float]) -> dict[str, float]:
+    return {name: part for name, part in parts.items() if np.isfinite(part)}
+
+
+def _with_parts(found: Properties, parts: dict[str, float], lost: str) -> Properties:
+    """Return properties with further parts of their deviations; an unknown part gives the flag `lost`."""
+    values = dict(found.values | {NECKING: found.necking})
+    for name, part in parts.items():
+        value = values[name]
+        if np.isfinite(part):
+            values[name] = replace(value, std=float(np.hypot(value.std or 0.0, part)))
+        else:
+            values[name] = replace(value, std=None, flags=(*value.flags, lost))
     neck = values.pop(NECKING)
-    return replace(found, values=values, necking=neck, strain_parts=parts)
+    return replace(found, values=values, necking=neck)
 
 
 def _errors(
@@ -105,14 +158,15 @@ def _filled(values: Float) -> Float:
 
 
 def _changes(found: Properties, elastic: Elastic, error: Float) -> dict[str, float]:
-    """Return by how much the given errors of axial and transverse strain change each property."""
+    """Return by how much the errors of axial strain, transverse strain and load change each property."""
     curve = found.record.curve
     # Use the same window for both curves, so that the difference does not contain the choice of a window.
     window = elastic.line.first, elastic.line.stop
     sides = []
     for sign in (1.0, -1.0):
         beside = None if curve.transverse is None else curve.transverse + sign * error[1]
-        moved = replace(curve, strain=curve.strain + sign * error[0], transverse=beside)
+        along, load_n = curve.strain + sign * error[0], curve.load_n + sign * error[2]
+        moved = replace(curve, strain=along, transverse=beside, load_n=load_n)
         side = material_properties(moved, found.settings, window)
         sides.append(side.values | {NECKING: side.necking})
     changes = {}
@@ -124,5 +178,5 @@ def _changes(found: Properties, elastic: Elastic, error: Float) -> dict[str, flo
         changes[name] = np.nan
         if there:
             opposite = there[-1] if len(there) == 2 else 2.0 * value.value - there[0]
-            changes[name] = 0.5 * abs(there[0] - opposite)
+            changes[name] = 0.5 * (there[0] - opposite)
     return changes

@@ -7,6 +7,7 @@ Correlation Society, "A Good Practices Guide for Digital Image Correlation", 201
 
 import numpy as np
 
+from dic.correlation.repetition import REMEDY, repeats
 from dic.quality.picture import PictureValues
 from dic.quality.quality import SPECKLES_PER_SUBSET, Quality
 
@@ -27,6 +28,7 @@ def quality_findings(quality: Quality) -> list[str]:
     """Return one sentence, with a remedy, for each quality limit that an image exceeds."""
     return [
         *_pattern_findings(quality),
+        *_repetition_findings(quality),
         *_light_findings(quality),
         *_noise_findings(quality),
         *_focus_findings(quality),
@@ -69,6 +71,12 @@ def _pattern_findings(quality: Quality) -> list[str]:
             f" {quality.wanted_px:g} px; use {remedy}"
         )
     return sentences
+
+
+def _repetition_findings(quality: Quality) -> list[str]:
+    if quality.repetition is None or quality.told_apart:
+        return []
+    return [f"{repeats(quality.repetition)}, and subsets one period apart look the same; {REMEDY}"]
 
 
 def _light_findings(picture: PictureValues) -> list[str]:

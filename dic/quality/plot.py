@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from dic.correlation.repetition import repeats
 from dic.files.writing import write_figure
 from dic.image.given import grey_image
 from dic.quality.findings import FINEST_SPECKLE_PX
@@ -94,6 +95,8 @@ def _draw_covariance(axes: Any, quality: Quality) -> None:
     axes.axhline(0.5, color="gray", linewidth=0.8)
     axes.axvline(FINEST_SPECKLE_PX / 2, color="tab:red", linewidth=0.8, label="finest speckle")
     axes.set(xlabel="lag, px", ylabel="autocorrelation of the pattern")
+    if quality.repetition is not None:
+        axes.set_title(repeats(quality.repetition), fontsize=10)
     axes.legend()
 
 

@@ -1,15 +1,18 @@
 """The quality of a reference image, assessed before the measurement: pattern, light, focus and noise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from dic.correlation.correlator import Correlator
+from dic.correlation.repetition import Repetition, find_repetition, naming_repetition
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError, require_kind
 from dic.image.given import checked_region, grey_image, name_of
 from dic.image.read import require_same_size
 from dic.image.spline import spline_image
+from dic.image.stored import StoredImage
 from dic.quality.interpolation import InterpolationBias, assess_interpolation
 from dic.quality.noise import noise_of_one, noise_of_two
 from dic.quality.noise_floor import (
@@ -68,6 +71,10 @@ class Quality(PictureValues):
     interpolation : InterpolationBias
         Predicted interpolation bias, and the smoothing that the correlation will apply. `sssig` is computed
         from the image without smoothing, and `std_px` from the smoothed image.
+    repetition : Repetition or None
+        How the pattern repeats; None if it does not.
+    told_apart : bool
+        False if the pattern repeats and subsets one period apart look the same.
     """
 
     settings: CorrelationSettings
@@ -86,6 +93,8 @@ class Quality(PictureValues):
     subset_for_wanted_px: int | None
     mean_gradient: float
     interpolation: InterpolationBias
+    repetition: Repetition | None
+    told_apart: bool
 
     def __repr__(self) -> str:
         speckles = f"speckles {self.speckle_x_px:.1f} × {self.speckle_y_px:.1f} px"
@@ -170,12 +179,14 @@ class Quality(PictureValues):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the settings and the values of `figures` as a dict for JSON, with None instead of NaN."""
+        repetition = self.repetition
         return {
             "subset_px": self.settings.subset_px,
             "shape": self.settings.shape,
             "wanted_px": self.wanted_px,
             "recommended_subset_px": self.recommended_subset_px,
             **super().as_dict(),
+            "repetition": repetition and {**repetition.as_dict(), "told_apart": self.told_apart},
         }
 
 
@@ -237,6 +248,7 @@ def assess_quality(
     smooth = spline_image(smoothing.apply(grey), settings.order) if smoothing.width_px > 0.0 else spline
     std_px = predicted_std(smooth, noise, points, region, settings, smoothing)
     share = _share_of_textured(std_px)
+    repetition, told_apart = _repetition(StoredImage(smoothing.apply(grey)), region, noise, settings)
     picture = assess_picture(grey, region, noise=noise, full_level=full_level)
     return Quality(
         **vars(picture),
@@ -258,7 +270,20 @@ def assess_quality(
         ),
         mean_gradient=float(np.hypot(*slopes)[region].mean()),
         interpolation=interpolation,
+        repetition=repetition,
+        told_apart=told_apart,
     )
+
+
+def _repetition(
+    image: StoredImage, region: Mask, noise: float, settings: CorrelationSettings
+) -> tuple[Repetition | None, bool]:
+    """Return how the smoothed image repeats, and whether its subsets tell one period from the next."""
+    repetition = find_repetition(image, region)
+    if repetition is None:
+        return None, True
+    correlator = Correlator(image.stored, region, replace(settings, smoothing_px=0.0))
+    return repetition, correlator.tells_periods_apart(noise)
 
 
 def _second_image(second: ImageLike, grey: Grey, name: str) -> Grey:
@@ -282,7 +307,8 @@ def _region(region: Mask | None, grey: Grey, subset_px: int) -> tuple[Mask, Mask
         raise _no_room(subset_px, f"an image of {grey.shape[1]} x {grey.shape[0]} px")
     specimen = None
     if region is None:
-        specimen = find_specimen(grey, subset_px)
+        with naming_repetition(grey):
+            specimen = find_specimen(grey, subset_px)
         region = specimen.mask
         share = np.asarray(cv2.blur(region.astype(np.float32), (subset_px, subset_px)))
         centres = region & (share >= LEAST_SHARE)

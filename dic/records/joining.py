@@ -6,9 +6,10 @@ from pathlib import PurePath
 
 import numpy as np
 
-from dic.errors import CurveError, is_number
+from dic.errors import CurveError
+from dic.records.clock import ASSUMED, FOUND, GIVEN, MachineClock, clock_errors_n, usual_interval_s
 from dic.records.machine import MachineRecord
-from dic.records.offset import find_offset
+from dic.records.offset import find_clock
 from dic.typing import Float
 
 JOINS = ("name", "row", "time")
@@ -16,6 +17,11 @@ _IMAGE_TIMES = {
     "video": " of the video's frames",
     "exif": " of the images' Exif tags",
     "file": " of the image files' last change, which is late by the time of writing",
+}
+_FROM = {
+    ASSUMED: ", assumed because nobody gave {}",
+    FOUND: ", found from load and strain",
+    GIVEN: "",
 }
 
 
@@ -30,13 +36,18 @@ class JoinedRecord:
         Displacement, and time on the machine's clock; None if the record has none.
     join : str
         How the record was joined to the images: "name", "row" or "time".
-    offset_s : float or None
-        Machine's time minus image's time; None if the record was not joined by time.
-    offset_std_s : float or None
-        Standard deviation of an offset that was found from the strain; None if the user gave the offset.
+    offset_s, offset_std_s : float or None
+        Machine's time minus image's time at the first image, and its standard deviation; None if the record
+        was not joined by time.
     image_times : str
         Where the images' times come from: "table", "interval", "video", "exif" or "file"; "" if the record
         was not joined by time.
+    clock : MachineClock or None
+        Offset and rate of the machine's clock, their covariance, and where they come from.
+    errors_n : ndarray, shape (images, 2), or None
+        Change of each load if the offset, or the rate, is larger by one standard deviation.
+    lost : str
+        A sentence about images that are missing in the series; "" if none are.
     """
 
     load_n: Float
@@ -46,20 +57,41 @@ class JoinedRecord:
     offset_s: float | None = None
     offset_std_s: float | None = None
     image_times: str = ""
+    clock: MachineClock | None = None
+    errors_n: Float | None = None
+    lost: str = ""
 
     @property
     def text(self) -> str:
         """How the record was joined to the images, in words."""
         if self.offset_s is None:
             return f"joined by {self.join}"
-        std = "" if self.offset_std_s is None else f" ± {self.offset_std_s:.2g} s, found from load and strain"
+        std = "" if self.offset_std_s is None else f" ± {self.offset_std_s:.2g} s"
         times = _IMAGE_TIMES.get(self.image_times, "")
-        return f"joined by time{times}, machine's time minus image's time {self.offset_s:.6g} s{std}"
+        text = f"joined by time{times}, machine's time minus image's time {self.offset_s:.6g} s{std}"
+        if self.clock is not None:
+            text += _FROM[self.clock.offset_from].format("--offset-s")
+            text += (
+                f", machine's seconds per image's second {self.clock.rate:.6g} ± {self.clock.rate_std:.2g}"
+            )
+            text += _FROM[self.clock.rate_from].format("--clock-rate")
+        return f"{text}; {self.lost}" if self.lost else text
 
     def as_dict(self) -> dict[str, object]:
         """Return how the record was joined to the images, as a dict for JSON."""
-        offset = {"offset_s": self.offset_s, "offset_std_s": self.offset_std_s}
-        return {"join": self.join, **offset, "image_times": self.image_times or None}
+        clock = self.clock
+        return {
+            "join": self.join,
+            "offset_s": self.offset_s,
+            "offset_std_s": self.offset_std_s,
+            "offset_from": None if clock is None else clock.offset_from,
+            "clock_rate": None if clock is None else clock.rate,
+            "clock_rate_std": None if clock is None else clock.rate_std,
+            "clock_rate_from": None if clock is None else clock.rate_from,
+            "correlation": None if clock is None else clock.correlation,
+            "image_times": self.image_times or None,
+            "lost_images": self.lost or None,
+        }
 
     def reading(self, k: int) -> dict[str, float]:
         """Return the readings at the image with the index `k`, keyed by their names in tables."""
@@ -100,17 +132,18 @@ def join_by_time(
     record: MachineRecord,
     images: Sequence[str],
     image_times_s: Float,
-    offset_s: float | None = 0.0,
+    clock: MachineClock,
     strain: Float | None = None,
 ) -> JoinedRecord:
     """Interpolate the record at the time of each image.
 
     `images`: names of the images, for messages. `image_times_s`, shape (images,): times of the images on the
-    camera's clock. `offset_s`: machine's time minus image's time. None to find it from the strain. `strain`,
-    shape (images,): the strain in each image, needed to find the offset; NaN for an image without strain.
+    camera's clock. `clock`: the machine's clock; an infinite standard deviation of offset or rate means that
+    it is found from the strain. `strain`, shape (images,): the strain in each image, needed to find the
+    clock; NaN for an image without strain.
 
     Raises `CurveError` if the record has no time, a time of the record or the images runs backwards, an image
-    was taken before the record begins or after it ends, or the offset cannot be found.
+    was taken before the record begins or after it ends, or the clock cannot be found.
     """
     if record.time_s is None:
         raise record.wrong("join by time", "a column of time", "none", "name it, such as --time Time:s")
@@ -120,14 +153,12 @@ def join_by_time(
         k = int(back[0])
         got = f"{times[k + 1]:g} s of {_file_name(images[k + 1])} after {times[k]:g} s"
         raise record.wrong("image times", "times that do not run backwards", got, "order the images by time")
-    std_s = None
-    if offset_s is None:
+    if not np.isfinite([clock.offset_std_s, clock.rate_std]).all():
         if strain is None:
-            raise ValueError("an offset is found from strain")
-        offset_s, std_s = find_offset(record, times, strain)
-    elif not (is_number(offset_s) and np.isfinite(offset_s)):
-        raise CurveError("settings", "--offset-s", "a number of seconds", str(offset_s), "give --offset-s 0")
-    at = times + offset_s
+            raise ValueError("a clock is found from strain")
+        clock = find_clock(record, times, strain, clock)
+    clock = clock.sampled(usual_interval_s(record.time_s))
+    at = clock.at(times, times[0])
     first, last = record.time_s[0], record.time_s[-1]
     outside = np.flatnonzero((at < first) | (at > last))
     if outside.size:
@@ -147,8 +178,10 @@ def join_by_time(
         None if displacement is None else np.interp(at, record.time_s, displacement),
         at,
         "time",
-        float(offset_s),
-        std_s,
+        clock.offset_s,
+        clock.offset_std_s,
+        clock=clock,
+        errors_n=clock_errors_n(record, record.time_s, times, clock),
     )
 
 

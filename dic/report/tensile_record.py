@@ -10,7 +10,6 @@ from dic.errors import CurveError, is_number
 from dic.gauges.series import GaugeSeries, declaration
 from dic.properties.properties import Properties, material_properties, offset_key
 from dic.properties.settings import PropertySettings
-from dic.properties.shared_error import with_shared_error
 from dic.records.joining import JoinedRecord
 from dic.report.stated_facts import StatedFacts
 from dic.results.provenance import Provenance
@@ -107,6 +106,7 @@ class TensileColumn:
             "left_out": self.read.left_out,
             "values": values,
             **{name: found[name] for name in ("necking", "fits", "not_counted", "flags")},
+            "std_by_join": found.get("std_by_join"),
             "curve": [dict(zip(names, row, strict=True)) for row in rows],
         }
 
@@ -261,8 +261,7 @@ def _column(
     kind: str,
 ) -> TensileColumn:
     read = gauge_curve(series, gauge, transverse, kind=kind)
-    plain = material_properties(read.curve, settings)
-    found = with_shared_error(plain, read.shared_std, read.shared_transverse, read.followed)
+    found = read.judged(material_properties(read.curve, settings))
     known = {str(image.known.get("step", image.label)): image.digest for image in series.images}
     digests = tuple(known[label] for label in read.labels)
     return TensileColumn(camera, read, read.labels, digests, found)

@@ -104,6 +104,7 @@ class StoredFields:
             status=series["status"][k].astype(np.int8),
             active=self._active,
             start=str(series["start"][k]),
+            repetition=str(series["repetition"][k]) if "repetition" in series else "",
             settings=self.settings,
             updates=updates,
             smoothing_px=float(series["smoothing_px"][k]) if known else 0.0,

@@ -290,6 +290,7 @@ def _field_rows(image: FinishedImage, field: Field) -> Iterator[dict[str, Any]]:
     yield {
         "label": image.label,
         "start": field.start,
+        "repetition": field.repetition,
         "sha256": image.digest,
         "smoothing_px": field.smoothing_px,
         "updates": np.uint16(field.updates),

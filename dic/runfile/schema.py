@@ -12,8 +12,10 @@ Level: TypeAlias = Literal["info", "warning", "error"]
 Moment: TypeAlias = Literal["start", "end"]
 """When the settings of a device were read: before the first image, or at the end of the run."""
 StepKind: TypeAlias = Literal[
-    "grid", "reference", "load", "displacement", "rotation", "creep", "relaxation", "rest"
+    "grid", "reference", "static", "load", "displacement", "rotation", "creep", "relaxation", "rest"
 ]
+FixedFace: TypeAlias = Literal["middle", "back", "front"]
+"""What the grips hold in place while the specimen becomes thinner; the cameras see the front."""
 
 ROOT_ATTRIBUTES = {"default": "entry", "file_format": FORMAT, "file_format_version": VERSION}
 
@@ -95,6 +97,7 @@ SAMPLE = GroupLayout(
 )
 TARGET = (Item("target", "S16"), Item("marker_mm", "float64", "mm"), Item("dictionary", "S"))
 GRID = GroupLayout("NXcollection", (Item("lines", "int64", "1"), Item("pitch_mm", "float64", "mm"), *TARGET))
+FIXED_FACE = Item("fixed_face", "S")
 MOUNTING_GROUP = "mounting"
 """Name of the group with the declared mounting; files of earlier versions lack this group."""
 MOUNTING = GroupLayout(
@@ -103,6 +106,7 @@ MOUNTING = GroupLayout(
         Item("plate_mm", "float64", "mm"),
         Item("tilt_axis_mm", "float64", "mm"),
         Item("shift_std_um", "float64", "um"),
+        FIXED_FACE,
     ),
 )
 INSTRUMENT = GroupLayout("NXinstrument")
@@ -172,7 +176,7 @@ STEP_ITEMS = (
 
 COMPLETE = Item("complete", "uint8", "1")
 LATER: frozenset[Item] = frozenset(
-    {PROVENANCE, CONTINUES, SETTINGS, DIGEST, ORDER, *TARGET, *STAGE_FLAGS, *LOAD_FRAME_FLAGS}
+    {PROVENANCE, CONTINUES, SETTINGS, DIGEST, ORDER, FIXED_FACE, *TARGET, *STAGE_FLAGS, *LOAD_FRAME_FLAGS}
 )
 """Datasets that files of earlier versions lack."""
 

@@ -17,6 +17,7 @@ from dic.strain.displacement import Displacement, calibrated_displacement, raw_d
 from dic.strain.remarks import remarks_on
 from dic.strain.resolution import Filters, amplitude_kept, amplitude_lost, strain_resolution_px
 from dic.strain.settings import StrainSettings
+from dic.strain.still import StillErrors
 from dic.strain.strain import (
     IMAGES_KEYS,
     MeanStrain,
@@ -73,6 +74,8 @@ class Measurement:
     raw_bias : MeanStrain or None
         `raw_mean` with standard deviations that contain the interpolation bias alone. If the attribute is
         None, `summary` computes them.
+    still : StillErrors or None
+        Errors of the displacements that still images show, at the time of the image; None if not known.
     """
 
     label: str
@@ -89,6 +92,7 @@ class Measurement:
     shared: Float | None = None
     digest: str = ""
     raw_bias: MeanStrain | None = None
+    still: StillErrors | None = None
 
     def __repr__(self) -> str:
         return f"Measurement({self.label!r}, {self.field}, {self.mean})"
@@ -191,6 +195,8 @@ class Measurement:
     def objection(self) -> str | None:
         """The reason why the measurement is not good; None if it is good."""
         if 2 * self.field.count(Status.CONVERGED) < self.field.in_view:
+            if 2 * self.field.count(Status.REPEATING) >= self.field.in_view:
+                return "the pattern repeats, and nothing shows by how many periods most points have moved"
             return "fewer than half of the points in view converged; see their statuses"
         if self.raw_mean.points < _POINTS_OF_A_PLANE:
             where = "" if self.calibrated is None else " within the calibrated area"

@@ -24,7 +24,7 @@ _ACROSS = 0.8
 
 def remarks_on(field: Field) -> list[str]:
     """Return one sentence for each thing about a picture that makes its strain doubtful."""
-    found = []
+    found = [field.repetition] if field.repetition else []
     still = _still_share(field)
     if still == 1.0:
         found.append("no point has moved at all: this is the reference's own picture, or a copy of it")

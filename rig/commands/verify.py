@@ -3,6 +3,7 @@
 import hashlib
 import math
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from pydantic import ValidationError
 from dic.runfile.lock import is_recorded
 from dic.runfile.reader import RunFile, RunInfo
 from dic.runfile.schema import Moment
-from rig.protocol.protocol import parse_protocol
+from rig.protocol.protocol import recorded_protocol
 from rig.protocol.step import ProtocolStep
 
 _READINGS = {"load": "load_n", "displacement": "displacement_mm", "rotation": "angle_deg"}
@@ -78,10 +79,10 @@ def verify_run(path: str | Path) -> Verification:
         If the file is missing, is too short to contain the tables, or is not a run file.
     """
     with RunFile(path) as run:
-        planned = _planned(run.info.definition)
+        kinds = [step.kind for step in run.steps]
+        planned = _planned(run.info.definition, kinds)
         status, done = run.info.status, len(run.steps)
         problems = [] if status == "completed" else [_unfinished(run, done, len(planned))]
-        kinds = [step.kind for step in run.steps]
         problems += [
             f"step of kind {kind}: 1 expected, {kinds.count(kind)} on file"
             for kind in ("grid", "reference")
@@ -194,9 +195,9 @@ def _check_camera(run: RunFile, name: str, problems: list[str]) -> CameraCheck:
     return CameraCheck(len(on_file), len(in_steps), damaged)
 
 
-def _planned(definition: str) -> list[ProtocolStep]:
+def _planned(definition: str, kinds: Sequence[str]) -> list[ProtocolStep]:
     try:
-        return parse_protocol(tomllib.loads(definition)).steps()
+        return recorded_protocol(definition, kinds).steps()
     except (tomllib.TOMLDecodeError, ValidationError, RecursionError):
         return []
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from rig.errors import ProtocolError
+from rig.protocol.images import Images
 from rig.protocol.step import Execute, ProtocolStep, Quantity, RigReading
 from rig.protocol.tables import Limits
 
@@ -147,20 +148,42 @@ def increments(
 
 @dataclass(frozen=True)
 class Beginning:
-    """The first part of every course: images of the grid, and reference images, with or without a preload."""
+    """The first part of every course: images of the grid, reference images, and still images after them.
 
+    The reference images are taken with or without a preload.
+    """
+
+    # number of still images, and time between them, in s
+    still: int = 0
+    still_every_s: float = 1.0
     # the step of the reference images. The index of this step is set when the steps are listed.
     reference: ProtocolStep = field(default_factory=lambda: ProtocolStep(1, "reference"))
 
+    @classmethod
+    def of(cls, images: Images) -> "Beginning":
+        """Return the beginning with the still images that the table `images` asks for."""
+        return cls(images.still, images.still_every_s)
+
     def steps(self, index: int, _: Positions) -> list[ProtocolStep]:
-        """Return the step of the grid images and the step of the reference images."""
-        return [ProtocolStep(index, "grid"), replace(self.reference, index=index + 1)]
+        """Return the steps of the grid images, of the reference images and of the still images."""
+        still = [
+            ProtocolStep(
+                index + 1 + number,
+                "static",
+                at_s=number * self.still_every_s,
+                begins=number == 1,
+                load_drop="slow",
+            )
+            for number in range(1, self.still + 1)
+        ]
+        return [ProtocolStep(index, "grid"), replace(self.reference, index=index + 1), *still]
 
     def follow(self, index: int, place: Positions, _: RigReading | None, execute: Execute) -> RigReading:
-        """Execute the step of the grid images and the step of the reference images."""
-        grid, reference = self.steps(index, place)
-        execute(grid)
-        return execute(reference)
+        """Execute all steps, and return the reading at the last one."""
+        *others, last = self.steps(index, place)
+        for step in others:
+            execute(step)
+        return execute(last)
 
     def end(self, place: Positions) -> Positions:
         """Return the position of the devices after the reference images, when a preload is still applied."""

@@ -3,6 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
@@ -22,7 +23,7 @@ from rig.protocol.course import Beginning, Course, CoursePart, Positions
 from rig.protocol.criteria import Criterion, LoadDropCriterion
 from rig.protocol.durations import motion_times_s
 from rig.protocol.move import Ending, Move
-from rig.protocol.step import Quantity, RigReading
+from rig.protocol.step import ProtocolStep, Quantity, RigReading
 from rig.protocol.tables import Limits, PhasesSettle, too_fine
 
 STEPS_MAX = 50_000
@@ -77,7 +78,12 @@ class Draft:
     """
 
     def __init__(
-        self, phases: Sequence[Phase], settle: PhasesSettle, limits: Limits | None, tare_max_n: float | None
+        self,
+        phases: Sequence[Phase],
+        settle: PhasesSettle,
+        limits: Limits | None,
+        tare_max_n: float | None,
+        beginning: Beginning,
     ) -> None:
         self.mistakes: list[str] = []
         self.number = 0
@@ -89,7 +95,8 @@ class Draft:
         self._settle = settle
         self._limits = limits
         self._tare_max_n = tare_max_n
-        self._parts: list[CoursePart] = [Beginning()]
+        self._beginning = beginning
+        self._parts: list[CoursePart] = [beginning]
         self._demands: list[Demand] = []
         self._assured_n = self._elastic_n = 0.0
         self._moved: set[Quantity] = set()
@@ -140,10 +147,11 @@ class Draft:
         self._parts.append(part)
         self.place = part.end(self.place)
 
-    def begin(self, beginning: Beginning) -> None:
-        """Replace the first part of the course."""
-        self._parts[0] = beginning
-        self.place = beginning.end(self.place)
+    def begin(self, reference: ProtocolStep) -> None:
+        """Let the course begin with this step of the reference images."""
+        self._beginning = replace(self._beginning, reference=reference)
+        self._parts[0] = self._beginning
+        self.place = self._beginning.end(self.place)
 
     def mistake(self, sentence: str) -> None:
         """Note a mistake of the present phase."""

@@ -15,6 +15,10 @@ class Images(Settings):
     """
 
     per_step: int = Field(default=1, ge=1, le=1000)
+    still: int = Field(
+        default=2, ge=0, le=100, description="number of still images of the specimen before the test"
+    )
+    still_every_s: float = Field(default=5.0, gt=0.0, le=3600.0, description="time between the still images")
     timeout_s: float = Field(default=5.0, gt=0.0, le=60.0)
     attempts: int = Field(
         default=3, ge=1, le=20, description="largest number of images taken until one passes"

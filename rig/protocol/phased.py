@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, model_validator
 from drivers.settings import Settings
 from rig.protocol.base import BaseProtocol
 from rig.protocol.conditions import Conditions
-from rig.protocol.course import Course
+from rig.protocol.course import Beginning, Course
 from rig.protocol.draft import Draft, Phase
 from rig.protocol.phases import PHASES
 from rig.protocol.plausible import Plausible
@@ -46,7 +46,7 @@ class PhasesProtocol(BaseProtocol):
     @cached_property
     def _draft(self) -> Draft:
         tare_max_n = None if self.start is None else self.start.tare_max_n
-        return Draft(self.phases, self.settle, self.limits, tare_max_n)
+        return Draft(self.phases, self.settle, self.limits, tare_max_n, Beginning.of(self.images))
 
     @property
     def course(self) -> Course:

@@ -1,6 +1,8 @@
 """Read protocols from TOML files."""
 
 import re
+import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -51,6 +53,19 @@ def parse_protocol(table: dict[str, Any]) -> Protocol:
     if kind not in KINDS:
         kind = next((name for name in ("phases", "rotation") if name in table), "tension")
     return _MODELS[kind].model_validate(table)
+
+
+def recorded_protocol(definition: str, kinds: Sequence[str]) -> Protocol:
+    """Return the protocol of a run file from its text and the kinds of its finished steps.
+
+    Runs of earlier versions have no still images, although their protocols do not leave them out. Raise
+    `TOMLDecodeError`, `RecursionError` or pydantic's `ValidationError` for the text of another version.
+    """
+    table = tomllib.loads(definition)
+    images = table.setdefault("images", {})
+    if len(kinds) > 2 and "static" not in kinds and isinstance(images, dict):
+        images["still"] = 0
+    return parse_protocol(table)
 
 
 def _in_the_file(mistake: str) -> str:

@@ -47,7 +47,7 @@ class RotationProtocol(BaseProtocol):
         """The course of the test: grid and reference images, then a turn to an angle in increments."""
         turn = Move("rotation", math.nan, self.settle.angle_tolerance_deg, is_timed=False)
         approach = Approach(turn, self.rotation.total_deg, self.rotation.increment_deg)
-        return Course((Beginning(), approach), Positions())
+        return Course((Beginning.of(self.images), approach), Positions())
 
     @property
     def conditions(self) -> Conditions:

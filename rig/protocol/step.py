@@ -17,6 +17,7 @@ command."""
 UNITS: dict[StepKind, str] = {
     "grid": "",
     "reference": "N",
+    "static": "",
     "load": "N",
     "displacement": "mm",
     "rotation": "deg",
@@ -66,14 +67,15 @@ class ProtocolStep:
     """One step of a protocol: a target, and the images that belong to it.
 
     A device moves to the target. The cameras take the images when it has settled, or during the motion or
-    hold. The steps "grid", "reference" without a preload, and "rest" have no target.
+    hold. The steps "grid", "reference" without a preload, "static" and "rest" have no target.
 
     Attributes
     ----------
     index : int
         Number of the step in the plan, from 0.
     kind : str
-        Images of the undeformed state: "grid" or "reference". Motions: "load", "displacement" or "rotation".
+        Images of the undeformed state: "grid", "reference", or "static" for still images after the
+        reference. Motions: "load", "displacement" or "rotation".
         Holds: "creep" at a constant load, "relaxation" at a constant displacement, "rest" without a device.
     target, tolerance : float
         Target and settle tolerance, in N, mm or degrees depending on `kind`. NaN for a step without a target.
@@ -139,7 +141,7 @@ class ProtocolStep:
     @property
     def holds(self) -> bool:
         """True if the step is a hold, during which nothing moves except to keep a load constant."""
-        return self.kind in ("creep", "relaxation", "rest")
+        return self.kind in ("static", "creep", "relaxation", "rest")
 
     @property
     def pulls(self) -> bool:

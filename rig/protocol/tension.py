@@ -109,7 +109,7 @@ class TensionProtocol(BaseProtocol):
             stretching.total_mm,
             stretching.increment_mm,
         )
-        return Course((Beginning(), to_load, to_displacement), Positions.within(self.limits))
+        return Course((Beginning.of(self.images), to_load, to_displacement), Positions.within(self.limits))
 
     @property
     def conditions(self) -> Conditions:

@@ -153,6 +153,7 @@ def create_entry(file: Any, header: RunHeader) -> Any:
         "plate_mm": np.nan if mounting.plate_mm is None else mounting.plate_mm,
         "tilt_axis_mm": mounting.hinge_mm or (np.nan, np.nan),
         "shift_std_um": np.nan if mounting.shift_std_um is None else mounting.shift_std_um,
+        "fixed_face": mounting.fixed_face or "",
     }
     _fill(create_group(entry, schema.MOUNTING_GROUP, schema.MOUNTING), schema.MOUNTING, declared)
     return entry

@@ -25,7 +25,7 @@ from rig.devices import OpenedInterlock, Rig
 from rig.engine.engine import Engine
 from rig.engine.status import Outcome
 from rig.mounting import Mounting
-from rig.protocol.protocol import Protocol, parse_protocol
+from rig.protocol.protocol import Protocol, recorded_protocol
 from rig.recorder import Recorder, RunHeader
 from rig.recorder.header import interlock_records
 from rig.replay.compare import differences
@@ -202,7 +202,7 @@ class _ReplayRecorder(Recorder):
 
 def _protocol(run: RunFile) -> Protocol:
     try:
-        return parse_protocol(tomllib.loads(run.info.definition))
+        return recorded_protocol(run.info.definition, [step.kind for step in run.steps])
     except (tomllib.TOMLDecodeError, ValidationError, RecursionError) as error:
         raise of_another_version(run, "protocol", error) from error
 
@@ -242,6 +242,7 @@ def _mounting(run: RunFile) -> Mounting:
         plate_mm=mounting.plate_mm,
         tilt_axis_mm=None if mounting.tilt_axis_mm is None else list(mounting.tilt_axis_mm),
         shift_std_um=mounting.shift_std_um,
+        fixed_face=mounting.fixed_face,
     )
 
 

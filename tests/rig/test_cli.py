@@ -42,7 +42,8 @@ def test_tension_runs_from_protocol_to_a_verified_run_file(tmp_path):
     assert (done.status, done.err) == (0, "")
     table = done.report
     assert table["status"] == "completed"
-    assert [step["kind"] for step in table["steps"][:3]] == ["grid", "reference", "load"]
+    kinds = [step["kind"] for step in table["steps"][:5]]
+    assert kinds == ["grid", "reference", "static", "static", "load"]
     for step in table["steps"]:
         tolerance = {"load": 20.0, "displacement": 0.002}.get(step["kind"])
         if tolerance:
@@ -68,7 +69,7 @@ def test_tension_runs_from_protocol_to_a_verified_run_file(tmp_path):
 
     done = run_rig("verify", run_file)
     assert done.status == 0
-    assert f"completed, {len(table['steps'])} of 24 planned steps" in done.out
+    assert f"completed, {len(table['steps'])} of 26 planned steps" in done.out
 
 
 def test_rotation_runs_and_an_existing_run_file_is_left_alone(tmp_path):
@@ -84,7 +85,7 @@ def test_rotation_runs_and_an_existing_run_file_is_left_alone(tmp_path):
     assert run_rig(*arguments).status == 0
     with h5py.File(run_file) as file:
         angles_deg = file["entry/steps/angle_deg"][()]
-    assert angles_deg == pytest.approx([0.0, *(22.5 * i for i in range(17))], abs=0.01)
+    assert angles_deg == pytest.approx([0.0, 0.0, 0.0, *(22.5 * i for i in range(17))], abs=0.01)
     before = run_file.read_bytes()
     done = run_rig(*arguments)
     assert done.status == 2
@@ -123,10 +124,10 @@ def test_plan_as_json_is_the_plan_as_printed(tmp_path):
     done = run_rig("plan", EXAMPLES / "rotation.toml", "--rig", rig_file, "--json", report)
     table = done.report
     assert done.status == 0
-    assert len(table["steps"]) == 18
-    assert table["size_bytes"] == 36 * 32 * 24
+    assert len(table["steps"]) == 20
+    assert table["size_bytes"] == 40 * 32 * 24
     assert table["worst_load_n"] is None
-    assert "36 images" in done.out
+    assert "40 images" in done.out
 
 
 def test_mistakes_of_protocol_and_rig_file_are_reported_together(tmp_path):

@@ -15,9 +15,9 @@ def test_the_example_of_the_documentation_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     exec(compile(code, "docs/protocols.md", "exec"), {})
     printed = capsys.readouterr().out.splitlines()
-    # the grid, the reference and 16 turns by 22.5 deg, seen by two cameras
-    assert printed[0] == "18 steps, 36 images"
-    assert printed[1:3] == ["step 0 (grid)", "step 1 (reference)"]
-    assert printed[18] == "step 17 (rotation 360 deg)"
-    assert printed[19] == "completed"
+    # the grid, the reference, two still images and 16 turns by 22.5 deg, seen by two cameras
+    assert printed[0] == "20 steps, 40 images"
+    assert printed[1:4] == ["step 0 (grid)", "step 1 (reference)", "step 2 (static after 5 s)"]
+    assert printed[20] == "step 19 (rotation 360 deg)"
+    assert printed[21] == "completed"
     assert printed[-1].split()[:2] == ["rotation", "360.0"]

@@ -123,7 +123,7 @@ def test_a_run_that_went_on_goes_on_again(tmp_path, interrupt_at):
     paths[0].chmod(0o644)
     paths[0].write_bytes(paths[0].read_bytes()[:-1])
     with pytest.raises(RunFileError, match="copy the earlier run file into the same folder, unchanged"):
-        read_earlier(paths[1], read_protocol(protocol), protocol.read_text(), rig_path.read_text())
+        read_earlier(paths[1], protocol.read_text(), rig_path.read_text())
 
 
 def refusal(tmp_path: Path, change: Callable[[Path, Path, Path], None]) -> str:
@@ -195,7 +195,7 @@ def stopped(tmp_path) -> FakeRig:
 
 
 def go_on(rig: FakeRig):
-    earlier = read_earlier(rig.path, rig.protocol, rig.definition, "")
+    earlier = read_earlier(rig.path, rig.definition, "")
     rig.path = rig.path.with_name("run-2.h5")
     engine = rig.engine(earlier=earlier.readings)
     start = require_unchanged(earlier, rig.protocol, engine.context.rig)

@@ -10,7 +10,7 @@ import pytest
 from dic.runfile.reader import RunFile
 from rig.commands.simulate import start
 from rig.run import run_protocol
-from tests.places import EXAMPLES
+from tests.places import EXAMPLES, example
 
 SHORT = ("increment_deg = 22.5", "increment_deg = 180.0")
 SMALL = ('driver = "simulated-camera"', 'driver = "simulated-camera"\nwidth_px = 32\nheight_px = 24')
@@ -20,7 +20,7 @@ SMALL = ('driver = "simulated-camera"', 'driver = "simulated-camera"\nwidth_px =
 def files(tmp_path) -> tuple[Path, Path]:
     """A folder with a short protocol and a rig file with small cameras."""
     protocol, rig_path = tmp_path / "protocol.toml", tmp_path / "rig.toml"
-    protocol.write_text((EXAMPLES / "rotation.toml").read_text().replace(*SHORT))
+    protocol.write_text(example("rotation", SHORT))
     rig_path.write_text((EXAMPLES / "rig-virtual-rotation-10.toml").read_text().replace(*SMALL))
     return protocol, rig_path
 

@@ -2,7 +2,6 @@
 
 from typing import Literal
 
-from rig.protocol.course import Beginning
 from rig.protocol.draft import Draft, Phase, Positive
 from rig.protocol.step import ProtocolStep
 
@@ -29,4 +28,4 @@ class Preload(Phase):
             travel=self.load_n,
             motion_s=move.duration_s(self.load_n),
         )
-        draft.begin(Beginning(reference))
+        draft.begin(reference)

@@ -13,6 +13,7 @@ import pytest
 
 from dic.strain.strain import STRAIN_KEYS
 from tests.command_line import refusal, run_dic
+from tests.dic.correlation import lattices
 from tests.image_files import write_image
 
 P = (2.4, 0.010, 0.0, -1.3, 0.0, -0.004)
@@ -292,3 +293,27 @@ class TestRegionsAndMotion:
     )
     def test_regions_and_motions_that_make_no_sense_are_refused(self, folder, option, value, sentence):
         assert sentence in refusal("correlate", folder / "ref.png", folder / "moved.png", option, value)
+
+
+def test_a_pattern_that_repeats_is_named_and_only_a_hint_measures_it(tmp_path):
+    pattern = lattices.lattice("hexagonal", 15.0, 0.2)
+    for name, motion in (("still", (0.0, 0.0)), ("moved", (33.0, 8.0))):
+        write_image(tmp_path / f"{name}.png", lattices.image(pattern, (260, 260), motion, seed=len(name)))
+    images = [tmp_path / "still.png", tmp_path / "moved.png"]
+    outputs = ["--subset", 31, "--json", tmp_path / "a.json", "-o", tmp_path / "a.h5"]
+    done = run_dic("correlate", *images, *outputs)
+    assert done.status == 1
+    assert "every 15.0 px" in done.out
+    assert "the pattern repeats" in done.err
+    (row,) = done.report["images"]
+    assert not row["good"]
+    assert row["converged"] == 0
+    assert row["failures"]["repeating"] > 0.9 * row["points"]
+    # The result file holds what was found.
+    assert run_dic("correlate", *images, *outputs, "--force").out.count(row["remarks"][0]) == 1
+    done = run_dic("correlate", *images, *outputs, "--hint", "0,32,9", "--force")
+    assert done.status == 0, done
+    assert "hint decides" in done.out
+    with h5py.File(tmp_path / "a.h5") as file:
+        (u_px,) = file["series/u_px"][:]
+    assert np.nanmedian(u_px) == pytest.approx(33.0, abs=0.1)

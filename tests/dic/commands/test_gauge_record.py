@@ -116,6 +116,23 @@ def test_properties_of_a_result_file_are_the_true_ones(found):
     assert (found["strain_kind"], found["images"], found["left_out"]) == ("raw", IMAGES, 0)
 
 
+def test_the_clock_is_told_with_its_part_of_each_deviation(folder, tmp_path):
+    done = run_dic(
+        "properties", folder / "r.h5", "--declare", AXIAL, "--record", folder / "machine.csv",
+        "--load", "Force:kN", *JOINS["time"], "--offset-s", "0", "--clock-rate-std-percent", "0.5",
+        "--area-mm2", AREA_MM2, "--json", tmp_path / "p.json",
+    )  # fmt: skip
+    assert done.status == 0, done
+    record, part = done.report["record"], done.report["std_by_join"]["E_gpa"]
+    assert (record["offset_s"], record["offset_from"], record["clock_rate_from"]) == (0.0, "given", "given")
+    assert record["clock_rate_std"] == 0.005
+    # E has the relative error of the rate where the load grows evenly, and less where it grows more slowly.
+    assert part["clock_rate"] == pytest.approx(0.005 * E_MPA / 1e3, rel=0.3)
+    assert done.report["E_gpa"]["std"] > part["both"] > part["offset"]
+    assert "image's second 1 ± 0.005" in done.out
+    assert "± by offset and rate of the machine's clock: E " in done.out
+
+
 def test_properties_of_a_result_file_are_those_of_its_table(folder, found, tmp_path):
     table, record = tmp_path / "g.csv", ["--record", folder / "machine.csv", "--load", "Force:kN"]
     gauges = "--gauge", AXIAL, "--gauge", WIDTH
@@ -145,7 +162,7 @@ def test_properties_of_a_result_file_are_those_of_its_table(folder, found, tmp_p
         (
             [*("--declare", AXIAL, "--record", "{machine}", "--load", "Force:kN", "--time", "Time:s"),
              *("--image-interval-s", "0.5", "--offset-s", "soon")],
-            "a number of seconds, or auto, got 'soon'",
+            "a number, or auto, got 'soon'",
         ),
         (
             [*("--declare", AXIAL, "--record", "{machine}", "--load", "Force:kN", "--kind", "corrected")],
@@ -160,6 +177,8 @@ def test_properties_of_a_result_file_are_those_of_its_table(folder, found, tmp_p
                 (["--join", "name", "--image-column", "Image", "--offset-s", "50"], "expected --join time"),
                 (["--join", "row", "--image-column", "Image"], "--image-column: expected --join name"),
                 (["--join", "time", "--image-interval-s", "1", "--offset-gauge", "a"], "--offset-s auto"),
+                    (["--join", "row", "--clock-rate", "1"], "--clock-rate: expected --join time"),
+                    (["--join", "row", "--offset-std-s", "1"], "--offset-std-s: expected --join time"),
             )
         ),
     ],

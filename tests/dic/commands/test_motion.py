@@ -247,3 +247,54 @@ def test_settings_stay_when_the_motion_is_changed_and_changed_back():
     assert known == Motion("tension", poisson_ratio=0.4, shift_std_um=20.0, tilt_axis_mm=(1.0, 2.0))
     rigid = AnewOptions(None, ()).of_series(Chosen(Motion, {"kind": "rigid"}), known)
     assert rigid == Motion("rigid", poisson_ratio=0.4, shift_std_um=20.0)
+
+
+def test_still_images_tell_the_errors_of_a_warming_camera(pulled):
+    studio, reference, deformed, F = pulled
+    known = ("--motion", "tension", "--shift-std-um", 0)
+    out, quiet = studio.correlate(reference, [deformed], *known, "--static", studio.specimen("s.png", Pose()))
+    assert "1 still image shows" in out
+    (before,) = studio.correlate(reference, [deformed], *known)[1]["images"]
+    assert quiet["images"][0]["corrected"]["eyy_std"] < 1.2 * before["corrected"]["eyy_std"]
+    cold = studio.camera
+    try:
+        for k in (1, 2, 3):
+            studio.camera = PinholeCamera(SIDE_PX, SIDE_PX, FOCAL_PX * (1 + 5e-4 * k), tilt_deg=30.0)
+            warm = studio.specimen(f"warm{k}.png", *((Pose(),) if k < 3 else (Pose.sloped(0.03, -0.15), F)))
+    finally:
+        studio.camera = cold
+    stills = "--static", studio.folder / "warm[12].png"
+    out, report = studio.correlate(reference, [warm], *known, *stills)
+    assert "2 still images show" in out
+    assert "a drift" in out
+    corrected = report["images"][0]["corrected"]
+    # the third image is 1500 ppm larger
+    assert corrected["exx_std_still"] == pytest.approx(1.5e-3, rel=0.15)
+    assert abs(corrected["eyy"] - 0.0030045) < 2 * corrected["eyy_std"]
+    assert len(report["still"]["drift_mm"]) == 17
+    anew = studio.folder / "anew.h5"
+    studio.correlate(reference, [warm], *known, *stills, "-o", anew)
+    again = run_dic("strain", anew, "--json", studio.folder / "again.json", "--force").report
+    assert again["images"][0]["corrected"]["exx_std_still"] == pytest.approx(corrected["exx_std_still"])
+
+
+def test_still_images_need_a_calibration_and_a_specimen_at_rest(pulled):
+    studio, reference, deformed, _ = pulled
+    assert "give --calibration cal.h5" in refusal("correlate", reference, deformed, "--static", reference)
+    files = reference, deformed, "--calibration", studio.calibration, "--static", deformed
+    assert "give images from before the test" in refusal("correlate", *files)
+
+
+def test_the_thickness_corrects_the_shift_of_a_thinner_specimen(pulled):
+    studio, reference, _, F = pulled
+    thin_mm = -3.0 * 0.33 * 0.003
+    deformed = studio.specimen("thin.png", Pose.sloped(0.0, 0.0, thin_mm), F)
+    known = ("--motion", "tension", "--shift-std-um", 0)
+    out, report = studio.correlate(
+        reference, [deformed], *known, "--thickness-mm", 6, "--fixed-face", "middle"
+    )
+    corrected = report["images"][0]["corrected"]
+    assert corrected["thinning_um"] == pytest.approx(1e3 * thin_mm, rel=0.06)
+    assert abs(corrected["exx"] + 0.00099) < 2 * corrected["exx_std"]
+    assert report["shift"]["thickness_mm"] == 6.0
+    assert "the specimen became thinner: shift" in out

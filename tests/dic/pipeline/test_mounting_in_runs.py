@@ -28,6 +28,7 @@ def run_file(tmp_path_factory):
         plate_mm=PLATE_MM,
         tilt_axis_mm=[0.0, -30.0],
         shift_std_um=3.0,
+        fixed_face="back",
     )
 
 
@@ -58,8 +59,10 @@ def test_the_plate_of_the_run_file_is_taken_out_of_the_scale(run_file, result):
 
 
 def test_shift_and_hinge_of_the_run_file_are_taken_unless_they_are_given(run_file, result):
-    assert result.correcting == CorrectionSettings(shift_std_um=3.0, tilt_axis_mm=(0.0, -30.0))
-    given = CorrectionSettings(shift_std_um=9.0, tilt_axis_mm=(0.0, 50.0))
+    assert result.correcting == CorrectionSettings(
+        shift_std_um=3.0, tilt_axis_mm=(0.0, -30.0), thickness_mm=1.0, fixed_face="back"
+    )
+    given = CorrectionSettings(0.33, {}, 9.0, (0.0, 50.0), 2.0, "middle")
     assert process_run(run_file, COARSE, correcting=given).correcting == given
 
 
@@ -68,7 +71,12 @@ def test_the_command_line_replaces_the_plate_and_tells_it(run_file, tmp_path):
     done = run_dic("process", run_file, *options, "--plate-mm", 0.5, "--tilt-axis-mm", "1,-20")
     assert "surface 0.5 mm behind the lines" in done.out
     assert done.report["cameras"]["aside"]["calibration"]["plate_mm"] == 0.5
-    assert done.report["shift"] == {"shift_std_um": 3.0, "tilt_axis_mm": [1.0, -20.0]}
+    assert done.report["shift"] == {
+        "shift_std_um": 3.0,
+        "tilt_axis_mm": [1.0, -20.0],
+        "thickness_mm": 1.0,
+        "fixed_face": "back",
+    }
 
 
 def test_a_run_whose_specimen_is_not_found_is_measured_in_the_calibrated_area(
@@ -95,4 +103,4 @@ def test_a_run_file_of_an_earlier_program_declares_nothing(run_file, tmp_path):
         del file["entry/mounting"]
     found = process_run(older, COARSE)
     assert found.cameras[0].calibration.plate_mm == 0.0
-    assert found.correcting == CorrectionSettings()
+    assert found.correcting == CorrectionSettings(thickness_mm=1.0)

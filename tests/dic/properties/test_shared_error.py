@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dic import material_properties
-from dic.properties import Curve, PropertySettings, with_shared_error
+from dic.properties import Curve, JoinError, PropertySettings, with_join_error, with_shared_error
 from tests.dic.properties.synthetic import strain_of_stress
 
 E_MPA, AREA_MM2 = 200_000.0, 10.0
@@ -158,3 +158,37 @@ def test_a_strength_that_an_error_of_strain_takes_away_on_both_sides_has_no_devi
     assert strength.flags[-1].startswith("strain error: the value does not exist")
     assert "Rp02_mpa" not in judged.strain_parts
     assert judged.values["E_gpa"].std > found.values["E_gpa"].std
+
+
+def test_a_wrong_clock_changes_slope_and_strength_as_theory_says():
+    """Stress s and strain e grow evenly with time up to yielding; then the stress grows at a lower speed."""
+    time_s, yield_s, late_s, share = np.arange(400.0), 200.0, 2.0, 0.005
+    strain = 1e-5 * np.minimum(time_s, yield_s) + 5e-5 * np.maximum(time_s - yield_s, 0.0)
+    speeds = 2.0, 0.5  # MPa per second, elastic and plastic
+    stress = speeds[0] * np.minimum(time_s, yield_s) + speeds[1] * np.maximum(time_s - yield_s, 0.0)
+    rate = np.where(time_s <= yield_s, *speeds)
+    curve = Curve("made", AREA_MM2 * stress, strain, -0.3 * strain)
+    found = material_properties(curve, PropertySettings(AREA_MM2, window_mpa=(50.0, 350.0)))
+    errors = AREA_MM2 * rate[:, None] * np.column_stack([np.full(400, late_s), share * time_s])
+    judged = with_join_error(found, JoinError(errors, -0.5))
+    modulus, strength = judged.join_parts["E_gpa"], judged.join_parts["Rp02_mpa"]
+    assert modulus["offset"] == pytest.approx(0.0, abs=1e-6)
+    # A machine's clock that is fast by a share makes all loads of the even rise larger by this share.
+    assert modulus["clock_rate"] == pytest.approx(share * 200.0, rel=1e-6)
+    # With the plastic strain p = e - s / E, the strength changes by s' d - s' (e'_el - s' / E) d / p', where
+    # d is the delay, s' and p' are speeds beyond yielding and e'_el is the elastic speed of the strain.
+    plastic = 5e-5 - speeds[1] / 200e3
+    expected = speeds[1] * late_s * (1.0 - (1e-5 - speeds[1] / 200e3) / plastic)
+    assert strength["offset"] == pytest.approx(expected, rel=0.02)
+    both = modulus["offset"] ** 2 + modulus["clock_rate"] ** 2
+    assert modulus["both"] == pytest.approx(np.sqrt(both), rel=1e-6)
+    # Loads that are larger by a late offset and by a fast clock both make the strength larger.
+    a, b = strength["offset"], strength["clock_rate"]
+    assert strength["both"] ** 2 == pytest.approx(a * a + b * b - a * b, rel=1e-6)
+    assert judged.values["Rp02_mpa"].std == pytest.approx(
+        np.hypot(found.values["Rp02_mpa"].std, strength["both"])
+    )
+    # The ratio of two strains does not depend on the load's scale.
+    assert judged.join_parts["nu"]["both"] == pytest.approx(0.0, abs=1e-9)
+    assert judged.as_dict()["std_by_join"]["E_gpa"] == modulus
+    assert " and 1 GPa, Rp02 " in judged.join_text

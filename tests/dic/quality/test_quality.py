@@ -14,6 +14,7 @@ from dic.quality.noise import noise_of_one, noise_of_two
 from dic.quality.noise_floor import predicted_std, squared_gradients
 from dic.quality.quality import assess_quality
 from dic.quality.speckle import autocovariance, edge_blur, even_light, speckle_size
+from tests.dic.correlation.lattices import image, lattice
 
 SMALL = CorrelationSettings(subset_px=21, step_px=12)
 
@@ -260,3 +261,28 @@ class TestRefusals:
     def test_of_an_impossible_resolution(self, wanted_px):
         with pytest.raises(CorrelationError, match="wanted resolution"):
             assess_quality(blobs(2.0), None, SMALL, wanted_px=wanted_px)
+
+
+class TestRepetition:
+    def test_of_a_lattice_is_found_and_named_with_its_period(self):
+        grey = image(lattice("square", 14.0, 0.3), (300, 300))
+        quality = assess_quality(grey, everywhere(grey), SMALL)
+        assert not quality.told_apart
+        found = quality.as_dict()["repetition"]
+        assert found["periods_px"] == pytest.approx([14.0, 14.0], rel=0.01)
+        # An angle of 0.3 rad towards the y axis, which points down, is 180° - 17.2° as seen in the image.
+        assert sorted(found["directions_deg"]) == pytest.approx([90 - 17.2, 180 - 17.2], abs=0.5)
+        assert any("repeats every 14.0 px" in sentence for sentence in quality_findings(quality))
+
+    @pytest.mark.parametrize("brightness", [0.0, 0.2])
+    def test_is_no_fault_if_the_brightness_of_the_yarns_tells_the_periods_apart(self, brightness):
+        cloth = lattice("plain", 9.0, 0.3, np.random.default_rng(1), brightness=brightness)
+        grey = image(cloth, (300, 300))
+        quality = assess_quality(grey, everywhere(grey), SMALL)
+        assert quality.repetition is not None
+        assert quality.told_apart == (brightness > 0)
+        assert any("repeats" in sentence for sentence in quality_findings(quality)) == (brightness == 0)
+
+    def test_is_not_said_of_random_speckles(self):
+        quality = assess_quality(blobs(2.0), settings=SMALL)
+        assert quality.as_dict()["repetition"] is None

@@ -53,7 +53,8 @@ def test_load_is_interpolated_at_the_time_of_each_image():
     )
     # The curve is made of straight lines with corners at samples, so interpolation is exact.
     np.testing.assert_allclose(loads(series), load_n_at(IMAGE_TIMES + 1.3), atol=1e-9)
-    assert (joined.join, joined.offset_s, joined.offset_std_s) == ("time", 1.3, None)
+    # A given offset is exact but for half a sample of the machine.
+    assert (joined.join, joined.offset_s, joined.offset_std_s) == ("time", 1.3, pytest.approx(0.025))
     assert series.images[7].known["displacement_mm"] == pytest.approx(0.01 * (2.0 + 1.3))
 
 
@@ -111,8 +112,9 @@ def test_lines_are_found_by_the_names_of_images_with_or_without_folder_and_endin
     record = MachineRecord("m.csv", np.array([30.0, 10.0, 20.0]), images=tuple(names))
     series, joined = join_record(series_of([0.0, 0.1, 0.2]), record, "name")
     assert loads(series).tolist() == [10.0, 20.0, 30.0]
-    expected = {"join": "name", "offset_s": None, "offset_std_s": None, "image_times": None}
-    assert joined.as_dict() == expected
+    found = joined.as_dict()
+    assert found.pop("join") == "name"
+    assert set(found.values()) == {None}
 
 
 def test_rows_belong_to_images_in_order_and_one_more_to_the_reference():

@@ -36,7 +36,10 @@ def test_set_up_is_what_geometry_says_of_the_camera(tmp_path: Path) -> None:
         "off_axis 30.0°: a shift by w towards the camera strains all directions by w/Cz, 28.9 µε per µm"
         in text
     )
-    assert "The standard deviations assume this shift: ± 30 µm for one camera." in text
+    assert (
+        "The standard deviations assume this shift: ± 30 µm and more with the travel of the grips, "
+        "for one camera." in text
+    )
     # The largest measured shift is that of the last step that has a joint solution: 3 · 0.5 µm.
     assert "at most 1.50 ± 0.25 µm, which makes 43 ± 7 µε" in text
 

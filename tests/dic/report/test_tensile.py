@@ -8,6 +8,7 @@ import pytest
 from dic import tensile_test
 from dic.gauges import GaugeImage, GaugeSeries, Reading, StrainGauge
 from dic.properties import PropertySettings
+from dic.records.clock import MachineClock
 from dic.records.joining import JoinedRecord
 from dic.report.style import plot_style
 from dic.report.tensile_figures import curves_figure, gauges_figure
@@ -53,10 +54,15 @@ def test_modulus_that_cannot_be_had_has_its_reason_on_the_page_and_in_the_json()
 
 
 def test_the_offset_between_the_clocks_is_stated_with_its_standard_deviation():
-    joined = JoinedRecord(np.zeros(30), None, None, "time", 12.345, 0.031, "interval")
+    clock = MachineClock(12.345, 0.031, 1.002, 0.0004, -0.5, "found", "given")
+    joined = JoinedRecord(np.zeros(30), None, None, "time", 12.345, 0.031, "interval", clock)
     known = drawn(joined=joined).as_dict()["joined"]
     assert (known["offset_s"], known["offset_std_s"]) == (12.345, 0.031)
-    assert joined.text.endswith("minus image's time 12.345 s ± 0.031 s, found from load and strain")
+    assert (known["clock_rate"], known["clock_rate_std"], known["correlation"]) == (1.002, 0.0004, -0.5)
+    assert joined.text.endswith(
+        "minus image's time 12.345 s ± 0.031 s, found from load and strain,"
+        " machine's seconds per image's second 1.002 ± 0.0004"
+    )
     assert drawn().as_dict()["joined"] is None
 
 

@@ -33,7 +33,7 @@ class Pictures(FakeCamera):
 def with_images(rig, **settings):
     """Give a fake rig one camera with a textured image, and settings of its images; return the camera."""
     rig.cameras = {"off_axis": Pictures(rig.clock)}
-    rig.protocol = rig.protocol.model_copy(update={"images": Images(**settings)})
+    rig.protocol = rig.protocol.model_copy(update={"images": Images(still=0, **settings)})
     return rig.cameras["off_axis"]
 
 

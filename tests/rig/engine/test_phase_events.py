@@ -98,7 +98,7 @@ def test_a_replay_of_an_event_is_identical(tmp_path, images):
 
 
 def continued(rig: FakeRig) -> Engine:
-    earlier = read_earlier(rig.path, rig.protocol, rig.definition, "")
+    earlier = read_earlier(rig.path, rig.definition, "")
     rig.path = rig.path.with_name("run-2.h5")
     rig.calls.clear()
     engine = rig.engine(earlier=earlier.readings)

@@ -49,6 +49,8 @@ angle_tolerance_deg = 0.01
 dwell_s = 0.05
 timeout_s = 20.0
 poll_s = 0.05
+[images]
+still = 0
 """
 
 

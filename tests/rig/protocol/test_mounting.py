@@ -14,7 +14,7 @@ from rig.rigfile import read_rig
 from rig.run import plan_protocol, run_protocol
 from tests.places import example, small_cameras
 
-DECLARED = "\n[mounting]\nplate_mm = 1\ntilt_axis_mm = [2.5, -30]\nshift_std_um = 4.0\n"
+DECLARED = '\n[mounting]\nplate_mm = 1\ntilt_axis_mm = [2.5, -30]\nshift_std_um = 4.0\nfixed_face = "back"\n'
 
 
 def written(folder, name, text):
@@ -29,6 +29,7 @@ def test_every_test_with_a_load_frame_declares_its_mounting(name):
     assert mounting.plate_mm == 1.0
     assert mounting.hinge_mm == (2.5, -30.0)
     assert mounting.shift_std_um == 4.0
+    assert mounting.fixed_face == "back"
 
 
 def test_one_number_is_the_place_of_the_hinge_along_y():
@@ -40,7 +41,7 @@ def test_the_protocol_replaces_single_values_of_the_rig_file(tmp_path):
     rig = written(tmp_path, "rig.toml", example("rig-virtual-tension") + DECLARED)
     protocol = written(tmp_path, "p.toml", example("tension") + "\n[mounting]\nplate_mm = 0.0\n")
     made = read_protocol(protocol).mounting.over(read_rig(rig).mounting)
-    assert made == Mounting(plate_mm=0.0, tilt_axis_mm=[2.5, -30.0], shift_std_um=4.0)
+    assert made == Mounting(plate_mm=0.0, tilt_axis_mm=[2.5, -30.0], shift_std_um=4.0, fixed_face="back")
     assert plan_protocol(protocol, rig).mounting == made
 
 
@@ -51,6 +52,7 @@ def test_the_protocol_replaces_single_values_of_the_rig_file(tmp_path):
         ("tilt_axis_mm = 1e6", "at most 10000 mm away"),
         ("plate_mm = 1000", "mounting.plate_mm"),
         ("shift_std_um = -1", "mounting.shift_std_um"),
+        ('fixed_face = "side"', "mounting.fixed_face"),
         ("plate_um = 1", "mounting.plate_um"),
     ],
 )

@@ -14,7 +14,7 @@ from rig.protocol.phased import PhasesProtocol
 from rig.protocol.phases import PHASES
 from rig.protocol.protocol import parse_protocol, read_protocol
 from rig.protocol.step import ProtocolStep, RigReading
-from tests.places import EXAMPLES, ROOT, example
+from tests.places import NO_STILL, ROOT, example
 
 SAMPLE = """
 [sample]
@@ -45,7 +45,8 @@ timeout_s = 60.0
 
 
 def text(phases: str, tables: str = PULLING) -> str:
-    return 'kind = "phases"\ntitle = "t"\n' + SAMPLE + phases + tables
+    still = "" if "[images]" in phases + tables else NO_STILL
+    return 'kind = "phases"\ntitle = "t"\n' + SAMPLE + phases + tables + still
 
 
 def protocol(phases: str, tables: str = PULLING) -> PhasesProtocol:
@@ -142,7 +143,7 @@ def test_the_papers_protocols_are_cases_of_phases(name, phases, tables):
 def test_the_papers_steps_are_those_of_earlier_versions():
     planned = [
         (s.index, s.kind, s.target, s.tolerance, s.rate, s.conditional)
-        for s in read_protocol(EXAMPLES / "tension.toml").steps()[2:]
+        for s in parse_protocol(tomllib.loads(example("tension"))).steps()[2:]
     ]
     loads = [(2 + i, "load", 2000.0 * (1 + i), 20.0, 200.0, i >= 3) for i in range(5)]
     ways = [
@@ -150,7 +151,7 @@ def test_the_papers_steps_are_those_of_earlier_versions():
     ]
     assert planned == loads + ways
     specimen = Specimen()
-    read_protocol(EXAMPLES / "tension.toml").follow(specimen.execute)
+    parse_protocol(tomllib.loads(example("tension"))).follow(specimen.execute)
     # yields between 6 and 8 kN at 0.35 + 0.5 mm; increments are counted from there
     assert [s.index for s in specimen.executed][:6] == [0, 1, 2, 3, 4, 5]
     assert [s.target for s in specimen.executed[6:8]] == pytest.approx([1.15, 1.45])

@@ -22,7 +22,8 @@ def edited(tmp_path: Path, name: str, *edits: tuple[str, str]) -> Path:
 
 def test_tension_example_is_the_papers_procedure():
     steps = read_protocol(EXAMPLES / "tension.toml").steps()
-    assert [step.kind for step in steps[:3]] == ["grid", "reference", "load"]
+    assert [step.kind for step in steps[:5]] == ["grid", "reference", "static", "static", "load"]
+    assert [step.at_s for step in steps[2:4]] == [5.0, 10.0]
     assert [step.target for step in steps if step.kind == "load"] == [2000.0, 4000.0, 6000.0, 8000.0, 10000.0]
     stretch = [step.target for step in steps if step.kind == "displacement"]
     assert stretch == pytest.approx([0.3 * i for i in range(1, 17)] + [5.0])
@@ -31,8 +32,8 @@ def test_tension_example_is_the_papers_procedure():
 
 def test_rotation_example_is_the_papers_procedure():
     steps = read_protocol(EXAMPLES / "rotation.toml").steps()
-    assert [step.kind for step in steps[:2]] == ["grid", "reference"]
-    assert [step.target for step in steps[2:]] == [22.5 * i for i in range(1, 17)]
+    assert [step.kind for step in steps[:4]] == ["grid", "reference", "static", "static"]
+    assert [step.target for step in steps[4:]] == [22.5 * i for i in range(1, 17)]
     assert not any(step.conditional for step in steps)
 
 
