@@ -21,7 +21,7 @@ The scale ratio g₁ and the skew g₂ move a point in the grid's plane:
 
     X = x (1 + g₁/2) + y g₂/2,    Y = y (1 − g₁/2) + x g₂/2
 
-The other three, in mm, bend the grid. At its edges, at the half widths a and b from its middle, they are heights:
+The other three, in mm, bend the grid with the half widths a and b:
 
     Z = g₃ (x²/a² − 1/3) + g₄ x y/(a b) + g₅ (y²/b² − 1/3)
 """

@@ -20,7 +20,7 @@ _BOW = slice(2, 5)
 def of_one_grid(calibrations: tuple[Calibration, ...]) -> tuple[Calibration, ...]:
     """Return the calibrations with the deviations of the grid that all their images together show.
 
-    An oblique camera sees a bow of the grid, and a camera that looks straight at it sees scale ratio and skew.
+    An oblique camera sees a bow of the grid, a camera that looks straight at it sees scale ratio and skew.
     Each calibration is fitted again with what the others show. Calibrations of a grid without deviations,
     without a pinhole model or from files of earlier versions are returned unchanged.
 

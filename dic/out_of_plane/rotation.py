@@ -231,7 +231,7 @@ class RigidSolution:
     gain: Float
     """Shape (4 + q, 3 steps). Derivative by errors of the strains, with the opposite sign."""
     by_prior: Float
-    """Shape (4 + q, 4 + q). Covariance of the unknowns that comes from their prior, and not from the steps."""
+    """Shape (4 + q, 4 + q). Covariance of the unknowns that comes from their prior alone."""
 
 
 def solve_rigid(

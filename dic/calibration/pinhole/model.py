@@ -6,9 +6,10 @@ of the focal length f, the two coordinates of the principal point, and the disto
 p2·s. The length s is the half-width of the grid in the image. Six parameters describe the pose in each image.
 Three of the six parameters give a small rotation of the camera's axes from a start rotation. Two give the
 undistorted image (a, b) of the grid's centre, relative to the principal point. The sixth parameter is the
-logarithm of the scale m in px/mm at the grid's centre. The last parameters are the deviations of the grid from
-its nominal shape (`dic.calibration.grid_accuracy`), which all images share. The rotation R gives the position q = R·X of a grid
-point X, relative to the grid's centre, in camera axes. The undistorted image of the grid point is
+logarithm of the scale m in px/mm at the grid's centre. The last parameters are the deviations of the grid
+from its nominal shape (`dic.calibration.grid_accuracy`), which all images share. The rotation R gives the
+position q = R·X of a grid point X, relative to the grid's centre, in camera axes. The undistorted image of
+the grid point is
 
     x = (m·q_x + a) / (1 − m·q_z/f),    y = (b − m·q_y) / (1 − m·q_z/f)
 
