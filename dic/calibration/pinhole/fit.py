@@ -29,6 +29,9 @@ _K2 = 4
 """Index of the distortion coefficient k2 among the parameters."""
 _K2_LIMIT = 0.99
 """k2 is fitted if it lowers the cross-validation error below this fraction of the error without k2."""
+_FAR_OFF = 1.5
+"""A principal point that is further from the middle than so many standard deviations was not expected."""
+_MOST_PRINCIPALS = 5
 # Start value and lower limit of the noise of the grid points, px. With less noise the prior knowledge would
 # have no weight.
 _FIRST_NOISE_PX = 0.05
@@ -102,8 +105,27 @@ def fit_pinholes(
     prior = (known or KnownCamera()).prior(image_shape)
     views = _Views([g.xy_mm for g in grids], [g.uv_px for g in grids], prior, grid, grids[0].half_mm)
     _require_points(views)
+    views = _with_possible_principal(views)
     chosen, missed_px = _with_or_without_k2(views, grids[0], k2)
     return tuple(_camera(chosen, view, missed_px) for view in range(len(grids)))
+
+
+def _with_possible_principal(views: _Views) -> _Views:
+    """Return the views; the principal point may be where the images show it.
+
+    A part of a sensor, or a mount made by hand, puts it far off. Where nobody states it, the images count more
+    than the expectation that it is near the middle.
+    """
+    known = views.prior.known
+    if known.principal_px is not None or known.principal_std_px is not None:
+        return views
+    for _ in range(_MOST_PRINCIPALS):
+        prior = views.prior
+        away_px = float(np.abs(_first_solution(views).parameters[1:3] - prior.principal_px).max())
+        if away_px <= _FAR_OFF * prior.principal_std_px:
+            break
+        views = replace(views, prior=replace(prior, principal_std_px=1.2 * away_px))
+    return views
 
 
 def _with_or_without_k2(views: _Views, first: GridPoints, k2: bool | None) -> tuple["_Solution", float]:
