@@ -60,6 +60,7 @@ lines_x = 21
 lines_y = 21
 pitch_mm = 0.5
 [images]
+still = 0
 per_step = 1
 timeout_s = 5.0
 """

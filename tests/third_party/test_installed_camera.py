@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from drivers.settings import toml_table
-from tests.places import EXAMPLES
+from tests.places import EXAMPLES, example
 
 pytestmark = pytest.mark.extended
 
@@ -78,7 +78,7 @@ def test_rig_check_judges_its_image(run, rig_file, tmp_path):
 
 
 def test_rig_run_records_its_images(run, rig_file, tmp_path):
-    protocol = (EXAMPLES / "rotation.toml").read_text().replace("total_deg = 360.0", "total_deg = 22.5")
+    protocol = example("rotation", ("total_deg = 360.0", "total_deg = 22.5"))
     (tmp_path / "protocol.toml").write_text(protocol)
     run(*RIG, "run", "protocol.toml", "--rig", rig_file, "-o", "run.h5", "--json", "run.json")
     done = json.loads((tmp_path / "run.json").read_text())

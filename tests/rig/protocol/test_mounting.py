@@ -38,7 +38,7 @@ def test_one_number_is_the_place_of_the_hinge_along_y():
 
 
 def test_the_protocol_replaces_single_values_of_the_rig_file(tmp_path):
-    rig = written(tmp_path, "rig.toml", example("rig-virtual-tension") + DECLARED)
+    rig = written(tmp_path, "rig.toml", example("rig-virtual-rotation-30") + DECLARED)
     protocol = written(tmp_path, "p.toml", example("tension") + "\n[mounting]\nplate_mm = 0.0\n")
     made = read_protocol(protocol).mounting.over(read_rig(rig).mounting)
     assert made == Mounting(plate_mm=0.0, tilt_axis_mm=[2.5, -30.0], shift_std_um=4.0, fixed_face="back")
@@ -57,7 +57,7 @@ def test_the_protocol_replaces_single_values_of_the_rig_file(tmp_path):
     ],
 )
 def test_values_that_cannot_be_are_refused(tmp_path, line, words):
-    for name, read in (("tension", read_protocol), ("rig-virtual-tension", read_rig)):
+    for name, read in (("tension", read_protocol), ("rig-virtual-rotation-30", read_rig)):
         path = written(tmp_path, f"{name}.toml", f"{example(name)}\n[mounting]\n{line}\n")
         with pytest.raises(ConfigurationError) as caught:
             read(path)
