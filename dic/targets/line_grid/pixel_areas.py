@@ -27,7 +27,8 @@ _MOST_WIDENING = 0.2
 _LEAST_SINE = 1e-3
 _NOISE_TIMES, _SHARE_OF_CONTRAST = 4.0, 0.15
 """A pixel is left out if its misfit exceeds this multiple of the noise plus this share of the contrast."""
-_BRIGHTEST_LINE = 4.0
+BRIGHTEST_LINE = 4.0
+"""Largest grey level of a line divided by that of the background. Beyond it the background is too dark."""
 _STEP_OF_CONTRAST = 0.02
 """Expected step of the background across an inner line, as a share of the contrast."""
 
@@ -176,7 +177,7 @@ class _Fit:
         spacing_px = self._corridors.spacing_px
         self._beside = _light(ground.reshape(spacing_px.shape), spacing_px)
         on_line = 1 + depth / np.where(ground == 0, np.inf, ground)
-        self._on_line = self._beside * np.clip(on_line, 0, _BRIGHTEST_LINE)
+        self._on_line = self._beside * np.clip(on_line, 0, BRIGHTEST_LINE)
         self._depth, size = depth, np.abs(misfit)
         self._noise = float(np.median(size[self.kept])) / 0.6745 if self.kept.any() else 0.0
         most = _NOISE_TIMES * self._noise + _SHARE_OF_CONTRAST * abs(float(np.median(depth)))
