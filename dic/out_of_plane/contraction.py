@@ -20,8 +20,9 @@ _ELASTIC = 0.005
 _PLASTIC_RATIO = 0.5
 
 _CLEAR = 4.0
-"""The contraction contradicts an expected shift beyond so many standard deviations. A test has many images, and
-few tests without a fault are to be told one.
+"""The contraction contradicts an expected shift beyond so many standard deviations.
+
+A test has many images, so a smaller number would often find a fault by chance.
 """
 
 
