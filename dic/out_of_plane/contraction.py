@@ -19,8 +19,11 @@ _ELASTIC = 0.005
 
 _PLASTIC_RATIO = 0.5
 
-_CLEAR = 2.5
-"""The contraction contradicts an expected shift if it differs by more than this many standard deviations."""
+_CLEAR = 4.0
+"""The contraction contradicts an expected shift beyond so many standard deviations.
+
+A test has many images, so a smaller number would often find a fault by chance.
+"""
 
 
 @dataclass(frozen=True)

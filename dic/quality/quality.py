@@ -233,11 +233,9 @@ def assess_quality(
     slopes = spline.gradient()
     given = None if region is None else checked_region(region, grey.shape)
     centres, region, specimen = _region(given, grey, settings.subset_px)
-    if second is None:
-        noise, whiteness = noise_of_one(grey, region), float("nan")
-    else:
-        other = _second_image(second, grey, name_of(image, "image"))
-        noise, whiteness = noise_of_two(grey, other, slopes, region)
+    other = None if second is None else _second_image(second, grey, name_of(image, "image"))
+    known = None if other is None else noise_of_two(grey, other, slopes, region)
+    noise, whiteness = known or (noise_of_one(grey, region), float("nan"))
     pattern = even_light(grey, region)
     covariance_y, covariance_x = (autocovariance(pattern, region, noise, axis) for axis in (0, 1))
     points = _points(centres, settings.subset_px)
@@ -245,10 +243,11 @@ def assess_quality(
         grey, region, noise, settings, noise_known=second is not None, strain_range=strain_range
     )
     smoothing = interpolation.smoothing
-    smooth = spline_image(smoothing.apply(grey), settings.order) if smoothing.width_px > 0.0 else spline
+    smoothed = smoothing.apply(grey)
+    smooth = spline_image(smoothed, settings.order) if smoothing.width_px > 0.0 else spline
     std_px = predicted_std(smooth, noise, points, region, settings, smoothing)
     share = _share_of_textured(std_px)
-    repetition, told_apart = _repetition(StoredImage(smoothing.apply(grey)), region, noise, settings)
+    repetition, told_apart = _repetition(StoredImage(smoothed), region, noise, settings)
     picture = assess_picture(grey, region, noise=noise, full_level=full_level)
     return Quality(
         **vars(picture),

@@ -48,7 +48,7 @@ def find_grid(
     x_axis: XAxis = None,
     origin_px: tuple[float, float] | None = None,
 ) -> GridPoints:
-    """Find the intersections of a line grid, seen from any direction, to about a hundredth of a pixel.
+    """Find the intersections of a line grid, seen from any direction, to a few thousandths of a pixel.
 
     Parameters
     ----------

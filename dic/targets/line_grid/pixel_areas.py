@@ -14,11 +14,11 @@ import numpy as np
 from dic.targets.sampled_image import GridImage
 from dic.typing import Float, Mask
 
-_ROUNDS = 10
+_ROUNDS, _LAST_ROUNDS = 10, 2
 _SMALL_PX = 2e-4
 """The fit ends if no line moves by more; the next step would be much smaller still."""
-_MOST_PIXELS = 600
-"""Number of pixels of a segment that are enough. Of more, every second row or fewer are used."""
+_SOME_PIXELS, _MOST_PIXELS = 600, 4000
+"""Numbers of pixels of a segment that are enough to come near the result, and for the last step."""
 _LEAST_PIXELS = 24
 _BLUR_PX2, _LEAST_BLUR_PX2, _MOST_BLUR_PX2 = 0.1, 1e-4, 9.0
 """First, smallest and largest variance of the blur."""
@@ -27,7 +27,8 @@ _MOST_WIDENING = 0.2
 _LEAST_SINE = 1e-3
 _NOISE_TIMES, _SHARE_OF_CONTRAST = 4.0, 0.15
 """A pixel is left out if its misfit exceeds this multiple of the noise plus this share of the contrast."""
-_BRIGHTEST_LINE = 4.0
+BRIGHTEST_LINE = 4.0
+"""Largest grey level of a line divided by that of the background. Beyond it the background is too dark."""
 _STEP_OF_CONTRAST = 0.02
 """Expected step of the background across an inner line, as a share of the contrast."""
 
@@ -54,18 +55,18 @@ class Corridors:
     """Shape (lines, segments). Distance to the next line in the direction of the normal."""
 
     @classmethod
-    def of(cls, image: GridImage, ends_px: Float, reach_px: Float) -> "Corridors":
+    def of(cls, image: GridImage, ends_px: Float, reach_px: Float, most: int = _MOST_PIXELS) -> "Corridors":
         """Return the pixels near segments.
 
         `ends_px`, shape (lines, segments, 2, 2): expected ends of the segments. `reach_px`, shape (lines,
-        segments): largest distance of a pixel's centre from the line.
+        segments): largest distance of a pixel's centre from the line. `most`: number of pixels of a segment
+        of which every second row or fewer are used.
         """
-        chord = ends_px[..., 1, :] - ends_px[..., 0, :]
-        length_px = np.linalg.norm(chord, axis=-1)
-        normal = np.stack([-chord[..., 1], chord[..., 0]], axis=-1) / length_px[..., None]
+        length_px = np.linalg.norm(ends_px[..., 1, :] - ends_px[..., 0, :], axis=-1)
+        normal = unit_normals(ends_px)
         step = np.gradient(ends_px.mean(axis=-2), axis=0)
         segments = ends_px.reshape(-1, 2, 2), normal.reshape(-1, 2), length_px.ravel(), reach_px.ravel()
-        strips = [_strip(image, *segment) for segment in zip(*segments, strict=True)]
+        strips = [_strip(image, most, *segment) for segment in zip(*segments, strict=True)]
         used = np.arange(max(strip.shape[1] for strip in strips)) < [[strip.shape[1]] for strip in strips]
         pixels = np.zeros((3, *used.shape))
         pixels[:, used] = np.concatenate(strips, axis=1)
@@ -74,7 +75,16 @@ class Corridors:
         return cls(used, grey, distance_px, along, normal.reshape(-1, 2), spacing_px)
 
 
-def _strip(image: GridImage, ends_px: Float, normal: Float, length_px: float, reach_px: float) -> Float:
+def unit_normals(ends_px: Float) -> Float:
+    """Return the unit normals (…, 2) of segments between two ends (…, 2, 2)."""
+    chord = ends_px[..., 1, :] - ends_px[..., 0, :]
+    turned = np.stack([-chord[..., 1], chord[..., 0]], axis=-1)
+    return np.asarray(turned / np.linalg.norm(turned, axis=-1, keepdims=True))
+
+
+def _strip(
+    image: GridImage, most: int, ends_px: Float, normal: Float, length_px: float, reach_px: float
+) -> Float:
     """Return grey level, distance from the line, and place along it of the pixels near a segment."""
     low, grey = image.window(ends_px.min(axis=0) - reach_px, ends_px.max(axis=0) + reach_px)
     y, x = np.indices(grey.shape)
@@ -83,22 +93,27 @@ def _strip(image: GridImage, ends_px: Float, normal: Float, length_px: float, re
     along = (across_x * normal[1] - across_y * normal[0]) / length_px
     inside = (np.abs(distance_px) <= reach_px) & (np.abs(along) <= 0.5)
     # Leave out whole rows of pixels across the line, because each of the others shows both edges.
-    every = -(-int(np.count_nonzero(inside)) // _MOST_PIXELS)
+    every = -(-int(np.count_nonzero(inside)) // most)
     if every > 1:
         inside &= (y if abs(normal[0]) > abs(normal[1]) else x) % every == 0
     return np.stack([values[inside] for values in (grey, distance_px, along)])
 
 
-def offsets_by_area(corridors: Corridors, width_px: Float) -> tuple[Float, Float]:
+def offsets_by_area(
+    image: GridImage, ends_px: Float, reach_px: Float, width_px: Float
+) -> tuple[Float, Float]:
     """Return offset and slope of each line from its expected place: offset + slope·along, px.
 
-    All arrays have the shape (lines, segments). `width_px` are approximate widths of the lines. NaN if a
-    segment has too few pixels.
+    The results have the shape (lines, segments), and are NaN if a segment has too few pixels. `ends_px`,
+    `reach_px`: as for `Corridors.of`. `width_px`, shape (lines, segments): approximate widths of the lines.
     """
-    fit = _Fit(corridors, width_px.ravel())
+    fit = _Fit(Corridors.of(image, ends_px, reach_px, _SOME_PIXELS), width_px.ravel())
     for _ in range(_ROUNDS):
         if fit.improve() < _SMALL_PX:
             break
+    fit.continue_with(Corridors.of(image, ends_px, reach_px))
+    for _ in range(_LAST_ROUNDS):
+        fit.improve()
     enough = np.count_nonzero(fit.kept, axis=1) >= _LEAST_PIXELS
     offset, slope = (
         np.where(enough, values, np.nan).reshape(width_px.shape) for values in (fit.offset_px, fit.slope_px)
@@ -118,6 +133,11 @@ class _Fit:
         inner = np.zeros(corridors.spacing_px.shape)
         inner[1:-1] = 1
         self._inner = inner.ravel()
+
+    def continue_with(self, corridors: Corridors) -> None:
+        """Use other pixels of the same segments."""
+        self._corridors = corridors
+        self.kept = corridors.used
 
     def improve(self) -> float:
         """Improve all parameters once; return by how much a line moved at most, px."""
@@ -176,7 +196,7 @@ class _Fit:
         spacing_px = self._corridors.spacing_px
         self._beside = _light(ground.reshape(spacing_px.shape), spacing_px)
         on_line = 1 + depth / np.where(ground == 0, np.inf, ground)
-        self._on_line = self._beside * np.clip(on_line, 0, _BRIGHTEST_LINE)
+        self._on_line = self._beside * np.clip(on_line, 0, BRIGHTEST_LINE)
         self._depth, size = depth, np.abs(misfit)
         self._noise = float(np.median(size[self.kept])) / 0.6745 if self.kept.any() else 0.0
         most = _NOISE_TIMES * self._noise + _SHARE_OF_CONTRAST * abs(float(np.median(depth)))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.targets.lattice import LatticeShape
-from dic.targets.line_grid.pixel_areas import Corridors, offsets_by_area
+from dic.targets.line_grid.pixel_areas import BRIGHTEST_LINE, offsets_by_area, unit_normals
 from dic.targets.sampled_image import GridImage, station_index
 from dic.typing import Float, Mask
 
@@ -20,9 +20,6 @@ _PASSES = 3
 # A misfit below this fraction of a line's contrast is always accepted. Even in images without noise, the
 # interpolation and the rounding of grey levels cause such a misfit.
 _MISFIT_OF_ROUNDING = 0.03
-# Upper limit for the grey level of a line divided by that of the background. If the ratio is larger, the
-# background is too dark to be measured.
-_BRIGHTEST_LINE = 4.0
 _MOST_BY_AREA_PX = 0.2
 """Largest difference between the offsets from profiles and from areas; beyond it, dirt is likely."""
 
@@ -93,7 +90,7 @@ class _Template:
         )
         beside = median_filter(beside, size=(3, 3, 1), mode="mirror")
         line_to_ground = 1 + depth / np.where(ground == 0, np.inf, ground)
-        return beside, beside * np.clip(line_to_ground, 0.0, _BRIGHTEST_LINE)
+        return beside, beside * np.clip(line_to_ground, 0.0, BRIGHTEST_LINE)
 
     def shaded(self, shading: tuple[Float, Float]) -> Float:
         """Return the grey levels that the gradient of the light adds to the profiles.
@@ -211,11 +208,11 @@ def _more_by_area(image: GridImage, places: Float, normal: Float, width_px: Floa
     `_stations`. `width_px`, `reach_px`, shape (lines, segments): width of the lines, and how far from the
     lines pixels are used. The result, shape (lines, segments, stations), is 0 where the areas give no offset.
     """
-    corridors = Corridors.of(image, places[:, :, [0, -1]], reach_px)
-    offset, slope = offsets_by_area(corridors, width_px)
+    ends = places[:, :, [0, -1]]
+    offset, slope = offsets_by_area(image, ends, reach_px, width_px)
     along = np.linspace(-0.5, 0.5, places.shape[2])
     more_px = offset[..., None] + slope[..., None] * along
-    scale = (corridors.normal.reshape(*offset.shape, 1, 2) * normal).sum(axis=-1)
+    scale = (unit_normals(ends)[:, :, None] * normal).sum(axis=-1)
     return np.where(np.abs(more_px) < _MOST_BY_AREA_PX, more_px / scale, 0.0)
 
 

@@ -84,8 +84,7 @@ def test_the_interval_contains_the_truth_with_a_hinge():
         inside, total = inside + int((np.abs(z) < 1.96).sum()), total + 3
         rms.append(z**2)
     print(f"\n{inside / total:.3f} inside, rms z {np.sqrt(np.mean(rms)):.2f}")
-    # A contraction that contradicts the shift makes the interval larger, so that more than 95 % are inside.
-    assert 0.92 <= inside / total <= 0.99
+    assert 0.92 <= inside / total <= 0.98
 
 
 def test_the_default_deviation_is_smaller_with_a_hinge_and_a_declared_one_counts():

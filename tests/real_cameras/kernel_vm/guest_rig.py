@@ -85,8 +85,8 @@ def files(simulation: Simulation, tmp_path: Path) -> tuple[Path, Path, Path]:
     return protocol, rig_file, tmp_path / "run.h5"
 
 
-STEPS = ("grid", "reference", "rotation", "rotation")
-"""The steps of the run: the grid image, the reference at 0°, and two rotations by 1°."""
+STEPS = ("grid", "reference", "static", "static", "rotation", "rotation")
+"""The steps of the run: the grid image, the reference at 0°, two still images, and two rotations by 1°."""
 
 
 def test_a_run_logs_fresh_images_of_both_cameras(files: tuple[Path, Path, Path]) -> None:
@@ -97,7 +97,7 @@ def test_a_run_logs_fresh_images_of_both_cameras(files: tuple[Path, Path, Path])
     with h5py.File(files[2]) as run:
         steps = run["entry/steps"]
         assert [kind.decode() for kind in steps["kind"][:]] == list(STEPS)
-        np.testing.assert_allclose(steps["angle_deg"][2:], [1.0, 2.0], atol=0.01)
+        np.testing.assert_allclose(steps["angle_deg"][-2:], [1.0, 2.0], atol=0.01)
         for name in CAMERAS:
             camera = run["entry/instrument"][name]
             assert camera.attrs["vendor"] == "vivid"
@@ -124,7 +124,7 @@ def test_a_camera_that_is_pulled_out_and_comes_back_is_used_again(
         if record.step.kind == "reference":
             turn("Disconnect", camera=rigs[0].cameras["right"])  # type: ignore[arg-type]
 
-    monkeypatch.setattr("rig.run.open_rig", opening)
+    monkeypatch.setattr("rig.guardian.announced.open_rig", opening)
     outcome = run_protocol(*files, on_step=[pull_out])
     # the kernel's camera is there again as soon as it is opened anew
     assert (outcome.status, outcome.unsafe) == ("completed", ()), outcome.reason
