@@ -33,6 +33,7 @@ _PINHOLE_UNITS = {
     "noise_px": "px",
     "cross_validation_px": "px",
 }
+_ACCURACY_UNITS = {"scale_ratio_std": "1", "skew_std": "rad", "flatness_std_mm": "mm"}
 _DEVIATION_UNITS = {
     "deviations": "1, 1, mm, mm, mm",
     "deviation_covariance": "products of 1, 1, mm, mm, mm",
@@ -139,11 +140,8 @@ def write_calibration(group: h5py.Group, calibration: Calibration) -> None:
 
 def _of_fit(to: FittedTo) -> dict[str, tuple[Any, str]]:
     """Return what a fit of the same images needs, beside the grid points of the first."""
-    datasets: dict[str, tuple[Any, str]] = {
-        "grid/scale_ratio_std": (to.accuracy.scale_ratio_std, "1"),
-        "grid/skew_std": (to.accuracy.skew_std, "rad"),
-        "grid/flatness_std_mm": (to.accuracy.flatness_std_mm, "mm"),
-    }
+    stds = zip(_ACCURACY_UNITS.items(), to.accuracy.stds, strict=True)
+    datasets: dict[str, tuple[Any, str]] = {f"grid/{name}": (std, unit) for (name, unit), std in stds}
     datasets["grid/nominal_mm"] = (to.grids[0].xy_mm, "mm")
     for number, grid in enumerate(to.grids[1:], 2):
         datasets[f"more/{number}/nominal_mm"] = (grid.xy_mm, "mm")
@@ -198,8 +196,7 @@ def _read_grid(group: h5py.Group) -> GridPoints:
 def _read_fit(group: h5py.Group, image_shape: tuple[int, int]) -> FittedTo | None:
     if "known_camera" not in group.attrs:
         return None
-    names = ("scale_ratio_std", "skew_std", "flatness_std_mm")
-    accuracy = GridAccuracy(*(float(group[f"grid/{name}"][()]) for name in names))
+    stds: dict[str, Any] = {name: float(group[f"grid/{name}"][()]) for name in _ACCURACY_UNITS}
     lines = tuple(map(int, group["grid/lines"][:]))
     pitch_mm = float(group["grid/pitch_mm"][()])
     numbers = sorted(group.get("more", ()), key=int)
@@ -211,7 +208,7 @@ def _read_fit(group: h5py.Group, image_shape: tuple[int, int]) -> FittedTo | Non
         for image in images
     )
     known = KnownCamera(**json.loads(str(group.attrs["known_camera"])))
-    return FittedTo(grids, image_shape, known, accuracy)
+    return FittedTo(grids, image_shape, known, GridAccuracy(**stds))
 
 
 def _read_pinhole(group: h5py.Group) -> Pinhole:

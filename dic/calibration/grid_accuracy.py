@@ -5,11 +5,13 @@ and its glue are not flat. All grid points share these deviations, so the residu
 them. Several images of the tilted grid do.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from dic.errors import CalibrationError, is_number, require_all
+from dic.errors import CalibrationError
+from dic.settings import Number, one_of, setting, settings_class
 from dic.typing import Float, Mask
 
 _MOST_SHEAR, _MOST_BOW_MM = 0.05, 1.0
@@ -27,58 +29,72 @@ The other three, in mm, bend the grid with the half widths a and b:
 """
 
 
-@dataclass(frozen=True)
+ACCURACIES = {"printed": (7e-4, 5e-4, 0.02), "glass": (1e-5, 1e-5, 0.001), "exact": (0.0, 0.0, 0.0)}
+"""Standard deviations of scale ratio, skew and flatness (mm) of grids that are made in different ways.
+
+Printed: a laser printer's grid on paper or film, glued to a plate. Glass: chrome on glass, by lithography.
+"""
+
+
+def _std(what: str, sentence: str, option: str, most: float, unit: str = "") -> Any:
+    return setting(
+        f"standard deviation of the target's {what}",
+        f"Standard deviation of {sentence}. Default: by the way in which the target was made.",
+        default=None,
+        expected=f"0 to {most:g}{unit}",
+        remedy=f"give {option} 0 for an exact target, or a larger value",
+        option=option,
+        example=str(most / 100),
+        check=lambda std: std is None or 0.0 <= std <= most,
+    )
+
+
+@settings_class(CalibrationError)
 class GridAccuracy:
-    """Standard deviations of the grid's deviations from its nominal shape.
+    """How accurately a calibration target was made."""
 
-    Attributes
-    ----------
-    scale_ratio_std : float
-        Of the ratio of the scales along X and Y, minus 1.
-    skew_std : float
-        Of the deviation of the angle between the lines from 90°, in rad.
-    flatness_std_mm : float
-        Of the height of a bow at the edge of the grid.
+    made: str | None = setting(
+        "making of the target",
+        "How the target was made: printed (by a laser printer, on paper or film), glass (chrome on glass), or"
+        " exact. Default: as the run file says, otherwise printed.",
+        default=None,
+        expected=one_of(ACCURACIES),
+        remedy="give --grid-made glass for chrome on glass, or leave it out",
+        option="--grid-made",
+        example='"glass"',
+        metavar="MAKING",
+        read=str,
+        among=(None, *ACCURACIES),
+    )
+    scale_ratio_std: Number | None = _std(
+        "scale ratio", "the ratio of the target's scales along X and Y", "--scale-ratio-std", _MOST_SHEAR
+    )
+    skew_std: Number | None = _std(
+        "skew", "the angle between the target's axes, rad", "--skew-std", _MOST_SHEAR, " rad"
+    )
+    flatness_std_mm: Number | None = _std(
+        "flatness",
+        "the height of a bow at the target's edge, mm",
+        "--flatness-std-mm",
+        _MOST_BOW_MM,
+        " mm",
+    )
 
-    Raises
-    ------
-    CalibrationError
-        If a value is negative, or larger than 0.05 or 1 mm. The message lists all mistakes.
-    """
-
-    scale_ratio_std: float = 7e-4
-    skew_std: float = 5e-4
-    flatness_std_mm: float = 0.02
-
-    def __post_init__(self) -> None:
-        values = [
-            ("scale ratio", "--scale-ratio-std", self.scale_ratio_std, _MOST_SHEAR, ""),
-            ("skew", "--skew-std", self.skew_std, _MOST_SHEAR, " rad"),
-            ("flatness", "--flatness-std-mm", self.flatness_std_mm, _MOST_BOW_MM, " mm"),
-        ]
-        checks = [
-            (
-                is_number(value) and 0 <= value <= most,
-                f"standard deviation of the grid's {name}",
-                f"0 to {most:g}{unit}",
-                f"{value}{unit}",
-                f"give {option} 0 for an exact grid, or a larger value",
-            )
-            for name, option, value, most, unit in values
-        ]
-        require_all(CalibrationError, "settings", checks)
-
-    @classmethod
-    def of(cls, made: str, **stated: float | None) -> "GridAccuracy":
-        """Return the accuracy of a grid made in one of the ways `ACCURACIES`, with values that are stated."""
-        return replace(
-            ACCURACIES[made], **{name: value for name, value in stated.items() if value is not None}
+    @property
+    def stds(self) -> tuple[float, float, float]:
+        """Standard deviations of scale ratio, skew (rad) and flatness (mm)."""
+        stated = self.scale_ratio_std, self.skew_std, self.flatness_std_mm
+        usual = ACCURACIES[self.made or "printed"]
+        ratio, skew, flatness = (
+            by_making if std is None else std for std, by_making in zip(stated, usual, strict=True)
         )
+        return ratio, skew, flatness
 
     @property
     def std(self) -> Float:
         """Standard deviations of `DEVIATIONS`, shape (5,)."""
-        return np.array([self.scale_ratio_std, self.skew_std, *3 * [self.flatness_std_mm]])
+        ratio, skew, flatness_mm = self.stds
+        return np.array([ratio, skew, *3 * [flatness_mm]])
 
 
 @dataclass(frozen=True)
@@ -109,16 +125,8 @@ class KnownGrid:
         return weights
 
 
-PRINTED = GridAccuracy()
-"""A laser printer's grid on paper or film, glued to a plate."""
-
-GLASS = GridAccuracy(1e-5, 1e-5, 0.001)
-"""Chrome on glass, made by lithography."""
-
-EXACT = GridAccuracy(0.0, 0.0, 0.0)
+EXACT = GridAccuracy("exact")
 FLAT = KnownGrid.of(EXACT)
-
-ACCURACIES = {"printed": PRINTED, "glass": GLASS}
 
 
 def deviated(xy_mm: Float, half_mm: Float, deviations: Float) -> tuple[Float, Float]:

@@ -10,7 +10,7 @@ import click
 
 import dic
 from dic.commands.calibration_text import summarise, text
-from dic.commands.options import all_of, option, options, use
+from dic.commands.options import Chosen, all_of, option, options, use
 from dic.commands.target_options import TargetOptions, target_options
 from dic.files import write_text
 from dic.shell.console import say
@@ -48,36 +48,6 @@ class CameraOptions:
 
 
 @options
-class GridOptions:
-    """Options that state how accurately the target was made."""
-
-    grid_made: str = option(
-        "--grid-made",
-        default="printed",
-        among=tuple(dic.calibration.ACCURACIES),
-        help="How the target was made: printed (a laser printer) or glass (chrome on glass).",
-    )
-    scale_ratio_std: float | None = option(
-        "--scale-ratio-std", help="Standard deviation of the ratio of its scales along X and Y."
-    )
-    skew_std: float | None = option(
-        "--skew-std", help="Standard deviation of the angle between its axes, rad."
-    )
-    flatness_std_mm: float | None = option(
-        "--flatness-std-mm", help="Standard deviation of the height of its edges over its middle."
-    )
-
-    def read(self) -> dic.calibration.GridAccuracy:
-        """Return the options as a `GridAccuracy`."""
-        return dic.calibration.GridAccuracy.of(
-            self.grid_made,
-            scale_ratio_std=self.scale_ratio_std,
-            skew_std=self.skew_std,
-            flatness_std_mm=self.flatness_std_mm,
-        )
-
-
-@options
 class CalibrationOutputOptions:
     """Options that name the output files of `dic calibrate`."""
 
@@ -105,7 +75,7 @@ class CalibrationOutputOptions:
     " that carries them.  [default: 0]",
 )
 @use("camera", CameraOptions)
-@use("grid", GridOptions)
+@use("grid", dic.calibration.GridAccuracy, title="Target")
 @use("outputs", CalibrationOutputOptions)
 @FORCE
 def calibrate(
@@ -114,7 +84,7 @@ def calibrate(
     model: Literal["bicubic", "pinhole", "recommended"],
     plate_mm: float,
     camera: CameraOptions,
-    grid: GridOptions,
+    grid: Chosen[dic.calibration.GridAccuracy],
     outputs: CalibrationOutputOptions,
     force: bool,
 ) -> None:
@@ -129,7 +99,7 @@ def calibrate(
     The target's plane in the first image is the plane of the measurement. If the specimen's surface lies
     behind this plane, give the distance with --plate-mm.
     """
-    shown, known, accuracy = all_of(target.read, camera.read, grid.read)
+    shown, known, accuracy = all_of(target.read, camera.read, grid.settings)
     files = [outputs.output, outputs.points_file, outputs.plot_file, outputs.json_file]
     require_places(images, files, force=force)
     require_hdf5(outputs.output, "give --points for a table of the grid, or --json for the values")

@@ -52,6 +52,7 @@ class RunAlignmentOptions:
 @settings_option
 @worker_options
 @use("surface", SurfaceSettings, title="Motion")
+@use("grid", dic.calibration.GridAccuracy, title="Target")
 @correlation_options
 @reference_options
 @strain_options
@@ -67,6 +68,7 @@ class RunAlignmentOptions:
 def process(
     runs: tuple[Path, ...],
     surface: Chosen[SurfaceSettings],
+    grid: Chosen[dic.calibration.GridAccuracy],
     correlation: Chosen[CorrelationSettings],
     references: Chosen[ReferenceSettings],
     strain: Chosen[StrainSettings],
@@ -92,7 +94,7 @@ def process(
         say(f"{earlier} is left out, because {later} continues it and contains its steps")
     paths = listed.paths
     several = len(paths) > 1 or any(run.is_dir() for run in runs)
-    settings, rule, how, source, correcting, gauges, place, _ = all_of(
+    settings, rule, how, source, correcting, gauges, place, made, _ = all_of(
         correlation.settings,
         references.settings,
         strain.settings,
@@ -100,6 +102,7 @@ def process(
         partial(motion.settings, assumed),
         outputs.gauges,
         surface.settings,
+        grid.settings,
         partial(outputs.require_several, len(paths)) if several else lambda: None,
     )
     inputs = [used_settings_file(), *motion.files, *region.files, outputs.gauges_file]
@@ -109,6 +112,7 @@ def process(
         correcting,
         rule.incremental,
         place.plate_mm,
+        made if any(value is not None for value in grid.values.values()) else None,
         gauges,
         inputs,
         motion.save_alignment,

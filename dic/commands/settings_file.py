@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from dic import CorrelationSettings, Motion, ReferenceSettings, StrainSettings
+from dic.calibration import GridAccuracy
 from dic.commands.options import is_option_of
 from dic.errors import CorrelationError, MeasurementError, joined
 from dic.files import read_text
@@ -22,6 +23,7 @@ TABLES: dict[str, tuple[type, ...]] = {
     "correlation": (CorrelationSettings, ReferenceSettings),
     "strain": (StrainSettings,),
     "correction": (Motion, SurfaceSettings),
+    "grid": (GridAccuracy,),
 }
 """The classes whose settings each table of the file has, in the order in which `dic settings` writes them."""
 

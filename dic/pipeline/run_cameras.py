@@ -3,13 +3,15 @@
 import math
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
+from dic.calibration.grid_accuracy import GridAccuracy
+from dic.calibration.one_grid import of_one_grid
 from dic.calibration.plate import behind
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
@@ -44,13 +46,16 @@ class RunCameras:
     incremental: str
     plate_mm: float
     """Distance of the specimen's surface behind the grid's lines."""
+    accuracy: GridAccuracy = field(default_factory=GridAccuracy)
+    """How accurately the grid was made."""
     workers: Workers | None = None
     """Workers that correlate the images of all cameras. By default each camera has a thread of its own."""
 
     def calibrated(self) -> list[CameraImages]:
         """Calibrate all cameras at the same time, and return them with their images."""
         with ThreadPoolExecutor() as pool:
-            return list(pool.map(self._calibrated, self.run.cameras))
+            fitted = pool.map(partial(calibrate_camera, self.run, accuracy=self.accuracy), self.run.cameras)
+            return list(map(self._calibrated, self.run.cameras, of_one_grid(tuple(fitted))))
 
     def outcomes(self) -> dict[str, list[ImageOutcome]]:
         """Return the names and the contents of the images of each camera."""
@@ -62,11 +67,10 @@ class RunCameras:
             for camera in self.run.cameras
         }
 
-    def _calibrated(self, camera: str) -> CameraImages:
+    def _calibrated(self, camera: str, lines: Calibration) -> CameraImages:
         run = self.run
         first, *others = run.series()
         # The fields do not depend on the thickness of the plate, so a new thickness needs no new correlation.
-        lines = calibrate_camera(run, camera)
         calibration = behind(lines, self.plate_mm) if self.plate_mm else lines
         correlate = partial(self._correlated, lines)
         return CameraImages(camera, run.image(camera, first), calibration, correlate, others)
@@ -121,9 +125,10 @@ def step_content(run: RunFile, camera: str, step: RunStep) -> str:
     return "" if digest == UNREADABLE else content_of(digest, [turned_deg])
 
 
-def calibrate_camera(run: RunFile, camera: str) -> Calibration:
+def calibrate_camera(run: RunFile, camera: str, accuracy: GridAccuracy | None = None) -> Calibration:
     """Return the calibration of a run's camera, from the first image of the grid.
 
+    `accuracy`: how accurately the grid was made. Default: as the run file says.
     Raises `MeasurementError` if the run has no image of the grid, or the grid is not found.
     """
     image = run.image(camera, run.step_of_kind("grid"))
@@ -132,7 +137,8 @@ def calibrate_camera(run: RunFile, camera: str) -> Calibration:
         grid = find_target(image, _target(run), source)
     except CalibrationError as error:
         raise CalibrationError(source, error.step, error.expected, error.got, error.remedy) from error
-    return Calibration.fit(grid, image.shape, source)
+    made = accuracy or GridAccuracy(**run.grid_making)
+    return Calibration.fit(grid, image.shape, source, accuracy=made)
 
 
 def _target(run: RunFile) -> Target:

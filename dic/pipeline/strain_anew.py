@@ -20,7 +20,14 @@ from dic.pipeline.measuring import Measuring, measuring_into
 from dic.pipeline.result import CameraResult, RunResult, SeriesResult, sensitivity_of
 from dic.pipeline.result_file import load_written
 from dic.pipeline.reuse import job_of_fields
-from dic.pipeline.set_up import RunSetUp, SeriesSetUp, plate_of_job, reference_time_of_job, strain_of_job
+from dic.pipeline.set_up import (
+    RunSetUp,
+    SeriesSetUp,
+    grid_of_job,
+    plate_of_job,
+    reference_time_of_job,
+    strain_of_job,
+)
 from dic.results.finished import FinishedImage
 from dic.results.job import Job, as_text
 from dic.results.place import ResultPlace, alone, result_place
@@ -127,7 +134,7 @@ def strain_of_run(
     else:
         kinds = {step.kind for camera in result.cameras for step in camera.steps}
         correcting.require_use(result.source, [camera.camera for camera in result.cameras], kinds)
-    known = result.settings, strain, correcting, plate_mm, reference_time_of_job(job)
+    known = result.settings, strain, correcting, plate_mm, reference_time_of_job(job), grid_of_job(job)
     set_up = RunSetUp(result.source, result.info, *known)
     with result_place(output) as file, alone(None if output is None else file):
         job = Job(job.fields, as_text(set_up.as_dict()))

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from typing import Literal
 
 from dic.calibration.calibration import Calibration, Model
-from dic.calibration.grid_accuracy import PRINTED, GridAccuracy
+from dic.calibration.grid_accuracy import GridAccuracy
 from dic.calibration.pinhole.prior import KnownCamera
 from dic.calibration.plate import behind
 from dic.errors import CalibrationError
@@ -23,7 +23,7 @@ def calibrate_images(
     x_axis: XAxis = None,
     origin_px: tuple[float, float] | None = None,
     known: KnownCamera | None = None,
-    accuracy: GridAccuracy = PRINTED,
+    accuracy: GridAccuracy | None = None,
     model: Model | Literal["recommended"] = "bicubic",
     plate_mm: float = 0.0,
     region_px: Region | None = None,
@@ -44,7 +44,7 @@ def calibrate_images(
     known : KnownCamera, optional
         Known properties of the camera and the lens, for the pinhole model.
     accuracy : GridAccuracy, optional
-        How accurately the target was made. Default: a laser printer's.
+        How accurately the target was made. Default: as a laser printer prints it.
     model : str
         The map that the calibration uses: "bicubic" (the map of Helm and Deaner), "pinhole", or
         "recommended".
@@ -72,7 +72,8 @@ def calibrate_images(
         find_target(grey, target, name, region_px=region_px)
         for grey, name in zip(greys[1:], names[1:], strict=True)
     ]
-    calibration = Calibration.fit([first, *others], greys[0].shape, names[0], known=known, accuracy=accuracy)
+    made = accuracy or GridAccuracy()
+    calibration = Calibration.fit([first, *others], greys[0].shape, names[0], known=known, accuracy=made)
     calibration = calibration.using(calibration.recommended if model == "recommended" else model)
     return behind(calibration, plate_mm) if plate_mm else calibration
 

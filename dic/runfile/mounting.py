@@ -1,4 +1,4 @@
-"""Read what a run file says about the mounting of the grid and of the specimen."""
+"""Read what a run file says about the making of the grid, and the mounting of grid and specimen."""
 
 from dataclasses import dataclass
 from typing import Any, cast, get_args
@@ -47,3 +47,22 @@ def read_mounting(file: Any) -> RunMounting:
         None if np.isnan(shift_std_um) else shift_std_um,
         cast(schema.FixedFace, face) if face else None,
     )
+
+
+def read_making(group: Any) -> dict[str, Any]:
+    """Return how accurately the calibration target in a run file's group of the grid was made.
+
+    The keys are `made`, and the standard deviations `scale_ratio_std`, `skew_std` and `flatness_std_mm`. What
+    the file does not declare is left out; files of earlier versions declare nothing.
+
+    Raises `Unlike` if the making is unknown, or a standard deviation is negative or infinite.
+    """
+    text, *numbers = (item.name for item in schema.MAKING)
+    if text not in group:
+        return {}
+    made, stds = read_text(group[text]), {name: float(group[name][()]) for name in numbers}
+    if made not in ("", *get_args(schema.GridMaking)) or any(
+        std < 0.0 or np.isinf(std) for std in stds.values()
+    ):
+        raise Unlike(f"a grid that is made {made!r}, with standard deviations {[*stds.values()]}")
+    return ({text: made} if made else {}) | {name: std for name, std in stds.items() if not np.isnan(std)}

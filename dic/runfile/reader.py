@@ -17,7 +17,7 @@ from dic.runfile.chunks import pixel_places
 from dic.runfile.digests import file_digest, frame_digest, joined_digest, read_user_block
 from dic.runfile.interlocks import RANGE, read_interlocks
 from dic.runfile.layout import Unlike, camera_names, require_layout
-from dic.runfile.mounting import read_mounting
+from dic.runfile.mounting import read_making, read_mounting
 from dic.runfile.settings import Setting, settings_of
 from dic.runfile.values import read_object, read_scalars, read_text, require_known
 
@@ -73,6 +73,8 @@ class RunFile:
     grid_values : dict of str to float or str
         The further values of the target: `pitch_mm`, and `marker_mm` and `dictionary`, which only a ChArUco
         board uses. A line grid of an earlier version has only the pitch.
+    grid_making : dict of str to float or str
+        How accurately the target was made, as far as the file says it: `made`, and standard deviations.
     mounting : RunMounting
         The declared mounting of grid and specimen.
     cameras : list of str
@@ -340,6 +342,7 @@ class RunFile:
             self.grid_target = read_text(entry["grid"]["target"])
             self.grid_values["marker_mm"] = float(entry["grid"]["marker_mm"][()])
             self.grid_values["dictionary"] = read_text(entry["grid"]["dictionary"])
+        self.grid_making = read_making(entry["grid"])
         self.mounting = read_mounting(self._file)
         self._detectors = entry["instrument"]
         self.cameras = camera_names(self._file)

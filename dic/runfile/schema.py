@@ -17,6 +17,9 @@ StepKind: TypeAlias = Literal[
 FixedFace: TypeAlias = Literal["middle", "back", "front"]
 """What the grips hold in place while the specimen becomes thinner; the cameras see the front."""
 
+GridMaking: TypeAlias = Literal["printed", "glass", "exact"]
+"""How the calibration target was made: by a laser printer, as chrome on glass, or without any deviation."""
+
 ROOT_ATTRIBUTES = {"default": "entry", "file_format": FORMAT, "file_format_version": VERSION}
 
 
@@ -96,7 +99,16 @@ SAMPLE = GroupLayout(
     ),
 )
 TARGET = (Item("target", "S16"), Item("marker_mm", "float64", "mm"), Item("dictionary", "S"))
-GRID = GroupLayout("NXcollection", (Item("lines", "int64", "1"), Item("pitch_mm", "float64", "mm"), *TARGET))
+MAKING = (
+    Item("made", "S"),
+    Item("scale_ratio_std", "float64", "1"),
+    Item("skew_std", "float64", "rad"),
+    Item("flatness_std_mm", "float64", "mm"),
+)
+"""How accurately the target was made; files of earlier versions do not say it."""
+GRID = GroupLayout(
+    "NXcollection", (Item("lines", "int64", "1"), Item("pitch_mm", "float64", "mm"), *TARGET, *MAKING)
+)
 FIXED_FACE = Item("fixed_face", "S")
 MOUNTING_GROUP = "mounting"
 """Name of the group with the declared mounting; files of earlier versions lack this group."""
@@ -176,7 +188,18 @@ STEP_ITEMS = (
 
 COMPLETE = Item("complete", "uint8", "1")
 LATER: frozenset[Item] = frozenset(
-    {PROVENANCE, CONTINUES, SETTINGS, DIGEST, ORDER, FIXED_FACE, *TARGET, *STAGE_FLAGS, *LOAD_FRAME_FLAGS}
+    {
+        PROVENANCE,
+        CONTINUES,
+        SETTINGS,
+        DIGEST,
+        ORDER,
+        FIXED_FACE,
+        *TARGET,
+        *MAKING,
+        *STAGE_FLAGS,
+        *LOAD_FRAME_FLAGS,
+    }
 )
 """Datasets that files of earlier versions lack."""
 

@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from dic.runfile.schema import GridMaking
 from drivers.settings import Settings
 
 # Dot finding needs at least this number of dots to recognise a shifted lattice.
@@ -11,6 +12,20 @@ _FEWEST_SHIFTED = 16
 
 
 class _Target(Settings):
+    made: GridMaking | None = Field(default=None, description="how the target was made")
+    scale_ratio_std: float | None = Field(
+        default=None,
+        ge=0.0,
+        le=0.05,
+        description="standard deviation of the ratio of its scales along X and Y",
+    )
+    skew_std: float | None = Field(
+        default=None, ge=0.0, le=0.05, description="standard deviation of the angle between its axes, rad"
+    )
+    flatness_std_mm: float | None = Field(
+        default=None, ge=0.0, le=1.0, description="standard deviation of the height of a bow at its edge"
+    )
+
     @property
     def counts(self) -> tuple[int, int]:
         """Number of lines, squares or dots of the calibration target along X and along Y."""

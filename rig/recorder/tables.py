@@ -146,7 +146,11 @@ def create_entry(file: Any, header: RunHeader) -> Any:
         "target": header.grid.target,
         "marker_mm": getattr(header.grid, "marker_mm", np.nan),
         "dictionary": getattr(header.grid, "dictionary", ""),
+        "made": header.grid.made or "",
     }
+    for name in ("scale_ratio_std", "skew_std", "flatness_std_mm"):
+        stated = getattr(header.grid, name)
+        grid[name] = np.nan if stated is None else stated
     _fill(create_group(entry, "grid", schema.GRID), schema.GRID, grid)
     mounting = header.mounting
     declared = {

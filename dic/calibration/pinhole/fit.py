@@ -113,8 +113,8 @@ def fit_pinholes(
 def _with_possible_principal(views: _Views) -> _Views:
     """Return the views; the principal point may be where the images show it.
 
-    A part of a sensor, or a mount made by hand, puts it far off. Where nobody states it, the images count more
-    than the expectation that it is near the middle.
+    A part of a sensor, or a mount made by hand, puts it far off. Where nobody states it, the images count
+    more than the expectation that it is near the middle.
     """
     known = views.prior.known
     if known.principal_px is not None or known.principal_std_px is not None:
