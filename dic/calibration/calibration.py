@@ -9,7 +9,8 @@ import numpy as np
 
 from dic.calibration.bicubic import BicubicMap
 from dic.calibration.cross_validation import cross_validation_rms
-from dic.calibration.grid_accuracy import EXACT, GridAccuracy, KnownGrid, deviated
+from dic.calibration.grid_accuracy import KnownGrid, deviated
+from dic.calibration.grid_making import EXACT, GridAccuracy
 from dic.calibration.pinhole.camera import Pinhole, root
 from dic.calibration.pinhole.fit import fit_pinholes
 from dic.calibration.pinhole.prior import KnownCamera
@@ -149,6 +150,22 @@ class Calibration:
         if self.fitted_to is None:
             raise ValueError("a calibration of an earlier version cannot be fitted again")
         return replace(Calibration._of(self.fitted_to, self.source, grid), model=self.model)
+
+    def with_accuracy(self, accuracy: GridAccuracy) -> "Calibration":
+        """Return a calibration of the plane of the lines, fitted for another accuracy of the grid.
+
+        Raises `CalibrationError` if it is not known what this calibration was fitted to.
+        """
+        if self.fitted_to is None:
+            raise CalibrationError(
+                self.source or "calibration",
+                "fit the camera to a grid of another accuracy",
+                "a calibration that knows its grid's points",
+                "one of an earlier version",
+                "calibrate again from the image of the grid",
+            )
+        to = replace(self.fitted_to, accuracy=accuracy)
+        return replace(Calibration._of(to, self.source), model=self.model)
 
     def using(self, model: Model) -> "Calibration":
         """Return the same calibration with the given model in use.

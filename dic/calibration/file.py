@@ -11,7 +11,7 @@ import numpy as np
 
 from dic.calibration.bicubic import BicubicMap
 from dic.calibration.calibration import Calibration, FittedTo, Model
-from dic.calibration.grid_accuracy import GridAccuracy
+from dic.calibration.grid_making import GridAccuracy
 from dic.calibration.pinhole.camera import Pinhole
 from dic.calibration.pinhole.prior import KnownCamera
 from dic.errors import CalibrationError, require_kind

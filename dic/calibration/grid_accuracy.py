@@ -1,20 +1,15 @@
-"""How accurately the calibration grid was made: deviations that its lines share.
+"""The deviations of a calibration grid from its nominal shape, which all its points share.
 
-A printer feeds paper by another length than it moves its light, and not quite at a right angle to it. Paper
-and its glue are not flat. All grid points share these deviations, so the residuals of one image hardly show
-them. Several images of the tilted grid do.
+The residuals of one image hardly show these deviations. Several images of the tilted grid, or of cameras that
+look from different directions, do.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from dic.errors import CalibrationError
-from dic.settings import Number, one_of, setting, settings_class
+from dic.calibration.grid_making import EXACT, GridAccuracy
 from dic.typing import Float, Mask
-
-_MOST_SHEAR, _MOST_BOW_MM = 0.05, 1.0
 
 DEVIATIONS = ("scale ratio", "skew", "bow along X", "twist", "bow along Y")
 """Names of the deviations g that a fit of a pinhole camera estimates, in their order.
@@ -29,74 +24,6 @@ The other three, in mm, bend the grid with the half widths a and b:
 """
 
 
-ACCURACIES = {"printed": (7e-4, 5e-4, 0.02), "glass": (1e-5, 1e-5, 0.001), "exact": (0.0, 0.0, 0.0)}
-"""Standard deviations of scale ratio, skew and flatness (mm) of grids that are made in different ways.
-
-Printed: a laser printer's grid on paper or film, glued to a plate. Glass: chrome on glass, by lithography.
-"""
-
-
-def _std(what: str, sentence: str, option: str, most: float, unit: str = "") -> Any:
-    return setting(
-        f"standard deviation of the target's {what}",
-        f"Standard deviation of {sentence}. Default: by the way in which the target was made.",
-        default=None,
-        expected=f"0 to {most:g}{unit}",
-        remedy=f"give {option} 0 for an exact target, or a larger value",
-        option=option,
-        example=str(most / 100),
-        check=lambda std: std is None or 0.0 <= std <= most,
-    )
-
-
-@settings_class(CalibrationError)
-class GridAccuracy:
-    """How accurately a calibration target was made."""
-
-    made: str | None = setting(
-        "making of the target",
-        "How the target was made: printed (by a laser printer, on paper or film), glass (chrome on glass), or"
-        " exact. Default: as the run file says, otherwise printed.",
-        default=None,
-        expected=one_of(ACCURACIES),
-        remedy="give --grid-made glass for chrome on glass, or leave it out",
-        option="--grid-made",
-        example='"glass"',
-        metavar="MAKING",
-        read=str,
-        among=(None, *ACCURACIES),
-    )
-    scale_ratio_std: Number | None = _std(
-        "scale ratio", "the ratio of the target's scales along X and Y", "--scale-ratio-std", _MOST_SHEAR
-    )
-    skew_std: Number | None = _std(
-        "skew", "the angle between the target's axes, rad", "--skew-std", _MOST_SHEAR, " rad"
-    )
-    flatness_std_mm: Number | None = _std(
-        "flatness",
-        "the height of a bow at the target's edge, mm",
-        "--flatness-std-mm",
-        _MOST_BOW_MM,
-        " mm",
-    )
-
-    @property
-    def stds(self) -> tuple[float, float, float]:
-        """Standard deviations of scale ratio, skew (rad) and flatness (mm)."""
-        stated = self.scale_ratio_std, self.skew_std, self.flatness_std_mm
-        usual = ACCURACIES[self.made or "printed"]
-        ratio, skew, flatness = (
-            by_making if std is None else std for std, by_making in zip(stated, usual, strict=True)
-        )
-        return ratio, skew, flatness
-
-    @property
-    def std(self) -> Float:
-        """Standard deviations of `DEVIATIONS`, shape (5,)."""
-        ratio, skew, flatness_mm = self.stds
-        return np.array([ratio, skew, *3 * [flatness_mm]])
-
-
 @dataclass(frozen=True)
 class KnownGrid:
     """What is known of a grid's deviations before a fit."""
@@ -109,7 +36,7 @@ class KnownGrid:
     @classmethod
     def of(cls, accuracy: GridAccuracy) -> "KnownGrid":
         """Return what the accuracy of a grid tells."""
-        return cls(np.zeros(len(DEVIATIONS)), np.diag(accuracy.std**2))
+        return cls(np.zeros(len(DEVIATIONS)), np.diag(np.square(accuracy.std)))
 
     @property
     def free(self) -> Mask:
@@ -125,7 +52,6 @@ class KnownGrid:
         return weights
 
 
-EXACT = GridAccuracy("exact")
 FLAT = KnownGrid.of(EXACT)
 
 

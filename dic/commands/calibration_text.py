@@ -96,6 +96,21 @@ def _camera(pinhole: dic.calibration.Pinhole) -> dict[str, Any]:
         "centre_covariance_mm2": pinhole.centre_covariance_mm2.tolist(),
         "rotation": pinhole.rotation.tolist(),
         "noise_px": pinhole.noise_px,
+        "grid": _grid(pinhole) if pinhole.deviation_covariance.any() else None,
+    }
+
+
+def _grid(pinhole: dic.calibration.Pinhole) -> dict[str, Any]:
+    """Return the deviations of the target from its nominal shape."""
+    std = pinhole.deviation_covariance.diagonal() ** 0.5
+    (ratio, skew, *bow_mm), (ratio_std, skew_std, *bow_std_mm) = pinhole.deviations.tolist(), std.tolist()
+    return {
+        "scale_ratio": 1.0 + ratio,
+        "scale_ratio_std": ratio_std,
+        "skew_rad": skew,
+        "skew_std_rad": skew_std,
+        "bow_mm": bow_mm,
+        "bow_std_mm": bow_std_mm,
     }
 
 
@@ -123,6 +138,8 @@ def _camera_lines(camera: dict[str, Any] | None) -> list[str]:
         f"  off-axis       {_with_std(camera['off_axis_deg'], camera['off_axis_std_deg'])}°",
         f"  camera centre  {centre} mm",
     ]
+    if camera["grid"] is not None:
+        lines += _target_lines(camera["grid"])
     share = camera["focal_std_px"] / camera["focal_px"]
     if share > _OPEN_SHARE:
         lines.append(
@@ -130,6 +147,17 @@ def _camera_lines(camera: dict[str, Any] | None) -> list[str]:
             "the distance, or images of the tilted grid"
         )
     return lines
+
+
+def _target_lines(grid: dict[str, Any]) -> list[str]:
+    percent = _with_std(100.0 * (grid["scale_ratio"] - 1.0), 100.0 * grid["scale_ratio_std"])
+    skew = _with_std(math.degrees(grid["skew_rad"]), math.degrees(grid["skew_std_rad"]))
+    bows = zip(grid["bow_mm"], grid["bow_std_mm"], strict=True)
+    along_x, twist, along_y = (_with_std(_MM_TO_UM * bow, _MM_TO_UM * std) for bow, std in bows)
+    return [
+        f"  target         scales of X and Y differ by {percent} %, skew {skew}°",
+        f"                 bow {along_x} µm along X, {along_y} µm along Y, twist {twist} µm",
+    ]
 
 
 def _with_std(value: float, std: float) -> str:

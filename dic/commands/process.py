@@ -52,7 +52,6 @@ class RunAlignmentOptions:
 @settings_option
 @worker_options
 @use("surface", SurfaceSettings, title="Motion")
-@use("grid", dic.calibration.GridAccuracy, title="Target")
 @correlation_options
 @reference_options
 @strain_options
@@ -61,14 +60,16 @@ class RunAlignmentOptions:
     "assumed",
     CorrectionSettings,
     title="Motion",
-    only=("poisson_ratio", "shift_std_um", "tilt_axis_mm", "thickness_mm", "fixed_face"),
+    only=(
+        *("poisson_ratio", "shift_std_um", "tilt_axis_mm", "thickness_mm", "fixed_face"),
+        *("grid_made", "scale_ratio_std", "skew_std", "flatness_std_mm"),
+    ),
 )
 @use("motion", RunAlignmentOptions)
 @use("outputs", RunOutputOptions, needs=COMMA_NEEDS)
 def process(
     runs: tuple[Path, ...],
     surface: Chosen[SurfaceSettings],
-    grid: Chosen[dic.calibration.GridAccuracy],
     correlation: Chosen[CorrelationSettings],
     references: Chosen[ReferenceSettings],
     strain: Chosen[StrainSettings],
@@ -94,7 +95,7 @@ def process(
         say(f"{earlier} is left out, because {later} continues it and contains its steps")
     paths = listed.paths
     several = len(paths) > 1 or any(run.is_dir() for run in runs)
-    settings, rule, how, source, correcting, gauges, place, made, _ = all_of(
+    settings, rule, how, source, correcting, gauges, place, _ = all_of(
         correlation.settings,
         references.settings,
         strain.settings,
@@ -102,7 +103,6 @@ def process(
         partial(motion.settings, assumed),
         outputs.gauges,
         surface.settings,
-        grid.settings,
         partial(outputs.require_several, len(paths)) if several else lambda: None,
     )
     inputs = [used_settings_file(), *motion.files, *region.files, outputs.gauges_file]
@@ -112,7 +112,6 @@ def process(
         correcting,
         rule.incremental,
         place.plate_mm,
-        made if any(value is not None for value in grid.values.values()) else None,
         gauges,
         inputs,
         motion.save_alignment,

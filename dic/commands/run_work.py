@@ -28,7 +28,6 @@ class RunWork:
     correcting: dic.CorrectionSettings
     incremental: str
     plate_mm: float | None
-    grid: dic.calibration.GridAccuracy | None
     gauges: tuple[dic.gauges.Gauge, ...]
     inputs: Sequence[Path | None]
     """Files with settings, regions and gauges; None means "no file"."""
@@ -88,7 +87,6 @@ class RunWork:
                     correcting=self.correcting,
                     incremental=self.incremental,
                     plate_mm=self.plate_mm,
-                    grid=self.grid,
                     on_image=bar.advance_of,
                     output=outputs.place(output, self.inputs),
                     workers=workers,

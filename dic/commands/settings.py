@@ -66,7 +66,6 @@ def settings_of(job: dic.results.Job) -> dict[str, Any]:
     if "kind" in tables["correction"]:
         tables["correction"]["motion"] = tables["correction"]["kind"]
     tables["correction"]["plate_mm"] = strains.get("plate_mm")
-    tables["grid"] = strains.get("grid", {})
     found = {f"{each.table}.{each.key}": tables[each.table].get(each.key) for each in SETTINGS}
     return {name: value for name, value in found.items() if value is not None}
 

@@ -22,8 +22,7 @@ from dic.shell.output_paths import PATH
 TABLES: dict[str, tuple[type, ...]] = {
     "correlation": (CorrelationSettings, ReferenceSettings),
     "strain": (StrainSettings,),
-    "correction": (Motion, SurfaceSettings),
-    "grid": (GridAccuracy,),
+    "correction": (Motion, SurfaceSettings, GridAccuracy),
 }
 """The classes whose settings each table of the file has, in the order in which `dic settings` writes them."""
 

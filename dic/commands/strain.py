@@ -9,6 +9,7 @@ from click.core import ParameterSource
 
 import dic
 from dic import CorrectionSettings, Motion, StrainSettings
+from dic.calibration import GridAccuracy
 from dic.commands.options import Chosen, Grouped, all_of, as_in_results, gather, option, options, use
 from dic.commands.run_output import RunOutputOptions, problems, read_alignment
 from dic.commands.run_table import table
@@ -51,9 +52,12 @@ class AnewOptions:
             given["alignment"] = dic.out_of_plane.load_alignment(Path(self.alignments[-1]))
         return assumed.settings(known, **given)
 
-    def of_run(self, assumed: Chosen[Motion], known: CorrectionSettings) -> CorrectionSettings | None:
+    def of_run(
+        self, assumed: Chosen[Motion], grid: Chosen[GridAccuracy], known: CorrectionSettings
+    ) -> CorrectionSettings | None:
         """Return a run's settings of corrections; None without options, so that the old settings are used."""
-        values = {name: value for name, value in assumed.values.items() if value is not None}
+        given = {**assumed.values, **grid.values}
+        values = {name: value for name, value in given.items() if value is not None}
         values.pop("kind", None)
         if self.alignments:
             found = all_of(*(partial(read_alignment, text) for text in self.alignments))
@@ -62,7 +66,8 @@ class AnewOptions:
 
     def require(self, source: str, *, series: bool) -> None:
         """Raise an error if an option of a run is given for a series, or an option of a series for a run."""
-        idle = {"--plate-mm": "surface_plate_mm"}
+        idle = {"--plate-mm": "surface_plate_mm", "--grid-made": "grid_grid_made"}
+        idle |= {f"--{name.replace('_', '-')}": f"grid_{name}" for name in _STDS}
         if not series:
             idle = {"--calibration": "anew_calibration_file", "--motion": "assumed_kind"}
         for name, parameter in idle.items():
@@ -72,6 +77,10 @@ class AnewOptions:
                 other, kind = ("a run", "a series of images") if series else ("a series of images", "a run")
                 expected, remedy = f"the results of {other}", f"leave out {name}"
                 raise CorrelationError(source, f"apply {name}", expected, f"those of {kind}", remedy)
+
+
+_STDS = ("scale_ratio_std", "skew_std", "flatness_std_mm")
+"""Settings of the accuracy of a run's grid, besides the way in which it was made."""
 
 
 @options
@@ -93,6 +102,7 @@ class Given:
     anew: AnewOptions
     assumed: Chosen[Motion]
     surface: Chosen[SurfaceSettings]
+    grid: Chosen[GridAccuracy]
     outputs: StrainOutputOptions
 
 
@@ -103,6 +113,7 @@ class Given:
 @use("anew", AnewOptions, title="Motion")
 @motion_options
 @use("surface", SurfaceSettings, title="Motion")
+@use("grid", GridAccuracy, title="Target")
 @use("outputs", StrainOutputOptions, needs=COMMA_NEEDS)
 @gather("given", Given)
 def strain(results: Path, given: Given) -> None:
@@ -161,7 +172,8 @@ def _of_run(results: Path, given: Given, read: list[Path | None]) -> None:
     result = dic.load_run_result(results)
     known = dic.pipeline.strain_of_job(dic.pipeline.job_of_fields(result))
     how, correcting = all_of(
-        partial(given.strain.settings, known), partial(given.anew.of_run, given.assumed, result.correcting)
+        partial(given.strain.settings, known),
+        partial(given.anew.of_run, given.assumed, given.grid, result.correcting),
     )
     places = RunOutputOptions(**vars(outputs), report_file=None, gauges_file=None, fields_from=None)
     places.require_places(read, outputs.output)

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
+from dic.calibration.grid_making import FLATNESS_STD, GRID_MADE, SCALE_RATIO_STD, SKEW_STD, GridAccuracy
 from dic.errors import CorrelationError
 from dic.out_of_plane.motion import FIXED_FACE, POISSON_RATIO, SHIFT_STD, THICKNESS, TILT_AXIS, Motion
 from dic.settings import Number, Pair, setting, settings_class
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
 else:
     # The options of commands are made from these classes, and NumPy would delay their help.
     Alignment = Any
+
+
+_MAKING = ("grid_made", "scale_ratio_std", "skew_std", "flatness_std_mm")
+"""Settings of the grid's accuracy, by their names in run files and in `GridAccuracy`."""
 
 
 @settings_class(CorrelationError)
@@ -47,6 +52,15 @@ class CorrectionSettings:
     tilt_axis_mm: Pair | None = TILT_AXIS
     thickness_mm: Number | None = THICKNESS
     fixed_face: str | None = FIXED_FACE
+    grid_made: str | None = GRID_MADE
+    scale_ratio_std: Number | None = SCALE_RATIO_STD
+    skew_std: Number | None = SKEW_STD
+    flatness_std_mm: Number | None = FLATNESS_STD
+
+    @property
+    def grid(self) -> GridAccuracy:
+        """How accurately the grid was made."""
+        return GridAccuracy(self.grid_made, self.scale_ratio_std, self.skew_std, self.flatness_std_mm)
 
     @property
     def shift(self) -> "Shift":
@@ -55,11 +69,14 @@ class CorrectionSettings:
 
         return Shift.of(self.shift_std_um, self.tilt_axis_mm, self.thickness_mm, self.fixed_face)
 
-    def completed(self, mounting: "RunMounting", thickness_mm: float) -> "CorrectionSettings":
+    def completed(
+        self, mounting: "RunMounting", thickness_mm: float, making: Mapping[str, Any]
+    ) -> "CorrectionSettings":
         """Return the settings; a setting that is not given has the value that the run file declares."""
-        declared = {"thickness_mm": thickness_mm, **vars(mounting)}
-        names = ("shift_std_um", "tilt_axis_mm", "thickness_mm", "fixed_face")
-        return replace(self, **{name: declared[name] for name in names if getattr(self, name) is None})
+        declared: dict[str, Any] = {"thickness_mm": thickness_mm, **vars(mounting), **making}
+        names = ("shift_std_um", "tilt_axis_mm", "thickness_mm", "fixed_face", *_MAKING)
+        values: dict[str, Any] = {name: declared.get(name) for name in names if getattr(self, name) is None}
+        return replace(self, **values)
 
     def require_use(self, source: str, cameras: Sequence[str], kinds: Set[str]) -> None:
         """Raise an error if a run with these cameras and kinds of steps cannot use a given setting.
@@ -100,6 +117,7 @@ class CorrectionSettings:
         content = {"poisson_ratio": self.poisson_ratio, "alignments": alignments}
         content |= {"shift_std_um": self.shift_std_um, "tilt_axis_mm": self.tilt_axis_mm}
         content |= {"thickness_mm": self.thickness_mm, "fixed_face": self.fixed_face}
+        content |= {name: getattr(self, name) for name in _MAKING}
         return json.dumps(content)
 
     @classmethod
@@ -117,6 +135,7 @@ class CorrectionSettings:
             None if hinge_mm is None else (hinge_mm[0], hinge_mm[1]),
             content.get("thickness_mm"),
             content.get("fixed_face"),
+            **{name: content.get(name) for name in _MAKING},
         )
 
 

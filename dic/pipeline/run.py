@@ -8,7 +8,6 @@ from math import nan
 from pathlib import Path
 from typing import Any
 
-from dic.calibration.grid_accuracy import GridAccuracy
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import require_kind
@@ -43,7 +42,6 @@ def process_run(
     correcting: CorrectionSettings | None = None,
     incremental: str = "auto",
     plate_mm: float | None = None,
-    grid: GridAccuracy | None = None,
     on_image: Callable[[int], None] = lambda total: None,
     output: PathLike | ResultPlace | None = None,
     workers: Workers | None = None,
@@ -69,8 +67,6 @@ def process_run(
     plate_mm : float, optional
         Distance of the specimen's surface behind the grid's lines. Default: the value in the run file, which
         is 0 if neither the protocol nor the rig file declares a distance.
-    grid : GridAccuracy, optional
-        How accurately the grid was made. Default: as the run file says, otherwise printed.
     on_image : callable, optional
         Function that is called after each image with the number of all images.
     output : path or ResultPlace, optional
@@ -102,14 +98,13 @@ def process_run(
         run.step_of_kind("reference")
         plate_mm = run.mounting.plate_mm if plate_mm is None else plate_mm
         correcting.require_use(str(source.path), list(run.cameras), {step.kind for step in run.series()[1:]})
-        correcting = correcting.completed(run.mounting, run.info.thickness_mm)
+        correcting = correcting.completed(run.mounting, run.info.thickness_mm, run.grid_making)
         first, *others = run.series()
         reference_s = first.time_s if any(step.kind == "static" for step in others) else nan
-        grid = grid or GridAccuracy(**run.grid_making)
-        known = run.info, settings, strain or StrainSettings(), correcting, plate_mm, reference_s, grid
+        known = run.info, settings, strain or StrainSettings(), correcting, plate_mm, reference_s
         set_up = RunSetUp(str(run.path), *known)
         regions = source.masks(run)
-        cameras = RunCameras(run, regions, settings, incremental, plate_mm, grid, workers)
+        cameras = RunCameras(run, regions, settings, incremental, plate_mm, correcting.grid, workers)
         job = Job.of(_fields_job(run, settings, incremental) | region_digests(regions), set_up.as_dict())
         with alone(place.path):
             earlier = look_up(place, job, cameras.outcomes)

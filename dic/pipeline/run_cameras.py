@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dic.calibration.calibration import Calibration
-from dic.calibration.grid_accuracy import GridAccuracy
+from dic.calibration.grid_making import GridAccuracy
 from dic.calibration.one_grid import of_one_grid
 from dic.calibration.plate import behind
 from dic.correlation.series import Series

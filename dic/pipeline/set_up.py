@@ -7,7 +7,6 @@ from math import isnan, nan
 from typing import Any, ClassVar
 
 from dic.calibration.calibration import Calibration
-from dic.calibration.grid_accuracy import GridAccuracy
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CalibrationError, CorrelationError, require_kind
 from dic.out_of_plane.motion import Motion
@@ -86,15 +85,11 @@ class RunSetUp:
     """Distance of the specimen's surface behind the grid's lines."""
     reference_s: float = nan
     """Time of the reference in the run, with which still images tell a drift; NaN if it is not known."""
-    grid: GridAccuracy | None = None
-    """How accurately the grid was made; None for results of earlier versions."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return a dict for JSON of all values that determine strain and corrections."""
         correcting = json.loads(self.correcting.as_text())
-        known: dict[str, Any] = {} if isnan(self.reference_s) else {"reference_s": self.reference_s}
-        if self.grid is not None:
-            known["grid"] = vars(self.grid)
+        known = {} if isnan(self.reference_s) else {"reference_s": self.reference_s}
         return {"strain": vars(self.strain), "correcting": correcting, "plate_mm": self.plate_mm} | known
 
     def motions(self, steps: Mapping[str, Sequence[RunStep]]) -> dict[str, Motion | None]:
@@ -119,12 +114,6 @@ def plate_of_job(job: Job) -> float:
 def reference_time_of_job(job: Job) -> float:
     """Return the time of the reference with which a result was computed, s; NaN if it is not known."""
     return float(json.loads(job.strains).get("reference_s", nan))
-
-
-def grid_of_job(job: Job) -> GridAccuracy | None:
-    """Return the accuracy of the grid with which a result was computed; None for earlier versions."""
-    stated = json.loads(job.strains).get("grid")
-    return None if stated is None else GridAccuracy(**stated)
 
 
 def require_calibration(motion: Motion | None, calibration: Calibration | None) -> None:

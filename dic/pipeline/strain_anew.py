@@ -8,6 +8,8 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 from dic.calibration.calibration import Calibration
+from dic.calibration.grid_making import GridAccuracy
+from dic.calibration.one_grid import of_one_grid
 from dic.calibration.plate import behind
 from dic.files.lazy import Computed
 from dic.out_of_plane.motion import Motion
@@ -20,14 +22,7 @@ from dic.pipeline.measuring import Measuring, measuring_into
 from dic.pipeline.result import CameraResult, RunResult, SeriesResult, sensitivity_of
 from dic.pipeline.result_file import load_written
 from dic.pipeline.reuse import job_of_fields
-from dic.pipeline.set_up import (
-    RunSetUp,
-    SeriesSetUp,
-    grid_of_job,
-    plate_of_job,
-    reference_time_of_job,
-    strain_of_job,
-)
+from dic.pipeline.set_up import RunSetUp, SeriesSetUp, plate_of_job, reference_time_of_job, strain_of_job
 from dic.results.finished import FinishedImage
 from dic.results.job import Job, as_text
 from dic.results.place import ResultPlace, alone, result_place
@@ -129,17 +124,20 @@ def strain_of_run(
     job = job_of_fields(result)
     strain = strain or strain_of_job(job)
     plate_mm = plate_of_job(job) if plate_mm is None else plate_mm
+    accuracy = None
     if correcting is None:
         correcting = result.correcting
     else:
         kinds = {step.kind for camera in result.cameras for step in camera.steps}
+        if correcting.grid != result.correcting.grid:
+            accuracy = correcting.grid
         correcting.require_use(result.source, [camera.camera for camera in result.cameras], kinds)
-    known = result.settings, strain, correcting, plate_mm, reference_time_of_job(job), grid_of_job(job)
+    known = result.settings, strain, correcting, plate_mm, reference_time_of_job(job)
     set_up = RunSetUp(result.source, result.info, *known)
     with result_place(output) as file, alone(None if output is None else file):
         job = Job(job.fields, as_text(set_up.as_dict()))
         origin = origin_anew(result, [Path(result.file), *map(Path, inputs)], job)
-        cameras = _cameras(result, plate_mm)
+        cameras = _cameras(result, plate_mm, accuracy)
         with measuring_into(ResultPlace(file), cameras, set_up, origin, math.inf, on_image=on_image) as work:
             deque(work.steps(), maxlen=0)
         return load_written(file)
@@ -170,8 +168,11 @@ def series_anew(
         yield measuring
 
 
-def _cameras(result: RunResult, plate_mm: float) -> list[CameraImages]:
-    """Return the cameras of a result with another distance of the surface behind the grid's lines."""
+def _cameras(result: RunResult, plate_mm: float, accuracy: GridAccuracy | None) -> list[CameraImages]:
+    """Return the cameras of a result with another distance of the surface behind the grid's lines.
+
+    `accuracy`: another accuracy of the grid, with which the cameras are fitted again.
+    """
     steps: dict[int, RunStep] = {}
     for camera in result.cameras:
         measured = iter(camera.steps)
@@ -182,8 +183,11 @@ def _cameras(result: RunResult, plate_mm: float) -> list[CameraImages]:
     count = max((len(camera.outcomes) for camera in result.cameras), default=0)
     every = [steps.get(k, RunStep(0, "", *[math.nan] * _READINGS)) for k in range(count)]
     found = []
-    for camera in result.cameras:
-        calibration = camera.calibration
+    calibrations = [camera.calibration for camera in result.cameras]
+    if accuracy is not None:
+        made = tuple(known.with_accuracy(accuracy) for known in calibrations if known is not None)
+        calibrations = [*of_one_grid(made)]
+    for camera, calibration in zip(result.cameras, calibrations, strict=True):
         moved_mm = 0.0 if calibration is None else plate_mm - calibration.plate_mm
         if calibration is not None and moved_mm:
             calibration = behind(calibration, moved_mm)

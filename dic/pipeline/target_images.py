@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from typing import Literal
 
 from dic.calibration.calibration import Calibration, Model
-from dic.calibration.grid_accuracy import GridAccuracy
+from dic.calibration.grid_making import GridAccuracy
 from dic.calibration.pinhole.prior import KnownCamera
 from dic.calibration.plate import behind
 from dic.errors import CalibrationError

@@ -52,8 +52,8 @@ def read_mounting(file: Any) -> RunMounting:
 def read_making(group: Any) -> dict[str, Any]:
     """Return how accurately the calibration target in a run file's group of the grid was made.
 
-    The keys are `made`, and the standard deviations `scale_ratio_std`, `skew_std` and `flatness_std_mm`. What
-    the file does not declare is left out; files of earlier versions declare nothing.
+    The keys are `grid_made`, and the standard deviations `scale_ratio_std`, `skew_std` and `flatness_std_mm`.
+    What the file does not declare is left out; files of earlier versions declare nothing.
 
     Raises `Unlike` if the making is unknown, or a standard deviation is negative or infinite.
     """

@@ -71,10 +71,9 @@ class RunFile:
         Kind of the calibration target: "lines", "checkerboard", "charuco", "dots" or "asymmetric-dots". For a
         target without lines, `grid_lines` are the numbers of squares or dots.
     grid_values : dict of str to float or str
-        The further values of the target: `pitch_mm`, and `marker_mm` and `dictionary`, which only a ChArUco
-        board uses. A line grid of an earlier version has only the pitch.
+        Further values: `pitch_mm`, and `marker_mm` and `dictionary`, which only a ChArUco board uses.
     grid_making : dict of str to float or str
-        How accurately the target was made, as far as the file says it: `made`, and standard deviations.
+        How accurately the target was made, as `read_making` returns it.
     mounting : RunMounting
         The declared mounting of grid and specimen.
     cameras : list of str

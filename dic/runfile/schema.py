@@ -100,7 +100,7 @@ SAMPLE = GroupLayout(
 )
 TARGET = (Item("target", "S16"), Item("marker_mm", "float64", "mm"), Item("dictionary", "S"))
 MAKING = (
-    Item("made", "S"),
+    Item("grid_made", "S"),
     Item("scale_ratio_std", "float64", "1"),
     Item("skew_std", "float64", "rad"),
     Item("flatness_std_mm", "float64", "mm"),

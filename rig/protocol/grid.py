@@ -12,7 +12,7 @@ _FEWEST_SHIFTED = 16
 
 
 class _Target(Settings):
-    made: GridMaking | None = Field(default=None, description="how the target was made")
+    grid_made: GridMaking | None = Field(default=None, description="how the target was made")
     scale_ratio_std: float | None = Field(
         default=None,
         ge=0.0,

@@ -146,7 +146,7 @@ def create_entry(file: Any, header: RunHeader) -> Any:
         "target": header.grid.target,
         "marker_mm": getattr(header.grid, "marker_mm", np.nan),
         "dictionary": getattr(header.grid, "dictionary", ""),
-        "made": header.grid.made or "",
+        "grid_made": header.grid.grid_made or "",
     }
     for name in ("scale_ratio_std", "skew_std", "flatness_std_mm"):
         stated = getattr(header.grid, name)

@@ -113,11 +113,13 @@ def fit_pinholes(
 def _with_possible_principal(views: _Views) -> _Views:
     """Return the views; the principal point may be where the images show it.
 
-    A part of a sensor, or a mount made by hand, puts it far off. Where nobody states it, the images count
-    more than the expectation that it is near the middle.
+    A part of a sensor, or a mount made by hand, puts it far off. Where nothing of the camera is stated, the
+    images count more than the expectation that it is near the middle. Where something is, the principal point
+    does not make up for a wrong statement.
     """
     known = views.prior.known
-    if known.principal_px is not None or known.principal_std_px is not None:
+    stated = known.principal_px, known.principal_std_px, known.focal_px, known.distance_mm
+    if any(value is not None for value in stated):
         return views
     for _ in range(_MOST_PRINCIPALS):
         prior = views.prior

@@ -67,7 +67,8 @@ def test_the_area_is_that_of_the_grid_s_outline(picture: tuple[Path, Any], tmp_p
 def test_x_points_the_way_it_is_told(
     picture: tuple[Path, Any], tmp_path: Path, x_axis: str, turn_deg: float
 ) -> None:
-    done = run_dic("calibrate", picture[0], f"--x-axis={x_axis}", "-o", tmp_path / "cal.h5")
+    places = [f"--x-axis={x_axis}", "--grid-made", "exact", "-o", tmp_path / "cal.h5"]
+    done = run_dic("calibrate", picture[0], *places)
     assert done.status == 0
     grid = load_calibration(tmp_path / "cal.h5").grid
     c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))

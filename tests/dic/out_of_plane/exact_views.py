@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from dic.calibration.calibration import Calibration
+from dic.calibration.grid_making import EXACT, GridAccuracy
 from dic.calibration.pinhole.prior import KnownCamera
 from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
@@ -62,6 +63,29 @@ class OffCentre:
 
 
 @dataclass(frozen=True)
+class PrintedGrid:
+    """A grid of 10 mm × 10 mm that is not quite as it should be."""
+
+    scale_ratio: float
+    skew_rad: float
+    bow_mm: tuple[float, float, float]
+    """Along X, twist, and along Y."""
+
+    @classmethod
+    def drawn(cls, rng) -> "PrintedGrid":
+        ratio, skew, *bow_mm = rng.normal(0.0, [7e-4, 5e-4, 0.02, 0.02, 0.02]).tolist()
+        return cls(ratio, skew, tuple(bow_mm))
+
+    def places_mm(self, xy_mm):
+        """The nominal points (n, 2) as they are in space, (n, 3)."""
+        x, y = xy_mm.T
+        across, up = x / 5.0, y / 5.0
+        z = np.column_stack([across**2 - 1 / 3, across * up, up**2 - 1 / 3]) @ self.bow_mm
+        sheared = x * (1 + self.scale_ratio / 2) + y * self.skew_rad / 2
+        return np.column_stack([sheared, y * (1 - self.scale_ratio / 2) + x * self.skew_rad / 2, z])
+
+
+@dataclass(frozen=True)
 class View:
     """One camera, which is calibrated from one noisy image of the grid."""
 
@@ -72,6 +96,7 @@ class View:
     half_mm: float = 4.2
     seed: int = 0
     shape: str = "quadratic"  # whose subsets follow perspective, as exact geometry does
+    grid: "PrintedGrid | None" = None
 
     @property
     def settings(self):
@@ -158,11 +183,13 @@ class View:
 def _calibrated(view: View, principal_known: bool) -> Calibration:
     rng = np.random.default_rng([view.seed, 1])
     index = np.stack(np.meshgrid(np.arange(21), np.arange(21)), axis=-1).reshape(-1, 2)
-    xyz = np.column_stack([(index - 10) * 0.5, np.zeros(len(index))])
+    xy = (index - 10) * 0.5
+    xyz = np.column_stack([xy, np.zeros(len(index))]) if view.grid is None else view.grid.places_mm(xy)
     seen = view.camera.project(xyz) + rng.normal(0.0, view.grid_noise_px, (len(index), 2))
     grid = GridPoints.on_lattice(index.astype(np.int64), seen, (21, 21), 0.5)
     known = KnownCamera(principal_px=view.camera.principal_point_px) if principal_known else None
-    return Calibration.fit(grid, (view.camera.height_px, view.camera.width_px), known=known)
+    shape = view.camera.height_px, view.camera.width_px
+    return Calibration.fit(grid, shape, known=known, accuracy=EXACT if view.grid is None else GridAccuracy())
 
 
 def strains(correction):

@@ -14,7 +14,7 @@ from dic.out_of_plane.two_cameras import correct_with_two_cameras
 from simulators.scene.optics import PinholeCamera
 from simulators.scene.pose import Pose
 from simulators.scene.scene import Misalignment
-from tests.dic.out_of_plane.exact_views import OffCentre, State, View, deviations, strains
+from tests.dic.out_of_plane.exact_views import OffCentre, PrintedGrid, State, View, deviations, strains
 
 NU = 0.33
 
@@ -23,11 +23,11 @@ def unit(angle):
     return np.array([np.cos(angle), np.sin(angle)])
 
 
-def view_from(rng, off_axis_deg, seed, half_mm=4.2):
+def view_from(rng, off_axis_deg, seed, half_mm=4.2, grid=None):
     pan, tilt = off_axis_deg * unit(rng.uniform(0, 2 * np.pi))
     camera = PinholeCamera(800, 800, pan_deg=pan, tilt_deg=tilt)
     # 1 % of the width, as a calibration expects.
-    return View(OffCentre(camera, rng.normal(0.0, 8.0, 2)), seed=seed, half_mm=half_mm)
+    return View(OffCentre(camera, rng.normal(0.0, 8.0, 2)), seed=seed, half_mm=half_mm, grid=grid)
 
 
 def stretched(rng):
@@ -35,9 +35,9 @@ def stretched(rng):
     return np.diag([1 - NU * strain, 1 + strain])
 
 
-def rotated(seed):
+def rotated(seed, grid=None):
     rng = np.random.default_rng([seed, 1])
-    view = view_from(rng, 30, seed, half_mm=3.4)
+    view = view_from(rng, 30, seed, half_mm=3.4, grid=grid)
     wobble, grid = 0.2 * unit(rng.uniform(0, 7)), rng.uniform(0, 0.1) * unit(rng.uniform(0, 7))
     misalignment = Misalignment(
         axis_slope_x_deg=wobble[0],
@@ -56,9 +56,9 @@ def rotated(seed):
     return np.array([strains(c) / deviations(c) for c in found.corrections]).ravel(), z_slopes
 
 
-def tilted(seed):
+def tilted(seed, grid=None):
     rng = np.random.default_rng([seed, 2])
-    view, slopes_deg = view_from(rng, 30, seed), 0.15 * unit(rng.uniform(0, 7))
+    view, slopes_deg = view_from(rng, 30, seed, grid=grid), 0.15 * unit(rng.uniform(0, 7))
     mounted_deg, gap_mm = rng.normal(0.0, 0.1, 2), rng.normal(0.0, 0.3)
     state = State(Pose.sloped(*(mounted_deg + slopes_deg), gap_mm), stretched(rng))
     reference, calibration = State(Pose.sloped(*mounted_deg, gap_mm)), view.calibration()
@@ -69,9 +69,9 @@ def tilted(seed):
     return (strains(found) - view.true_strain(measurement, state)) / deviations(found), z_slopes
 
 
-def seen_twice(seed):
+def seen_twice(seed, grid=None):
     rng = np.random.default_rng([seed, 3])
-    views = view_from(rng, 30, 2 * seed), view_from(rng, 0, 2 * seed + 1)
+    views = view_from(rng, 30, 2 * seed, grid=grid), view_from(rng, 0, 2 * seed + 1, grid=grid)
     slopes_deg, shift_mm = 0.15 * unit(rng.uniform(0, 7)), rng.uniform(-0.02, 0.02)
     state = State(Pose.sloped(*slopes_deg, shift_mm), stretched(rng))
     calibrations = tuple(v.calibration() for v in views)
@@ -120,3 +120,34 @@ def test_the_intervals_hold_the_truth_as_often_as_they_say(campaign):
     print(f"\n{campaign.__name__}: strain inside {inside:.3f}, plane {of_plane.round(3)}")
     assert 0.90 <= inside <= 0.99
     assert ((of_plane >= 0.88) & (of_plane <= 1.0)).all()
+
+
+def on_printed_grids(campaign, trials):
+    """Return z of strains with grids that are drawn anew for each trial."""
+    grids = [PrintedGrid.drawn(np.random.default_rng([seed, 77])) for seed in trials]
+    return np.concatenate(
+        [np.ravel(campaign(seed, grid)[0]) for seed, grid in zip(trials, grids, strict=True)]
+    )
+
+
+@pytest.mark.parametrize(
+    "campaign",
+    [
+        pytest.param(rotated, marks=pytest.mark.extended),
+        tilted,
+        pytest.param(seen_twice, marks=pytest.mark.extended),
+    ],
+)
+def test_a_printed_grid_is_in_the_intervals(campaign):
+    z = on_printed_grids(campaign, range(4))
+    assert (np.abs(z) < 4).all()
+    assert 0.3 < np.sqrt(np.mean(z**2)) < 1.6
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("campaign", [rotated, tilted, seen_twice])
+def test_intervals_on_printed_grids_hold_the_truth(campaign):
+    z = np.abs(on_printed_grids(campaign, range(60)))
+    print(f"\n{campaign.__name__}: within 2: {(z < 2).mean():.3f}, beyond 4: {(z > 4).mean():.4f}")
+    assert (z < 2).mean() >= 0.93
+    assert (z > 4).mean() <= 0.01

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dic.calibration.grid_making import GridAccuracy
 from dic.calibration.pinhole.prior import KnownCamera
 from dic.errors import CalibrationError
 from dic.pipeline.target_images import calibrate_images
@@ -27,7 +28,8 @@ def test_edges_without_blur_do_not_pull_corners_towards_the_pixels(off_deg: floa
     target = CharucoTarget((10, 9), 1.0, 0.7)
     view = View.of(charuco(target), roll_deg=0.5, pan_deg=off_deg)
     image = view.image(noise=0.0, blur_px=0.0)
-    calibration = calibrate_images(image, target, known=KnownCamera(focal_px=FOCAL_PX))
+    known, made = KnownCamera(focal_px=FOCAL_PX), GridAccuracy("exact")
+    calibration = calibrate_images(image, target, known=known, accuracy=made)
     camera = calibration.pinhole
 
     assert view.rms_px(calibration.grid) < 0.01
