@@ -7,6 +7,7 @@ from dic.calibration.calibration import Calibration, Model
 from dic.calibration.grid_making import GridAccuracy
 from dic.calibration.pinhole.prior import KnownCamera
 from dic.calibration.plate import behind
+from dic.calibration.turned import in_axes_of_first
 from dic.errors import CalibrationError
 from dic.image.given import grey_image, name_of, one_by_one
 from dic.targets.axes import XAxis
@@ -66,14 +67,13 @@ def calibrate_images(
     greys = [grey_image(image, name) for image, name in zip(given, names, strict=True)]
     _require_same_size(greys, names)
     first = find_target(greys[0], target, names[0], x_axis=x_axis, origin_px=origin_px, region_px=region_px)
-    # Use the directions of the axes in the first image only. The other images determine the lens parameters,
-    # which do not depend on the directions of X and Y.
     others = [
         find_target(grey, target, name, region_px=region_px)
         for grey, name in zip(greys[1:], names[1:], strict=True)
     ]
-    made = accuracy or GridAccuracy()
-    calibration = Calibration.fit([first, *others], greys[0].shape, names[0], known=known, accuracy=made)
+    made, shape = accuracy or GridAccuracy(), greys[0].shape
+    grids = in_axes_of_first([first, *others], shape, known, made)
+    calibration = Calibration.fit(grids, shape, names[0], known=known, accuracy=made)
     calibration = calibration.using(calibration.recommended if model == "recommended" else model)
     return behind(calibration, plate_mm) if plate_mm else calibration
 
