@@ -51,7 +51,9 @@ def test_images_of_the_tilted_grid_show_its_deviations(turned):
 
 def test_two_cameras_tell_each_other_what_they_see_of_the_grid():
     rng = np.random.default_rng(2)
-    alone = [Calibration.fit(seen(rng, *pose), SHAPE, accuracy=GridAccuracy()) for pose in (POSES[0], (0.0, 1.0))]
+    alone = [
+        Calibration.fit(seen(rng, *pose), SHAPE, accuracy=GridAccuracy()) for pose in (POSES[0], (0.0, 1.0))
+    ]
     together = of_one_grid(tuple(alone))
     z, std = z_of(together[0].pinhole)
     assert (np.abs(z) < 3.5).all()
