@@ -155,8 +155,8 @@ def _target_lines(grid: dict[str, Any]) -> list[str]:
     bows = zip(grid["bow_mm"], grid["bow_std_mm"], strict=True)
     along_x, twist, along_y = (_with_std(_MM_TO_UM * bow, _MM_TO_UM * std) for bow, std in bows)
     return [
-        f"  target         scales of X and Y differ by {percent} %, skew {skew}°",
-        f"                 bow {along_x} µm along X, {along_y} µm along Y, twist {twist} µm",
+        f"  target         X and Y scales differ by {percent} %, skew {skew}°",
+        f"                 bow X {along_x}, Y {along_y}, twist {twist} µm",
     ]
 
 
