@@ -31,6 +31,8 @@ _FEWEST_POINTS = 30
 _FEWEST_STEPS = 2
 _LEAST_TURN_DEG = 5.0
 _SMALL = 1e-6
+_ROUNDS = 3
+"""Rounds in which the angles and the bow are measured in the plane that was found."""
 _RIGID = 5.0
 """The specimen counts as rigid if the remaining strain (rms) is at most this many standard deviations."""
 
@@ -151,15 +153,15 @@ class _Solved:
     @classmethod
     def from_steps(cls, steps: Steps, centre_mm: Float) -> "_Solved | None":
         """Solve the alignment from the steps of a rotation; return None if there is no solution."""
-        noise = gradient_errors(steps)
-        to_strain = _to_strain(steps.gradients(np.zeros(4 + steps.of_maps.shape[2]), centre_mm))
-        of_strain = noise.mapped(to_strain)
-        solution = solve_rigid(steps, centre_mm, of_strain)
-        if solution is not None:
-            steps = steps.seen_on(solution.unknowns, centre_mm)
-            solution = solve_rigid(steps, centre_mm, of_strain, solution.unknowns)
-        if solution is None:
-            return None
+        unknowns = np.zeros(4 + steps.of_maps.shape[2])
+        to_strain = _to_strain(steps.gradients(unknowns, centre_mm))
+        for _ in range(_ROUNDS):
+            steps = steps.seen_on(unknowns, centre_mm, rigid=True)
+            noise = gradient_errors(steps).and_shared(steps.by_bow(unknowns, centre_mm))
+            found = solve_rigid(steps, centre_mm, noise.mapped(to_strain), unknowns)
+            if found is None:
+                return None
+            solution, unknowns = found, found.unknowns
         # The errors of the unknowns come from the measured strains, and from the prior.
         by_step = -np.swapaxes(solution.gain.reshape(len(solution.gain), -1, 3), 0, 1) @ to_strain
         errors = _UnknownErrors(by_step, solution.by_prior)
@@ -173,7 +175,7 @@ class _Solved:
         """Apply a given alignment to the steps of a rotation."""
         count = steps.of_maps.shape[2]
         unknowns = np.append(alignment.slopes, np.zeros(count))
-        steps = steps.seen_on(unknowns, centre_mm)
+        steps = steps.seen_on(unknowns, centre_mm, rigid=False)
         prior = block_diagonal([alignment.covariance, np.eye(count)])
         errors = _UnknownErrors(np.zeros((len(steps.motions), 4 + count, 4)), prior)
         covariance, _ = errors.with_gradients(steps, unknowns, centre_mm, gradient_errors(steps))
@@ -195,6 +197,8 @@ class _Solved:
         settings, n = measurement.strain_settings, len(points.before_mm)
         mean = strain_of_gradient(self.gradients[place], self.covariance[place], n, settings.measure)
         moved = moved_out_of_plane(points.adjusted(sources), centre_mm, before, after)
+        if self.steps.bow is not None:
+            moved = self.steps.bow.flattened(moved, centre_mm)
         std = self.alignment.after_std(self.steps.angles_deg[place])
         return Correction(self.method, mean, moved, settings, after, np.array([*std, np.nan]))
 

@@ -18,6 +18,7 @@ from dic.files.lazy import Spool
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import by_centre
 from dic.out_of_plane.map_errors import MapErrors
+from dic.out_of_plane.specimen_bow import Bow
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.fit import gradient_weights, slopes_of
 from dic.typing import Float
@@ -62,6 +63,8 @@ class Steps:
     """Shape (2,). X and Y of the centre of rotation."""
     systematic: float = _SYSTEMATIC
     """Standard deviation of the systematic strain errors of each step, which are all errors except noise."""
+    bow: Bow | None = None
+    """The bow of the specimen over its plane."""
 
     @classmethod
     def of(cls, points: Iterable[Points], systematic: float = _SYSTEMATIC) -> "Steps | None":
@@ -82,14 +85,17 @@ class Steps:
         errors = np.array(noise), np.array(of_maps), of_centre
         return cls(motions, *errors, MapErrors.of(calibration), *_turns_and_pivot(motions), systematic)
 
-    def seen_on(self, unknowns: Float, centre_mm: Float) -> "Steps":
+    def seen_on(self, unknowns: Float, centre_mm: Float, *, rigid: bool) -> "Steps":
         """Return the same steps, with the angles and the centre of rotation measured in the specimen's plane.
+
+        Of a rigid specimen the bow is measured too.
 
         `unknowns`: as for `gradients`. Angles from motions in the grid's
         plane have errors because of false strain. These errors would cause strain errors of about 1e-6.
         """
         angles_deg, pivot_mm = _turns_and_pivot(self._motions(unknowns, centre_mm))
-        return replace(self, angles_deg=angles_deg, pivot_mm=pivot_mm)
+        seen = replace(self, angles_deg=angles_deg, pivot_mm=pivot_mm, bow=None)
+        return replace(seen, bow=Bow.fitted(seen._motions(unknowns, centre_mm), centre_mm)) if rigid else seen
 
     def gradients(self, unknowns: Float, centre_mm: Float) -> Float:
         """Return the mean displacement gradients within the specimen's plane, shape (steps, 2, 2).
@@ -121,7 +127,21 @@ class Steps:
         plane = alignment.before
         for motion, angle in zip(self.motions, self.angles_deg, strict=True):
             before, after = (self.map_errors.adjusted(position, sources) for position in motion)
-            yield plane.within(before, moved_mm), alignment.after(angle).within(after, moved_mm)
+            places = plane.within(before, moved_mm), alignment.after(angle).within(after, moved_mm)
+            yield places if self.bow is None else self.bow.seen_flat(*places, moved_mm)
+
+    def by_bow(self, unknowns: Float, centre_mm: Float) -> Float:
+        """Return the effect (steps, 4, k) of k independent errors of the bow, with variance 1."""
+        if self.bow is None:
+            return np.zeros((len(self.of_maps), 4, 0))
+        at, bow = self.gradients(unknowns, centre_mm), self.bow
+        values, vectors = np.linalg.eigh(bow.covariance)
+        changed = [
+            replace(self, bow=replace(bow, curvature_per_mm=bow.curvature_per_mm + change))
+            for change in (vectors * np.sqrt(np.maximum(values, 0.0))).T
+        ]
+        effects = [steps.gradients(unknowns, centre_mm) - at for steps in changed]
+        return np.stack(effects, axis=-1).reshape(len(at), 4, -1)
 
     def strains(self, unknowns: Float, centre_mm: Float) -> Float:
         """Return the mean Green-Lagrange strains xx, yy, xy of all steps in one array, shape (3 steps,)."""
@@ -188,6 +208,10 @@ class StepErrors:
     def mapped(self, by: Float) -> "StepErrors":
         """Return the errors of linear functions of each step's values; `by` has the shape (steps, k, m)."""
         return StepErrors(by @ self.own @ np.swapaxes(by, 1, 2), by @ self.shared)
+
+    def and_shared(self, shared: Float) -> "StepErrors":
+        """Return the errors with further errors (steps, m, q) that are the same in all steps."""
+        return StepErrors(self.own, np.concatenate([self.shared, shared], axis=2))
 
     def solve(self, right: Float) -> Float:
         """Return the inverse of the covariance of all values, times `right` with the shape (m steps, n).

@@ -119,7 +119,14 @@ class View:
         # Each image has half of the variance. The reference's misplaces the material that is followed, for
         # all steps alike.
         seen = px + rng.normal(0.0, self.noise_px / np.sqrt(2), px.shape)
-        material = Surface(Blank(), reference.pose, reference.F).material(*self.camera.ray(seen))
+        plane = Surface(Blank(), reference.pose, reference.F)
+        material = plane.material(*self.camera.ray(seen))
+        for _ in range(3 if any(reference.curvatures) else 0):
+            # The ray meets the curved surface where the point that it shows is.
+            shown = self.camera.project(reference.world(material))
+            material = (
+                material + plane.material(*self.camera.ray(seen)) - plane.material(*self.camera.ray(shown))
+            )
         active = (np.abs(calibration.map(px)).max(axis=1) < self.half_mm).reshape(shape)
         results = []
         for number, state in enumerate(states):
