@@ -37,7 +37,7 @@ def of_one_grid(calibrations: tuple[Calibration, ...]) -> tuple[Calibration, ...
     if not (std > 0).any() or _is_shared(calibrations):
         return calibrations
     first = _Information.of(KnownGrid(np.zeros(len(std)), np.diag(std**2)))
-    straight = [_looks_straight(_camera(calibration)) for calibration in calibrations]
+    straight = [looks_straight(_camera(calibration)) for calibration in calibrations]
     current, shown = list(calibrations), [first.nothing() for _ in calibrations]
     for _ in range(_ROUNDS):
         for k in sorted(range(len(current)), key=straight.__getitem__):
@@ -58,7 +58,8 @@ def of_one_grid(calibrations: tuple[Calibration, ...]) -> tuple[Calibration, ...
     )
 
 
-def _looks_straight(camera: Pinhole) -> bool:
+def looks_straight(camera: Pinhole) -> bool:
+    """Return True if a camera looks so straight at the grid that its distance is hardly known."""
     return camera.focal_std_px > _UNKNOWN_FOCAL * camera.focal_px
 
 

@@ -8,18 +8,20 @@ e depends on the distances of the cameras from the grid. A calibration may deter
 the errors of both calibrations are estimated together with the plane.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
-from dic.calibration.one_grid import of_one_grid, shared_factors
+from dic.calibration.one_grid import looks_straight, of_one_grid, shared_factors
 from dic.correlation.field import Field
+from dic.out_of_plane.moved_camera import CameraMotion, pinhole_of
 from dic.out_of_plane.plane import Plane
-from dic.typing import Float
+from dic.typing import Float, Mask
 
 _FEWEST_POINTS = 30
 _STEPS = 12
+_MOTION_STEPS = 2
 _CLOSE_MM = 1e-7
 
 _ERROR_PX = 0.01
@@ -43,20 +45,27 @@ class ReferenceSurface:
     """Each of shape (3,). The centres of both cameras in the grid's axes, adjusted to the parallax."""
     problem: str = ""
     """The reason why the plane could not be found, or ""."""
+    contradicted: bool = False
+    """True if the cameras' calibrations contradict each other, so that no strain can be corrected."""
+    moved: CameraMotion | None = None
+    """The motion of the second camera relative to the first since their calibration, if they moved."""
 
     @property
     def text(self) -> str:
         """One sentence about the position of the surface."""
+        if self.contradicted:
+            return f"strain is not corrected by both cameras, because {self.problem}"
         if self.plane is None:
             return (
                 f"the surface's distance from the grid's plane is not known, because {self.problem}; "
                 "the surface is taken to lie in the grid's plane"
             )
         slopes = np.degrees(np.arctan([self.plane.slope_x, self.plane.slope_y]))
+        moved = "" if self.moved is None else f"; {self.moved.text}"
         side = "behind" if self.plane.shift_mm <= 0 else "in front of"
         return (
             f"in the reference the surface lies {abs(self.plane.shift_mm):.3f} mm {side} the grid's plane, "
-            f"with slopes of {slopes[0]:+z.3f}° and {slopes[1]:+z.3f}° along X and Y"
+            f"with slopes of {slopes[0]:+z.3f}° and {slopes[1]:+z.3f}° along X and Y{moved}"
         )
 
 
@@ -74,13 +83,25 @@ def reference_surface(field: Field, calibrations: tuple[Calibration, Calibration
     if np.count_nonzero(use) < _FEWEST_POINTS:
         return ReferenceSurface(problem=f"the reference images share fewer than {_FEWEST_POINTS} points")
     noise_px = float(np.median(np.hypot(field.std_u_px, field.std_v_px).ravel()[use]))
-    error_mm = np.hypot(noise_px, _ERROR_PX) * calibrations[0].mm_per_px
-    views = [
-        _View.of(calibration, px[use])
-        for calibration, px in zip(calibrations, (first_px, second_px), strict=True)
-    ]
-    shared = 0 if one.pinhole is None else shared_factors(one.pinhole)
-    return _solve(views, shared, error_mm, calibrations[0].mm_per_px)
+    mm_per_px = calibrations[0].mm_per_px
+    error_mm = np.hypot(noise_px, _ERROR_PX) * mm_per_px
+    first, second = _View.of(one, first_px[use]), _View.of(other, second_px[use])
+    shared = shared_factors(pinhole_of(one))
+    found = _solve([first, second], shared, error_mm)
+    problem = found.disagreement(mm_per_px)
+    if not problem:
+        return found.surface()
+    if any(looks_straight(pinhole_of(calibration)) for calibration in calibrations):
+        return ReferenceSurface(problem=problem, contradicted=True)
+    motion = CameraMotion.unknown(other, pinhole_of(one).centre_mm)
+    found = _solve([first, _View.of(other, second_px[use], motion)], shared, error_mm)
+    motion = motion.changed(found.motion).known_to(found.motion_covariance)
+    for _ in range(_MOTION_STEPS):
+        found = _solve([first, _View.of(motion.camera, second_px[use], motion)], shared, error_mm)
+        motion = motion.changed(found.motion)
+    if found.disagreement(mm_per_px):
+        return ReferenceSurface(problem=problem, contradicted=True)
+    return replace(found.surface(), moved=motion)
 
 
 @dataclass(frozen=True)
@@ -95,19 +116,25 @@ class _View:
     of_centre: Float
     """Shapes (n, 2, q) and (3, q). Effect of q independent errors of the calibration, with variance 1."""
 
+    motions: int = 0
+    """Number of errors, the first of all, that are motions of the camera since its calibration."""
+
     @classmethod
-    def of(cls, calibration: Calibration, px: Float) -> "_View":
-        best = calibration.using("pinhole")
-        if best.pinhole is None:
-            raise ValueError("this calibration knows no camera centre")
-        return cls(
-            best.map(px), best.pinhole.centre_mm, best.error_factors(px), best.pinhole.centre_factors()
+    def of(cls, calibration: Calibration, px: Float, motion: CameraMotion | None = None) -> "_View":
+        best = pinhole_of(calibration)
+        of_map, of_centre = best.error_factors(px), best.centre_factors()
+        if motion is None:
+            return cls(best.map(px), best.centre_mm, of_map, of_centre)
+        by_motion, by_shift = motion.factors(px)
+        of_map, of_centre = (
+            np.concatenate(both, axis=-1) for both in ((by_motion, of_map), (by_shift, of_centre))
         )
+        return cls(best.map(px), best.centre_mm, of_map, of_centre, by_shift.shape[1])
 
     def adjusted(self, sources: Float) -> "_View":
         """Return the view if the calibration has the errors `sources` (q,)."""
         moved = self.centre_mm + self.of_centre @ sources
-        return _View(self.at_mm + self.of_map @ sources, moved, self.of_map, self.of_centre)
+        return replace(self, at_mm=self.at_mm + self.of_map @ sources, centre_mm=moved)
 
     @property
     def rise(self) -> Float:
@@ -121,7 +148,57 @@ class _View:
         return np.asarray(self.of_map - height_mm[:, None, None] * away)
 
 
-def _solve(views: list[_View], shared: int, error_mm: float, mm_per_px: float) -> ReferenceSurface:
+@dataclass(frozen=True)
+class _Solution:
+    """The plane, the errors of both calibrations, and the motion of the second camera if it is free."""
+
+    views: tuple[_View, _View]
+    """Both views, with the errors that are found."""
+    values: Float
+    normal: Float
+    """Shapes (3 + q,) and (3 + q, 3 + q). Plane and errors, and their inverse covariance."""
+    left_mm: Float
+    use: Mask
+    """Shape (n,). What is left of the distance of the points, and whether a point is used."""
+    moves: slice
+    """The values that are motions."""
+
+    @property
+    def motion(self) -> Float:
+        """Motions of the second camera, in units of those expected."""
+        return self.values[self.moves]
+
+    @property
+    def motion_covariance(self) -> Float:
+        """Covariance of `motion`."""
+        return np.asarray(np.linalg.inv(self.normal)[self.moves, self.moves])
+
+    def surface(self) -> ReferenceSurface:
+        """Return the plane and the centres of both cameras."""
+        first, second = self.views
+        # A height shifts the calibrated position of its point. The plane must be fitted at the true positions
+        # of the points, so this shift is subtracted first.
+        height = np.column_stack([first.at_mm, np.ones(len(self.use))]) @ self.values[:3]
+        place = first.at_mm - first.rise * height[:, None]
+        terms = np.column_stack([place, np.ones(len(place))])
+        plane = np.linalg.lstsq(terms[self.use], height[self.use], rcond=None)[0]
+        return ReferenceSurface(Plane(*map(float, plane)), (first.centre_mm, second.centre_mm))
+
+    def disagreement(self, mm_per_px: float) -> str:
+        """Return the reason why the two cameras do not agree on a plane, or "" if they do."""
+        adjustment = float(np.linalg.norm(np.delete(self.values, self.moves)[3:]))
+        left_px = float(np.median(self.left_mm)) / mm_per_px
+        if adjustment <= _IMPROBABLE and left_px <= _AGREE_PX:
+            return ""
+        return (
+            f"the cameras agree on it only to {left_px:.2f} px (at most {_AGREE_PX:g} px is explained) and "
+            f"with calibrations that are {adjustment:.0f} standard deviations off (at most "
+            f"{_IMPROBABLE:.0f}): a camera was moved after its calibration, so fasten its mount and "
+            "calibrate again"
+        )
+
+
+def _solve(views: list[_View], shared: int, error_mm: float) -> _Solution:
     """Estimate the plane and the errors of both calibrations by Gauss-Newton steps; leave out outliers."""
     # The errors of each calibration alone, and then those of the grid, which both share
     own = [np.arange(view.of_centre.shape[1] - shared) for view in views]
@@ -147,22 +224,5 @@ def _solve(views: list[_View], shared: int, error_mm: float, mm_per_px: float) -
         use = size <= max(_OUTLIER * float(np.median(size)), 2 * error_mm)
         if np.abs(step[:3]).max() < _CLOSE_MM:
             break
-    problem = _disagreement(float(np.linalg.norm(values[3:])), float(np.median(size)) / mm_per_px)
-    if problem:
-        return ReferenceSurface(problem=problem)
-    # A height shifts the calibrated position of its point. The plane must be fitted at the true positions of
-    # the points, so this shift is subtracted first.
-    place = first.at_mm - first.rise * height[:, None]
-    plane = np.linalg.lstsq(np.column_stack([place, np.ones(len(place))])[use], height[use], rcond=None)[0]
-    return ReferenceSurface(Plane(*map(float, plane)), (first.centre_mm, second.centre_mm))
-
-
-def _disagreement(adjustment: float, left_px: float) -> str:
-    """Return the reason why the two cameras do not agree on a plane, or "" if they do."""
-    if adjustment <= _IMPROBABLE and left_px <= _AGREE_PX:
-        return ""
-    return (
-        f"the cameras agree on it only to {left_px:.2f} px (at most {_AGREE_PX:g} px is explained) and with "
-        f"calibrations that are {adjustment:.0f} standard deviations off (at most {_IMPROBABLE:.0f}): a "
-        "camera was moved after its calibration, so fasten its mount and calibrate again"
-    )
+    moves = slice(3 + len(own[0]), 3 + len(own[0]) + views[1].motions)
+    return _Solution((first, second), values, normal, size, use, moves)

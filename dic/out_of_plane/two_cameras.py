@@ -91,7 +91,11 @@ def correct_with_two_cameras(
 
     if any(calibration.pinhole is None for calibration in calibrations):
         return declined("a calibration knows no camera centre")
+    if surface is not None and surface.contradicted:
+        return declined(surface.problem)
     one, other = of_one_grid(calibrations)
+    if surface is not None and surface.moved is not None:
+        other = surface.moved.camera
     first, second = _points(measurements, (one, other), surface)
     if min(len(first.before_mm), len(second.before_mm)) < _FEWEST_PAIRS:
         return declined(f"a camera has fewer than {_FEWEST_PAIRS} points")
@@ -104,6 +108,8 @@ def correct_with_two_cameras(
     if objection is not None:
         return declined(objection)
     joint = JointSystem.of(pairs).solve()
+    if surface is not None and surface.moved is not None:
+        joint = replace(joint, covariance=joint.covariance + surface.moved.covariance(joint.estimates))
     objection = _disagreement(pairs, joint, calibrations[0].mm_per_px)
     return declined(objection) if objection is not None else _step(measurements, joint)
 
