@@ -102,23 +102,28 @@ class JointSystem:
             ]
         )
 
-    def noise_and_calibrations(self) -> tuple[Float, Float, Float]:
+    def noise_and_calibrations(
+        self, weights: tuple[Float, Float] | None = None
+    ) -> tuple[Float, Float, Float]:
         """Return the errors of the eleven estimates for exact camera centres, and the errors of the centres.
+
+        `weights`: weights of the displacements of each camera, shape (points, 2, p), for p other estimates.
 
         Returns
         -------
-        noise : ndarray, shape (11, 11)
+        noise : ndarray, shape (p, p)
             The part of the estimates' covariance that image noise and interpolation cause.
-        of_maps, of_centres : ndarray, shapes (11, q) and (6, q)
+        of_maps, of_centres : ndarray, shapes (p, q) and (6, q)
             Effect of q independent calibration errors with variance 1. The matrix `of_maps` gives the effect
             on the estimates through the maps from px to mm. The matrix `of_centres` gives the effect on the
             camera centres.
         """
-        noise, of_maps, of_centres = np.zeros((11, 11)), [], []
-        for points, weights in zip((self.pairs.first, self.pairs.second), self.weights(), strict=True):
-            noise += points.noise_covariance(weights) + points.smooth_covariance(weights)
-            noise += points.still_covariance(weights)
-            of_map, of_centre = points.calibration_factors(weights)
+        both = self.weights() if weights is None else weights
+        noise, of_maps, of_centres = np.zeros((both[0].shape[2],) * 2), [], []
+        for points, of_points in zip((self.pairs.first, self.pairs.second), both, strict=True):
+            noise += points.noise_covariance(of_points) + points.smooth_covariance(of_points)
+            noise += points.still_covariance(of_points)
+            of_map, of_centre = points.calibration_factors(of_points)
             of_maps.append(of_map)
             of_centres.append(of_centre)
         shared = self._shared

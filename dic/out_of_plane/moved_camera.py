@@ -98,12 +98,17 @@ class CameraMotion:
         return np.asarray(spin**2 * np.outer(by_spin, by_spin) + self.scale_std**2 * np.outer(by_scale, by_scale))
 
     @property
-    def text(self) -> str:
-        """One sentence about the motion, and what to do."""
+    def size_text(self) -> str:
+        """The size of the motion."""
         turn_deg, shift_mm = np.degrees(np.linalg.norm(self.motion[:3])), np.linalg.norm(self.motion[3:])
+        return f"by about {turn_deg:.1g}° and {shift_mm:.1g} mm relative to the other"
+
+    @property
+    def text(self) -> str:
+        """One sentence about the motion since the calibration, and what to do."""
         return (
-            f"a camera was moved after its calibration, by about {turn_deg:.1g}° and {shift_mm:.1g} mm relative "
-            "to the other: corrected strain takes account of it, but fasten its mount and calibrate again"
+            f"a camera was moved after its calibration, {self.size_text}: corrected strain takes account of it, "
+            "but fasten its mount and calibrate again"
         )
 
 

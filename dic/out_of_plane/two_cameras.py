@@ -6,6 +6,7 @@ import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.calibration.one_grid import of_one_grid
+from dic.out_of_plane.camera_drift import drift_reason
 from dic.out_of_plane.correction import Correction, points_of
 from dic.out_of_plane.joint_solution import JointSolution, JointSystem
 from dic.out_of_plane.parallax import Bulge, Heights, Pairs
@@ -104,10 +105,14 @@ def correct_with_two_cameras(
         return declined(f"the cameras share {len(pairs.chosen)} points, at least {_FEWEST_PAIRS} are needed")
     if not (first.determine(1) and second.determine(1)):
         return declined("the points lie on one line")
-    objection = _too_close(pairs, JointSystem.of(pairs).centres_mm)
+    objection = _too_close(pairs, (first.centre_mm, second.centre_mm))
     if objection is not None:
         return declined(objection)
-    joint = JointSystem.of(pairs).solve()
+    system = JointSystem.of(pairs)
+    objection = drift_reason(system) if surface is not None and surface.plane is not None else None
+    if objection is not None:
+        return declined(objection)
+    joint = system.solve()
     if surface is not None and surface.moved is not None:
         joint = replace(joint, covariance=joint.covariance + surface.moved.covariance(joint.estimates))
     objection = _disagreement(pairs, joint, calibrations[0].mm_per_px)

@@ -1,0 +1,84 @@
+"""A camera that moved, or whose scale changed, between the reference and an image of a test.
+
+Whatever a specimen does, its points move along the parallax of two cameras (`dic.out_of_plane.parallax`). So
+a smooth difference across the parallax shows a camera that turned, moved or became warm. What the specimen did
+is then not known: a camera that moves towards the other one looks like a specimen that shrinks.
+"""
+
+import numpy as np
+from scipy.special import chdtri
+
+from dic.out_of_plane.correction import by_centre
+from dic.out_of_plane.joint_solution import JointSystem
+from dic.out_of_plane.moved_camera import CameraMotion, pinhole_of
+from dic.out_of_plane.parallax import Heights
+from dic.out_of_plane.uncertainty import Points, weighted_sums
+from dic.strain.still import orthogonal_polynomials
+from dic.typing import Float
+
+_PROBABILITY = 1e-6
+"""Probability that errors alone look like a motion or a change of the scale."""
+
+_HEIGHT_STD_MM = 0.01
+"""Standard deviation of the surface in the reference: its height at the middle and at the edge of the field."""
+
+_GROWTH = 1e-3
+_UNLIKE = 10.0
+"""A change of the scale is named if a motion does not explain the differences better by more than this."""
+
+
+def drift_reason(system: JointSystem) -> str | None:
+    """Return the reason if a camera moved since the reference, and None otherwise."""
+    pairs, centres_mm = system.pairs, system.centres_mm
+    heights = Heights.of(pairs, centres_mm)
+    length = np.linalg.norm(heights.parallax, axis=1, keepdims=True)
+    across = heights.parallax[:, ::-1] * [-1.0, 1.0] / length
+    basis = orthogonal_polynomials(heights.position_mm)
+    weights = across[:, :, None] * basis[:, None, :] / len(basis)
+    to_first = np.zeros((len(pairs.first.before_mm), *weights.shape[1:]))
+    to_first[pairs.chosen] = weights
+    to_second = -(pairs.partner.T @ weights.reshape(len(weights), -1)).reshape(-1, *weights.shape[1:])
+    noise, of_maps, of_centres = system.noise_and_calibrations((to_first, to_second))
+
+    def seen(first_mm: Float, second_mm: Float) -> Float:
+        off_mm = Heights.of(pairs, (first_mm, second_mm)).across_mm
+        return np.asarray(basis.T @ off_mm / len(basis))
+
+    one, other = centres_mm
+    of_centre = np.hstack(
+        [by_centre(lambda c: seen(c, other), one), by_centre(lambda c: seen(one, c), other)]
+    )
+    by_errors = of_maps + of_centre @ of_centres
+    # Points of both cameras that are not quite the same move differently if the specimen is strained.
+    moved_apart = (heights.parallax @ pairs.first.mean_gradient.T)[:, :, None] * basis[:, None, :3]
+    by_pairing = _HEIGHT_STD_MM * weighted_sums(weights, moved_apart)
+    covariance = noise + by_errors @ by_errors.T + by_pairing @ by_pairing.T
+    to_white = np.linalg.inv(np.linalg.cholesky(covariance))
+    camera = pairs.second
+    motion = CameraMotion.unknown(camera.calibration, one)
+    by_motion = to_white @ weighted_sums(to_second, motion.factors(camera.px[1])[0])
+    by_growth = to_white @ weighted_sums(to_second, _by_growth(camera))
+    found = to_white @ seen(one, other)
+    turned, growth = _fitted(by_motion, found), _fitted(by_growth, found)
+    by_turn, by_scale = (float(found @ columns @ sizes) for columns, sizes in ((by_motion, turned), (by_growth, growth)))
+    if by_scale > chdtri(1, _PROBABILITY) and by_scale > by_turn - _UNLIKE:
+        return (
+            f"the scale of a camera changed by about {1e6 * _GROWTH * growth[0]:.0f} ppm relative to that of "
+            "the other since the reference: let the cameras warm up, and fasten their lenses"
+        )
+    if by_turn > chdtri(turned.size, _PROBABILITY):
+        return f"a camera moved since the reference, {motion.changed(turned).size_text}: fasten its mount"
+    return None
+
+
+def _by_growth(points: Points) -> Float:
+    """Return the motion of points (n, 2, 1) if the camera magnifies more by `_GROWTH`, mm."""
+    px, pinhole = points.px[1], pinhole_of(points.calibration)
+    grown = _GROWTH * (px - pinhole.principal_px)
+    return np.asarray(points.calibration.jacobian(px) @ grown[:, :, None])
+
+
+def _fitted(columns: Float, data: Float) -> Float:
+    """Return the sizes of unit variance that explain whitened data best."""
+    normal = columns.T @ columns + np.eye(columns.shape[1])
+    return np.asarray(np.linalg.solve(normal, columns.T @ data))
