@@ -5,6 +5,8 @@ a smooth difference across the parallax shows a camera that turned, moved or bec
 is then not known: a camera that moves towards the other one looks like a specimen that shrinks.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.special import chdtri
 
@@ -59,15 +61,14 @@ def drift_reason(system: JointSystem) -> str | None:
     by_motion = to_white @ weighted_sums(to_second, motion.factors(camera.px[1])[0])
     by_growth = to_white @ weighted_sums(to_second, _by_growth(camera))
     found = to_white @ seen(one, other)
-    turned, growth = _fitted(by_motion, found), _fitted(by_growth, found)
-    by_turn, by_scale = (float(found @ columns @ sizes) for columns, sizes in ((by_motion, turned), (by_growth, growth)))
-    if by_scale > chdtri(1, _PROBABILITY) and by_scale > by_turn - _UNLIKE:
+    turn, growth = _Cause.of(by_motion, found), _Cause.of(by_growth, found)
+    if growth.is_clear and growth.explained > turn.explained - _UNLIKE:
         return (
-            f"the scale of a camera changed by about {1e6 * _GROWTH * growth[0]:.0f} ppm relative to that of "
-            "the other since the reference: let the cameras warm up, and fasten their lenses"
+            f"the scale of a camera changed by about {1e6 * _GROWTH * abs(growth.sizes[0]):.0f} ppm since the "
+            "reference, relative to that of the other: let the cameras warm up, and fasten their lenses"
         )
-    if by_turn > chdtri(turned.size, _PROBABILITY):
-        return f"a camera moved since the reference, {motion.changed(turned).size_text}: fasten its mount"
+    if turn.is_clear:
+        return f"a camera moved since the reference, {motion.changed(turn.sizes).size_text}: fasten its mount"
     return None
 
 
@@ -78,7 +79,23 @@ def _by_growth(points: Points) -> Float:
     return np.asarray(points.calibration.jacobian(px) @ grown[:, :, None])
 
 
-def _fitted(columns: Float, data: Float) -> Float:
-    """Return the sizes of unit variance that explain whitened data best."""
-    normal = columns.T @ columns + np.eye(columns.shape[1])
-    return np.asarray(np.linalg.solve(normal, columns.T @ data))
+@dataclass(frozen=True)
+class _Cause:
+    """A cause that may explain whitened data."""
+
+    sizes: Float
+    """Sizes, expected to be about 1, with which the cause explains the data best."""
+    explained: float
+    """Decrease of the sum of squares."""
+    is_clear: bool
+    """True if it is larger than errors let expect, also than those that the cause leaves unexplained: a
+    local neck, which no motion of a camera explains, is none.
+    """
+
+    @classmethod
+    def of(cls, columns: Float, data: Float) -> "_Cause":
+        count = columns.shape[1]
+        sizes = np.linalg.solve(columns.T @ columns + np.eye(count), columns.T @ data)
+        explained = float(data @ columns @ sizes)
+        left = (float(data @ data) - explained) / (len(data) - count)
+        return cls(sizes, explained, bool(explained > max(left, 1.0) * chdtri(count, _PROBABILITY)))

@@ -32,12 +32,16 @@ class Sensitivity:
     per_um, per_um_std : float
         False isotropic strain for a shift of 1 µm towards the camera, and the standard deviation of this
         strain.
+    per_mdeg_turned : float
+        False strain if the camera turns by 0.001° about its own centre: twice that of a tilt in the direction
+        in which the camera is tilted, and once across it.
     """
 
     off_axis_deg: float
     per_mdeg: float
     per_um: float
     per_um_std: float
+    per_mdeg_turned: float
 
     @classmethod
     def of(cls, calibration: Calibration) -> "Sensitivity | None":
@@ -48,13 +52,15 @@ class Sensitivity:
         tangent = float(np.hypot(x, y) / z)
         per_um = 1e-3 / float(z)
         per_um_std = per_um * float(calibration.pinhole.centre_std_mm[2] / z)
-        return cls(float(np.degrees(np.arctan(tangent))), tangent * np.radians(1e-3), per_um, per_um_std)
+        per_mdeg = tangent * np.radians(1e-3)
+        return cls(float(np.degrees(np.arctan(tangent))), per_mdeg, per_um, per_um_std, 2.0 * per_mdeg)
 
     @property
     def text(self) -> str:
         """The sensitivity of the camera to out-of-plane motion, as one line of text."""
         return (
             f"{self.off_axis_deg:.1f}° off-axis: {_MICRO * self.per_mdeg:.1f} µε per millidegree of tilt, "
+            f"{_MICRO * self.per_mdeg_turned:.1f} µε per millidegree that the camera turns, "
             f"{_MICRO * self.per_um:.1f} ± {_MICRO * self.per_um_std:.1f} µε per µm towards the camera"
         )
 

@@ -22,6 +22,7 @@ from dic.typing import Float, Mask
 _FEWEST_POINTS = 30
 _STEPS = 12
 _MOTION_STEPS = 2
+"""Further steps for a motion that is known to first order."""
 _CLOSE_MM = 1e-7
 
 _ERROR_PX = 0.01
@@ -33,6 +34,13 @@ _OUTLIER = 6.0
 _AGREE_PX = 0.1
 _IMPROBABLE = 6.0
 """Largest accepted values: rms residual, and adjustment of the calibrations in standard deviations."""
+
+_MOVED = "a camera was moved after its calibration, so fasten its mount and calibrate again"
+_TO_KNOW = "the motion can be measured if dic calibrate is given the distance or focal length"
+_UNEXPLAINED = (
+    "the calibrations contradict each other, and no motion of a camera explains it, so calibrate both cameras "
+    "again, with the same grid"
+)
 
 
 @dataclass(frozen=True)
@@ -92,7 +100,7 @@ def reference_surface(field: Field, calibrations: tuple[Calibration, Calibration
     if not problem:
         return found.surface()
     if any(looks_straight(pinhole_of(calibration)) for calibration in calibrations):
-        return ReferenceSurface(problem=problem, contradicted=True)
+        return ReferenceSurface(problem=f"{_MOVED}; {_TO_KNOW}: {problem}", contradicted=True)
     motion = CameraMotion.unknown(other, pinhole_of(one).centre_mm)
     found = _solve([first, _View.of(other, second_px[use], motion)], shared, error_mm)
     motion = motion.changed(found.motion).known_to(found.motion_covariance)
@@ -100,7 +108,7 @@ def reference_surface(field: Field, calibrations: tuple[Calibration, Calibration
         found = _solve([first, _View.of(motion.camera, second_px[use], motion)], shared, error_mm)
         motion = motion.changed(found.motion)
     if found.disagreement(mm_per_px):
-        return ReferenceSurface(problem=problem, contradicted=True)
+        return ReferenceSurface(problem=f"{_UNEXPLAINED}: {problem}", contradicted=True)
     return replace(found.surface(), moved=motion)
 
 
@@ -191,10 +199,9 @@ class _Solution:
         if adjustment <= _IMPROBABLE and left_px <= _AGREE_PX:
             return ""
         return (
-            f"the cameras agree on it only to {left_px:.2f} px (at most {_AGREE_PX:g} px is explained) and "
-            f"with calibrations that are {adjustment:.0f} standard deviations off (at most "
-            f"{_IMPROBABLE:.0f}): a camera was moved after its calibration, so fasten its mount and "
-            "calibrate again"
+            f"the reference images agree on a plane only to {left_px:.2f} px (at most {_AGREE_PX:g} px is "
+            f"explained) and with calibrations that are {adjustment:.0f} standard deviations off (at most "
+            f"{_IMPROBABLE:.0f})"
         )
 
 
