@@ -1,8 +1,9 @@
 """A camera that moved, or whose scale changed, between the reference and an image of a test.
 
-Whatever a specimen does, its points move along the parallax of two cameras (`dic.out_of_plane.parallax`). So
-a smooth difference across the parallax shows a camera that turned, moved or became warm. What the specimen did
-is then not known: a camera that moves towards the other one looks like a specimen that shrinks.
+Whatever a specimen does, the positions that two cameras measure differ only along their parallax
+(`dic.out_of_plane.parallax`). So a smooth difference across the parallax shows a camera that turned, moved or
+became warm. The strain is then not known, because a motion of a camera along the line to the other one looks
+like strain.
 """
 
 from dataclasses import dataclass
@@ -22,9 +23,11 @@ _PROBABILITY = 1e-6
 """Probability that errors alone look like a motion or a change of the scale."""
 
 _HEIGHT_STD_MM = 0.01
-"""Standard deviation of the surface in the reference: its height at the middle and at the edge of the field."""
+"""Standard deviation of the surface's height in the reference, at the middle and at the edge of the field."""
 
 _GROWTH = 1e-3
+"""Expected size of a change of the scale."""
+
 _UNLIKE = 10.0
 """A change of the scale is named if a motion does not explain the differences better by more than this."""
 
@@ -64,8 +67,8 @@ def drift_reason(system: JointSystem) -> str | None:
     turn, growth = _Cause.of(by_motion, found), _Cause.of(by_growth, found)
     if growth.is_clear and growth.explained > turn.explained - _UNLIKE:
         return (
-            f"the scale of a camera changed by about {1e6 * _GROWTH * abs(growth.sizes[0]):.0f} ppm since the "
-            "reference, relative to that of the other: let the cameras warm up, and fasten their lenses"
+            f"the scale of a camera changed by about {1e6 * _GROWTH * abs(growth.sizes[0]):.0f} ppm since "
+            "the reference, relative to that of the other: let the cameras warm up, and fasten their lenses"
         )
     if turn.is_clear:
         return f"a camera moved since the reference, {motion.changed(turn.sizes).size_text}: fasten its mount"
@@ -95,7 +98,8 @@ class _Cause:
     @classmethod
     def of(cls, columns: Float, data: Float) -> "_Cause":
         count = columns.shape[1]
-        sizes = np.linalg.solve(columns.T @ columns + np.eye(count), columns.T @ data)
+        normal = columns.T @ columns + np.eye(count)
+        sizes = np.asarray(np.linalg.solve(normal, columns.T @ data), np.float64)
         explained = float(data @ columns @ sizes)
         left = (float(data @ data) - explained) / (len(data) - count)
         return cls(sizes, explained, bool(explained > max(left, 1.0) * chdtri(count, _PROBABILITY)))

@@ -1,8 +1,8 @@
 """A camera that moved between its calibration and the reference image of a test.
 
 The surface of a specimen in the reference shows such a motion if two cameras see it: their rays to the same
-points do not meet on a plane. A plane surface shows five of the six motions. The sixth, along the line between
-the two cameras, is not distinguished from a surface at another distance: it scales all distances alike, and so
+points do not meet on a plane. A plane surface shows five of the six motions. The sixth, along the line
+between the two cameras, looks like a surface at another distance. It scales all distances alike, which
 changes no strain.
 """
 
@@ -95,7 +95,9 @@ class CameraMotion:
         slopes = quarter @ estimates[8:10]
         by_spin = np.array([*(quarter @ gradients - gradients @ quarter).ravel(), *slopes, 0.0])
         by_scale = np.append(np.zeros(10), estimates[10])
-        return np.asarray(spin**2 * np.outer(by_spin, by_spin) + self.scale_std**2 * np.outer(by_scale, by_scale))
+        return np.asarray(
+            spin**2 * np.outer(by_spin, by_spin) + self.scale_std**2 * np.outer(by_scale, by_scale)
+        )
 
     @property
     def size_text(self) -> str:
@@ -107,8 +109,8 @@ class CameraMotion:
     def text(self) -> str:
         """One sentence about the motion since the calibration, and what to do."""
         return (
-            f"a camera was moved after its calibration, {self.size_text}: corrected strain takes account of it, "
-            "but fasten its mount and calibrate again"
+            f"a camera was moved after its calibration, {self.size_text}: corrected strain takes account of "
+            "it, but fasten its mount and calibrate again"
         )
 
 

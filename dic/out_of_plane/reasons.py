@@ -120,7 +120,10 @@ def not_rigid_reason(
     yy, xy in the specimen's axes, before and after the correction. `angles_deg`, shape (k,): rotation of the
     specimen. `centre_mm`, shape (3,): the camera's centre.
     """
-    not_rigid = f"the specimen was not rigid: strain of {left:.1f} standard deviations (rms) remains"
+    not_rigid = (
+        f"the specimen was not rigid, or the camera moved between the images: strain of {left:.1f} standard "
+        "deviations (rms) remains"
+    )
     tangent = float(np.hypot(*centre_mm[:2]) / centre_mm[2])
     if len(angles_deg) < _FEWEST_STEPS or tangent < _LEAST_TANGENT:
         return not_rigid

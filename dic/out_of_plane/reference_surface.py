@@ -38,8 +38,8 @@ _IMPROBABLE = 6.0
 _MOVED = "a camera was moved after its calibration, so fasten its mount and calibrate again"
 _TO_KNOW = "the motion can be measured if dic calibrate is given the distance or focal length"
 _UNEXPLAINED = (
-    "the calibrations contradict each other, and no motion of a camera explains it, so calibrate both cameras "
-    "again, with the same grid"
+    "the calibrations contradict each other, and no motion of a camera explains it, so calibrate both "
+    "cameras again, with the same grid"
 )
 
 
