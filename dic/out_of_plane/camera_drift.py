@@ -35,6 +35,8 @@ _UNLIKE = 10.0
 def drift_reason(system: JointSystem) -> str | None:
     """Return the reason if a camera moved since the reference, and None otherwise."""
     pairs, centres_mm = system.pairs, system.centres_mm
+    if not (pairs.first.determine(3) and pairs.second.determine(3)):
+        return None
     heights = Heights.of(pairs, centres_mm)
     length = np.linalg.norm(heights.parallax, axis=1, keepdims=True)
     across = heights.parallax[:, ::-1] * [-1.0, 1.0] / length

@@ -11,6 +11,7 @@ m₁ - m₂ perpendicular to e must be zero.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -68,6 +69,10 @@ class Pairs:
 
     def positions_mm(self) -> tuple[Float, Float]:
         """Return the points' calibrated positions in the deformed images, shape (n, 2), for each camera."""
+        return self._positions_mm
+
+    @cached_property
+    def _positions_mm(self) -> tuple[Float, Float]:
         start = self.first.before_mm[self.chosen]
         moved = self.second.after_mm - self.second.before_mm
         return self.first.after_mm[self.chosen], start + self.partner @ moved

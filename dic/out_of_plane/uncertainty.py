@@ -8,6 +8,7 @@ The errors of the calibration are common to all points.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -56,7 +57,7 @@ class Points:
     still: StillErrors | None = None
     """Errors that still images show."""
 
-    @property
+    @cached_property
     def before_mm(self) -> Float:
         """Calibrated positions of the points in the reference, shape (n, 2)."""
         return self.displacement.position[self.use]
