@@ -28,7 +28,7 @@ _HEIGHT_STD_MM = 0.01
 _GROWTH = 1e-3
 """Expected size of a change of the scale."""
 
-_UNLIKE = 10.0
+_UNLIKE = 15.0
 """A change of the scale is named if a motion does not explain the differences better by more than this."""
 
 

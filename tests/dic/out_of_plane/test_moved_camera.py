@@ -202,16 +202,17 @@ def test_strain_is_as_accurate_as_stated_or_the_reason_is_true(kind):
     reasons = [found.declined for _, found, _ in tests if found.declined is not None]
     named = sum("camera was moved after" in surface.text for surface, _, _ in tests)
     print(f"\n{kind}: {len(reasons)} withheld, {named} named before; {sorted({r[:40] for r in reasons})}")
-    if len(z):
-        print(
-            f"{(np.abs(z) < 2).mean():.3f} within 2, rms {np.sqrt((z**2).mean()):.2f}, {np.abs(z).max():.1f}"
-        )
-        assert (np.abs(z) < 2).mean() >= 0.93
-        assert (np.abs(z) > 4).mean() <= 0.01
+    z = np.abs(z).ravel()
+    print(f"{(z < 2).mean():.3f} within 2, rms {np.sqrt((z**2).mean()):.2f}" if len(z) else "")
+    # Strain that is withheld is no wrong strain.
+    assert (z > 2).sum() <= 0.07 * 3 * len(tests)
+    assert (z > 4).sum() <= 0.01 * 3 * len(tests)
     if kind[0] == "stands":
         assert named + len(reasons) <= 1
     elif kind[0] in ("turned", "moved"):
         assert named >= 90
     else:
         true = "moved since" if kind[0] == "sags" else "scale of a camera"
-        assert sum(true in reason for reason in reasons) >= 80
+        right = sum(true in reason for reason in reasons)
+        print(f"{right} of {len(reasons)} reasons name the cause")
+        assert right >= 0.9 * len(reasons)
