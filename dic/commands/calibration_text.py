@@ -87,7 +87,7 @@ def _camera(pinhole: dic.calibration.Pinhole) -> dict[str, Any]:
         "focal_px": pinhole.focal_px,
         "focal_std_px": pinhole.focal_std_px,
         "principal_px": pinhole.principal_px.tolist(),
-        "distortion": dict(zip(("k1", "k2", "p1", "p2"), pinhole.distortion.tolist(), strict=True)),
+        "distortion": dict(zip(("k1", "k2", "p1", "p2", "k3"), pinhole.distortion.tolist(), strict=False)),
         "off_axis_deg": pinhole.off_axis_deg,
         "off_axis_std_deg": pinhole.off_axis_std_deg,
         "distance_mm": pinhole.distance_mm,
