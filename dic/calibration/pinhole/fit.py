@@ -22,6 +22,7 @@ from dic.calibration.pinhole.growth import expected_terms, remainder_degree
 from dic.calibration.pinhole.lens import monomials
 from dic.calibration.pinhole.model import GRID, CameraModel
 from dic.calibration.pinhole.prior import KnownCamera, Prior
+from dic.calibration.pinhole.start import homographies, start_focals, start_poses
 from dic.errors import CalibrationError
 from dic.targets.points import GridPoints
 from dic.typing import Float, Indices, Mask
@@ -37,8 +38,6 @@ _MOST_PRINCIPALS = 5
 # have no weight.
 _FIRST_NOISE_PX = 0.05
 _FINEST_NOISE_PX = 1e-4
-# Limits of the focal length's start value, as multiples of the usual focal length.
-_FOCAL_SHARES = (0.03, 100.0)
 
 
 @dataclass(frozen=True)
@@ -108,21 +107,23 @@ def fit_pinholes(
     prior = (known or KnownCamera()).prior(image_shape)
     views = _Views([g.xy_mm for g in grids], [g.uv_px for g in grids], prior, grid, grids[0].half_mm)
     _require_points(views)
-    views, chosen = _with_possible_principal(views, k2)
+    views, chosen = _settled(views, _first_solution(views), k2, 1)
+    # A given value that is wrong would look like a lens with a large remainder.
     _require_agreement(views.prior.contradiction(chosen.parameters))
+    if k2 is None:
+        views, chosen = _settled(views, chosen, k2, remainder_degree(sum(map(len, views.xy_mm))))
     missed_px = _cross_validation_px(views, chosen, grids[0]) if k2 is None else float("nan")
     return tuple(_camera(chosen, view, missed_px) for view in range(len(grids)))
 
 
-def _with_possible_principal(views: _Views, k2: bool | None) -> tuple[_Views, "_Solution"]:
+def _settled(views: _Views, start: "_Solution", k2: bool | None, degree: int) -> tuple[_Views, "_Solution"]:
     """Return views and solution; the principal point may be where the images show it.
 
     A part of a sensor, or a mount made by hand, puts it far off. Where nothing of the camera is stated, the
     images count more than the expectation that it is near the middle. Where something is, the principal point
-    does not make up for a wrong statement.
+    does not make up for a wrong statement. `degree`: highest degree of the remainder of the lens.
     """
-    found = _grown(views, _first_solution(views), k2)
-    known = views.prior.known
+    found, known = _grown(views, start, k2, degree), views.prior.known
     stated = known.principal_px, known.principal_std_px, known.focal_px, known.distance_mm
     if any(value is not None for value in stated):
         return views, found
@@ -132,7 +133,7 @@ def _with_possible_principal(views: _Views, k2: bool | None) -> tuple[_Views, "_
         if away_px <= _FAR_OFF * prior.principal_std_px:
             break
         views = replace(views, prior=replace(prior, principal_std_px=1.2 * away_px))
-        found = _grown(views, found, k2)
+        found = _grown(views, found, k2, degree)
     return views, found
 
 
@@ -148,14 +149,16 @@ def _require_agreement(contradiction: str) -> None:
         )
 
 
-def _grown(views: _Views, start: "_Solution", k2: bool | None) -> "_Solution":
+def _grown(views: _Views, start: "_Solution", k2: bool | None, degree: int) -> "_Solution":
     """Return the solution with the terms of the lens that the images ask for, or with or without k2."""
     if k2 is not None:
         return _solution(views, start.model, start.parameters, np.array([np.inf if k2 else 0.0]))
-    solution, degree = start, remainder_degree(sum(map(len, views.xy_mm)))
+    solution = start
     for _ in range(_GROWTHS):
         every = _with_terms(solution, 1 + 2 * len(monomials(degree)))
-        std = _LeastSquares(views, every.model, every.noise_px, every.lens_std).expected_lens(every.parameters)
+        std = _LeastSquares(views, every.model, every.noise_px, every.lens_std).expected_lens(
+            every.parameters
+        )
         if np.array_equal(std, solution.lens_std):
             break
         solution = _solution(views, solution.model, _with_terms(every, len(std) - 1).parameters, std)
@@ -174,12 +177,22 @@ def _with_terms(solution: "_Solution", count: int) -> "_Solution":
 def _first_solution(views: _Views) -> "_Solution":
     """Fit without k2; try start values of the focal length until the iteration converges."""
     problem = None
-    for focal in _start_focals(views):
+    flat = homographies(views.xy_mm, views.uv_px, views.prior.principal_px)
+    for focal in start_focals(flat, views.prior):
         try:
-            return _solution(views, *_start(views, focal), np.zeros(1))
+            return _solution(views, *_start(views, flat, focal), np.zeros(1))
         except CalibrationError as error:
             problem = problem or error
     raise problem or _undetermined("no start value")
+
+
+def _start(views: _Views, flat: list[Float], focal: float) -> tuple[CameraModel, Float]:
+    """Return the camera model and start values of its parameters; distortion starts at 0."""
+    rotations, poses = start_poses(flat, focal)
+    half_px = float(max(np.ptp(uv, axis=0).max() for uv in views.uv_px)) / 2
+    lens = [np.log(focal), *views.prior.principal_px, 0.0, 0.0, 0.0, 0.0]
+    model = CameraModel(views.xy_mm, rotations, half_px, views.half_mm)
+    return model, np.concatenate([lens, *poses, np.zeros(GRID)])
 
 
 def _cross_validation_px(views: _Views, whole: "_Solution", first: GridPoints) -> float:
@@ -276,7 +289,8 @@ class _LeastSquares:
         left = self._seen - px + slopes[:, further] @ parameters[further]
         off, by_base = self._expectations(parameters)
         ordered = slopes[:, np.append(base, further)]
-        return expected_terms(left, ordered, (-off, by_base[:, base]), self._model.scale_px)
+        expectations, scale_px = (-off, by_base[:, base]), self._model.scale_px
+        return expected_terms(left, ordered, expectations, scale_px, _FINEST_NOISE_PX)
 
     def _further(self, parameters: Float) -> Indices:
         """Return the indices of k2, k3 and the remainder, as far as the parameters have them."""
@@ -342,73 +356,6 @@ def _camera(solution: "_Solution", view: int, missed_px: float) -> Pinhole:
         noise_px=solution.noise_px,
         cross_validation_px=missed_px,
     )
-
-
-def _start(views: _Views, focal: float) -> tuple[CameraModel, Float]:
-    """Return the camera model and start values of its parameters.
-
-    The argument `focal` is the start value of the focal length. Distortion starts at 0, and each pose starts
-    from the homography of its image.
-    """
-    poses, rotations = [], []
-    for plane in _homographies(views):
-        # In camera axes, x points right and y up, and the camera looks along −z.
-        seen = np.diag([1 / focal, -1 / focal, -1.0]) @ plane
-        seen *= -np.sign(seen[2, 2]) * 2 / np.linalg.norm(seen[:, :2], axis=0).sum()
-        left, _, right = np.linalg.svd(np.column_stack([seen[:, :2], np.cross(seen[:, 0], seen[:, 1])]))
-        rotations.append(left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right)
-        scale = focal / -seen[2, 2]
-        poses.append([0.0, 0.0, 0.0, scale * seen[0, 2], -scale * seen[1, 2], np.log(scale)])
-    half_px = float(max(np.ptp(uv, axis=0).max() for uv in views.uv_px)) / 2
-    lens = [np.log(focal), *views.prior.principal_px, 0.0, 0.0, 0.0, 0.0]
-    return CameraModel(views.xy_mm, rotations, half_px, views.half_mm), np.concatenate(
-        [lens, *poses, np.zeros(GRID)]
-    )
-
-
-def _start_focals(views: _Views) -> list[float]:
-    """Return start values of the focal length, px, in the order in which to try them.
-
-    If the user gives the focal length, this is the only start value. If no focal length is given, the list
-    begins with the focal length that follows from the homographies, if they determine one. The list then ends
-    with the usual focal length. A homography determines the focal length because the two axes of the grid are
-    orthogonal and have the same scale (Zhang).
-    """
-    prior = views.prior
-    if prior.known.focal_px is not None:
-        return [prior.known.focal_px]
-    factors, sides = [], []
-    for plane in _homographies(views):
-        first, second = (plane[:, :2] / np.linalg.norm(plane[:2, :2])).T
-        factors += [first[:2] @ second[:2], first[:2] @ first[:2] - second[:2] @ second[:2]]
-        sides += [-first[2] * second[2], second[2] ** 2 - first[2] ** 2]
-    squared_inverse = np.dot(factors, sides) / max(np.dot(factors, factors), 1e-300)
-    usual = prior.usual_focal_px
-    if squared_inverse > (usual * _FOCAL_SHARES[1]) ** -2:
-        return [max(float(squared_inverse**-0.5), usual * _FOCAL_SHARES[0]), usual]
-    return [usual]
-
-
-def _homographies(views: _Views) -> list[Float]:
-    principal = views.prior.principal_px
-    return [_homography(xy, uv - principal) for xy, uv in zip(views.xy_mm, views.uv_px, strict=True)]
-
-
-def _homography(xy_mm: Float, uv_px: Float) -> Float:
-    """Return the homography (3, 3) from grid to image, by the normalised direct linear transformation."""
-    to_unit, from_unit = _unit_square(xy_mm), _unit_square(uv_px)
-    xy = np.column_stack([xy_mm, np.ones(len(xy_mm))]) @ to_unit.T
-    uv = np.column_stack([uv_px, np.ones(len(uv_px))]) @ from_unit.T
-    zero = np.zeros_like(xy)
-    rows = np.vstack([np.hstack([xy, zero, -uv[:, :1] * xy]), np.hstack([zero, xy, -uv[:, 1:2] * xy])])
-    least = np.linalg.svd(rows, full_matrices=False)[2][-1].reshape(3, 3)
-    return np.asarray(np.linalg.inv(from_unit) @ least @ to_unit)
-
-
-def _unit_square(points: Float) -> Float:
-    """Return the matrix (3, 3) that centres points at the origin and scales their coordinates to about 1."""
-    middle, size = points.mean(axis=0), float(points.std(axis=0).max())
-    return np.array([[1 / size, 0, -middle[0] / size], [0, 1 / size, -middle[1] / size], [0, 0, 1]])
 
 
 def _require_points(views: _Views) -> None:

@@ -1,13 +1,13 @@
 """Which further terms of a lens the residuals of the grid points ask for.
 
-Real lenses have terms beyond k1, p1 and p2. Residuals that such terms leave are smooth over the image, so they
-are not averaged out like noise, and the parameters of the camera err by more than noise explains. So every
+Real lenses have terms beyond k1, p1 and p2. Residuals that such terms leave are smooth over the image, so
+they are not averaged out like noise, and the camera's parameters err by more than noise explains. So every
 further term has an expected size, a prior standard deviation: one size for k2 and k3, and one for the
 remainder, which are the smooth fields
 
     Σ c_ij x^i y^j / √(i! j!),    i + j ≥ 2
 
-with equally probable c_ij along x and along y, where x and y are divided by 0.7 half widths of the grid. Their
+with equally probable c_ij along x and along y, where x and y are divided by half the grid's width. Their
 covariance is exp(x·x') without its terms of order 0 and 1: a Gaussian process whose variance grows outwards,
 as distortion does. The sizes are those with the largest evidence: the probability density of the residuals,
 integrated over all parameters (MacKay, *Bayesian interpolation*, 1992). They are 0 if no size is clearly more
@@ -21,15 +21,13 @@ import numpy as np
 from dic.calibration.pinhole.lens import monomials
 from dic.typing import Float
 
-_LENGTH = 0.7
-"""Length over which the remainder changes, in half widths of the grid."""
 _HIGHEST = 7
 _POINTS_PER_TERM = 2
 """At least so many grid points are needed for each coefficient of the remainder."""
-_RADIAL_PX = np.append(0.0, 0.01 * 3.0 ** np.arange(9))
-_REST_NOISES = np.append(0.0, 0.1 * 2.0 ** np.arange(12))
+_RADIAL_PX = 0.01 * 3.0 ** np.arange(9)
+_REST_NOISES = 0.1 * 2.0 ** np.arange(12)
 """Sizes that are tried: px at the grid's edge; for the remainder in standard deviations of the noise."""
-_CLEARLY = 1.0
+_CLEARLY = 2.0
 """A size other than 0 must have a log evidence that is larger by this for each kind of term."""
 
 
@@ -41,51 +39,54 @@ def remainder_degree(points: int) -> int:
     return degree
 
 
-def expected_terms(left_px: Float, slopes: Float, prior: tuple[Float, Float], scale_px: float) -> Float:
+def expected_terms(
+    left_px: Float, slopes: Float, prior: tuple[Float, Float], scale_px: float, least_px: float
+) -> Float:
     """Return the prior standard deviations of the scaled coefficients k2, k3 and those of the remainder.
 
     The result has the shape (1,) or more, up to the last coefficient whose standard deviation is not 0.
 
     `left_px`, shape (n,): residuals of a fit without further terms, to first order. `slopes`, shape (n, k +
     2 + terms): derivatives of the image coordinates by the k other parameters, and by the further terms.
-    `prior`: the equations of `Prior` and of the grid, (m,) and (m, k).
+    `prior`: the equations of `Prior` and of the grid, (m,) and (m, k). `least_px`: smallest noise.
     """
     off, by_base = prior
     count = by_base.shape[1]
     base, more = slopes[:, :count], slopes[:, count:]
-    every = np.linalg.qr(np.column_stack([base, more]))[0]
-    freedom = max(len(left_px) - every.shape[1], 1)
-    noise_px = float(np.linalg.norm(left_px - every @ (every.T @ left_px)) / np.sqrt(freedom))
+    kept, _ = np.linalg.qr(np.column_stack([base, more]))
+    freedom = max(len(left_px) - kept.shape[1], 1)
+    noise_px = max(float(np.linalg.norm(left_px - kept @ (kept.T @ left_px))) / np.sqrt(freedom), least_px)
     whitened = np.vstack([base / noise_px, by_base])
-    across, _ = np.linalg.qr(whitened / np.linalg.norm(whitened, axis=0))
+    kept, _ = np.linalg.qr(whitened / np.linalg.norm(whitened, axis=0))
     seen = np.vstack([more / noise_px, np.zeros((len(off), more.shape[1]))])
-    data = np.append(left_px / noise_px, off)
-    seen = seen - across @ (across.T @ seen)
-    data = data - across @ (across.T @ data)
-    normal, side = seen.T @ seen, seen.T @ data
-    shapes = _shapes(more.shape[1])
-    best, most = np.zeros(more.shape[1]), 0.0
-    for radial_px in _RADIAL_PX:
-        for rest in _REST_NOISES if more.shape[1] > len(shapes[0].nonzero()[0]) else (0.0,):
-            std = (radial_px * shapes[0] + rest * noise_px * shapes[1]) / scale_px
-            evidence = _log_evidence(normal, side, std) - _CLEARLY * ((radial_px > 0) + (rest > 0))
-            if evidence > most:
-                best, most = std, evidence
-    used = int(np.max(np.flatnonzero(best), initial=0)) + 1
-    return best[:used]
+    seen = seen - kept @ (kept.T @ seen)
+    normal, side = seen.T @ seen, seen.T @ np.append(left_px / noise_px, off)
+    by_k2, by_both, by_rest = _shapes(more.shape[1])
+    radial = [np.zeros_like(by_k2), *(px * shape for shape in (by_k2, by_both) for px in _RADIAL_PX)]
+    rest = [np.zeros_like(by_k2), *(share * noise_px * by_rest for share in _REST_NOISES if by_rest.any())]
+    best = radial[0], rest[0]
+    for _ in range(2):
+        for k, sizes in enumerate((radial, rest)):
+            others = best[1 - k]
+            evidence = [
+                _log_evidence(normal, side, (size + others) / scale_px) - _CLEARLY * size.any()
+                for size in sizes
+            ]
+            best = (best[0], sizes[np.argmax(evidence)]) if k else (sizes[np.argmax(evidence)], best[1])
+    std = (best[0] + best[1]) / scale_px
+    used = int(np.max(np.flatnonzero(std), initial=0)) + 1
+    return std[:used]
 
 
-def _shapes(count: int) -> tuple[Float, Float]:
-    """Return the relative sizes of all terms if the radial ones, or those of the remainder, have the size 1."""
-    radial, rest = np.zeros(count), np.zeros(count)
-    radial[:2] = 1.0, 0.5
+def _shapes(count: int) -> tuple[Float, Float, Float]:
+    """Return the relative sizes of all terms: k2 alone, k2 and k3, the remainder."""
+    k2, both, rest = np.zeros(count), np.zeros(count), np.zeros(count)
+    k2[0], both[:2] = 1.0, (1.0, 0.5)
     degree = 1
     while 2 + 2 * len(monomials(degree)) < count:
         degree += 1
-    sizes = [_LENGTH ** -(i + j) / np.sqrt(factorial(i) * factorial(j)) for i, j in monomials(degree)]
-    rest[2:] = np.repeat(sizes, 2)
-    at_edge = sum(_LENGTH ** (-2 * total) / factorial(total) for total in range(2, degree + 1))
-    return radial, rest / np.sqrt(max(at_edge, 1.0))
+    rest[2:] = np.repeat([1 / np.sqrt(factorial(i) * factorial(j)) for i, j in monomials(degree)], 2)
+    return k2, both, rest
 
 
 def _log_evidence(normal: Float, side: Float, std: Float) -> float:

@@ -105,7 +105,12 @@ class CameraModel:
         bend = distortion_jacobian(ideal, coefficients)
         basis = distortion_basis(ideal, count) / self.scale_px ** powers(count)
         by_lens = np.concatenate([bend @ ideal_by_focal[:, :, None], by_place, basis], axis=2)
-        return distort(ideal, coefficients) + parameters[1:3], by_lens, bend @ ideal_by_pose, bend @ ideal_by_point
+        return (
+            distort(ideal, coefficients) + parameters[1:3],
+            by_lens,
+            bend @ ideal_by_pose,
+            bend @ ideal_by_point,
+        )
 
     def camera(self, parameters: Float, view: int) -> tuple[Float, Float, Float, Float]:
         """Return the parameters of the camera, and its pose in image number `view`.
