@@ -64,16 +64,14 @@ def expected_terms(
     by_k2, by_both, by_rest = _shapes(more.shape[1])
     radial = [np.zeros_like(by_k2), *(px * shape for shape in (by_k2, by_both) for px in _RADIAL_PX)]
     rest = [np.zeros_like(by_k2), *(share * noise_px * by_rest for share in _REST_NOISES if by_rest.any())]
-    best = radial[0], rest[0]
-    for _ in range(2):
-        for k, sizes in enumerate((radial, rest)):
-            others = best[1 - k]
-            evidence = [
-                _log_evidence(normal, side, (size + others) / scale_px) - _CLEARLY * size.any()
-                for size in sizes
-            ]
-            best = (best[0], sizes[np.argmax(evidence)]) if k else (sizes[np.argmax(evidence)], best[1])
-    std = (best[0] + best[1]) / scale_px
+    best = [radial[0], rest[0]]
+    for k, sizes in 2 * [(0, radial), (1, rest)]:
+        evidence = [
+            _log_evidence(normal, side, (size + best[1 - k]) / scale_px) - _CLEARLY * size.any()
+            for size in sizes
+        ]
+        best[k] = sizes[int(np.argmax(evidence))]
+    std: Float = (best[0] + best[1]) / scale_px
     used = int(np.max(np.flatnonzero(std), initial=0)) + 1
     return std[:used]
 

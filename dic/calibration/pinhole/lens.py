@@ -59,7 +59,7 @@ def distort(ideal_px: Float, distortion: Float) -> Float:
     count = min(len(distortion), _FIRST + 1)
     moved: Float = ideal_px + distortion_basis(ideal_px, count) @ distortion[:count]
     if len(distortion) > count:
-        moved += polyval2d(*ideal_px.T, _polynomial(distortion)).T
+        moved += polyval2d(ideal_px[:, 0], ideal_px[:, 1], _polynomial(distortion)).T
     return moved
 
 
