@@ -16,6 +16,7 @@ from dic.calibration.calibration import Calibration
 from dic.calibration.one_grid import of_one_grid, shared_factors
 from dic.correlation.field import Field
 from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.reasons import lens_reason
 from dic.typing import Float
 
 _FEWEST_POINTS = 30
@@ -43,6 +44,8 @@ class ReferenceSurface:
     """Each of shape (3,). The centres of both cameras in the grid's axes, adjusted to the parallax."""
     problem: str = ""
     """The reason why the plane could not be found, or ""."""
+    apart_px: float = 0.0
+    """Disagreement of the cameras that made it impossible to find the plane, px."""
 
     @property
     def text(self) -> str:
@@ -80,7 +83,10 @@ def reference_surface(field: Field, calibrations: tuple[Calibration, Calibration
         for calibration, px in zip(calibrations, (first_px, second_px), strict=True)
     ]
     shared = 0 if one.pinhole is None else shared_factors(one.pinhole)
-    return _solve(views, shared, error_mm, calibrations[0].mm_per_px)
+    found = _solve(views, shared, error_mm, calibrations[0].mm_per_px)
+    if found.plane is not None:
+        return found
+    return ReferenceSurface(problem=lens_reason(calibrations, found.apart_px) or found.problem)
 
 
 @dataclass(frozen=True)
@@ -147,14 +153,28 @@ def _solve(views: list[_View], shared: int, error_mm: float, mm_per_px: float) -
         use = size <= max(_OUTLIER * float(np.median(size)), 2 * error_mm)
         if np.abs(step[:3]).max() < _CLOSE_MM:
             break
-    problem = _disagreement(float(np.linalg.norm(values[3:])), float(np.median(size)) / mm_per_px)
+    # Of many errors that the images measure, each needs an adjustment of about one standard deviation.
+    measured = len(values) - 3 - float(np.diag(np.linalg.inv(normal))[3:].sum())
+    adjustment = float(np.sqrt(max(values[3:] @ values[3:] - measured, 0.0)))
+    problem = _disagreement(adjustment, float(np.median(size)) / mm_per_px)
     if problem:
-        return ReferenceSurface(problem=problem)
+        return ReferenceSurface(problem=problem, apart_px=_apart_mm(views) / mm_per_px)
     # A height shifts the calibrated position of its point. The plane must be fitted at the true positions of
     # the points, so this shift is subtracted first.
     place = first.at_mm - first.rise * height[:, None]
     plane = np.linalg.lstsq(np.column_stack([place, np.ones(len(place))])[use], height[use], rcond=None)[0]
     return ReferenceSurface(Plane(*map(float, plane)), (first.centre_mm, second.centre_mm))
+
+
+def _apart_mm(views: list[_View]) -> float:
+    """Return the rms distance between the calibrated positions of both cameras that no plane explains."""
+    first, second = views
+    terms = np.column_stack([first.at_mm, np.ones(len(first.at_mm))])
+    rise: Float = first.rise - second.rise
+    design = (rise[:, :, None] * terms[:, None, :]).reshape(-1, 3)
+    apart = (first.at_mm - second.at_mm).ravel()
+    left = apart - design @ np.linalg.lstsq(design, apart, rcond=None)[0]
+    return float(np.sqrt(2 * np.median(left**2)))
 
 
 def _disagreement(adjustment: float, left_px: float) -> str:

@@ -179,6 +179,15 @@ class Pinhole:
         jacobian[~np.isfinite(ideal).all(axis=1)] = np.nan
         return jacobian
 
+    def lens_remainder_px(self, px: Float) -> float:
+        """Return the rms length of the lens's distortion that k1, k2, k3, p1 and p2 do not describe, px.
+
+        `px`, shape (n, 2): image points.
+        """
+        ideal = self._ideal(px)
+        rest = distort(ideal, self.distortion) - distort(ideal, self.distortion[:5])
+        return float(np.sqrt(np.nanmean((rest**2).sum(axis=1))))
+
     def rays(self, px: Float) -> Float:
         """Return the directions of the rays of image points (n, 2), px, as unit vectors (n, 3) in grid axes.
 

@@ -1,6 +1,6 @@
 """Cameras with lenses that radial distortion of low order does not describe, without code of `dic`."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,8 +18,9 @@ class LensCamera:
     """A camera that looks at the grid's middle, 70 px/mm there, from the angle `off_axis_deg`.
 
     The lens moves an image point by `radial_px` @ (ρ², ρ⁴, ρ⁶) along the radius, by decentring distortion of
-    `decentring_px` at ρ = 1, and by the two components of the polynomials `rest_px` of third degree or more;
-    ρ is the distance from the principal point, divided by `half_px`.
+    `decentring_px` at ρ = 1, by terms (along x, along y, power of x, power of y) of a polynomial `rest_px`, and
+    by waves `waves_px` (along x, along y, turns along x, turns along y, phase); ρ is the distance from the
+    principal point, divided by `half_px`.
     """
 
     focal_px: float
@@ -28,7 +29,8 @@ class LensCamera:
     off_px: tuple[float, float] = (0.0, 0.0)
     radial_px: tuple[float, float, float] = (0.0, 0.0, 0.0)
     decentring_px: tuple[float, float] = (0.0, 0.0)
-    rest_px: tuple[tuple[float, float, int, int], ...] = field(default=())
+    rest_px: tuple[tuple[float, float, int, int], ...] = ()
+    waves_px: tuple[tuple[float, ...], ...] = ()
     half_px: float = 500.0
     width_px: int = 800
     height_px: int = 800
@@ -78,6 +80,10 @@ class LensCamera:
         for right, down, i, j in self.rest_px:
             moved[0] += right * x**i * y**j
             moved[1] += down * x**i * y**j
+        for right, down, i, j, phase in self.waves_px:
+            wave = np.sin(2 * np.pi * (i * x + j * y) + phase)
+            moved[0] += right * wave
+            moved[1] += down * wave
         return ideal + np.stack(moved, axis=1)
 
 
@@ -96,11 +102,11 @@ class LensView(View):
 
 
 def drawn_camera(rng, off_axis_deg, kind):
-    """Return a camera with a random lens of a kind: clean, moustache, tangential, both, rest or short."""
+    """Return a camera with a random lens of a kind: clean, moustache, tangential, both, rest, rough or short."""
     focal_px = 800 * (1.0 if kind == "short" else rng.uniform(1.0, 4.0))
     off_px = tuple(rng.normal(0, 8, 2))
     camera = LensCamera(focal_px, off_axis_deg, np.degrees(rng.uniform(0, 2 * np.pi)), off_px)
-    if kind in ("moustache", "both", "rest", "short"):
+    if kind in ("moustache", "both", "rest", "rough", "short"):
         barrel = -rng.uniform(1, 6)
         last = rng.uniform(0, 0.6)
         fourth = -barrel * rng.uniform(0.8, 2.0)
@@ -113,4 +119,8 @@ def drawn_camera(rng, off_axis_deg, kind):
         camera = replace(
             camera, rest_px=tuple((*rng.normal(0, size / np.sqrt(i + j + 1), 2), i, j) for i, j in terms)
         )
+    if kind == "rough":
+        size = 10 ** rng.uniform(-2, -0.5)
+        waves = [(*rng.normal(0, size / 2, 2), *rng.normal(0, 1, 2), rng.uniform(0, 7)) for _ in range(4)]
+        camera = replace(camera, waves_px=tuple(waves))
     return camera
