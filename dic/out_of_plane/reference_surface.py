@@ -155,7 +155,7 @@ def _solve(views: list[_View], shared: int, error_mm: float, mm_per_px: float) -
             break
     # Of many errors that the images measure, each needs an adjustment of about one standard deviation.
     measured = len(values) - 3 - float(np.diag(np.linalg.inv(normal))[3:].sum())
-    adjustment = float(np.sqrt(max(values[3:] @ values[3:] - measured, 0.0)))
+    adjustment = max(float(values[3:] @ values[3:]) - measured, 0.0) ** 0.5
     problem = _disagreement(adjustment, float(np.median(size)) / mm_per_px)
     if problem:
         return ReferenceSurface(problem=problem, apart_px=_apart_mm(views) / mm_per_px)

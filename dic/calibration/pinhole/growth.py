@@ -91,7 +91,8 @@ def _log_evidence(normal: Float, side: Float, std: Float) -> float:
     used = np.flatnonzero(std)
     if not len(used):
         return 0.0
-    matrix = std[used, None] * normal[np.ix_(used, used)] * std[used] + np.eye(len(used))
-    factor = np.linalg.cholesky(matrix)
-    explained = np.linalg.solve(factor, std[used] * side[used])
-    return float(0.5 * explained @ explained - np.log(np.diag(factor)).sum())
+    # Rounding may leave the matrix slightly indefinite, so negative values count as 0.
+    sizes, directions = np.linalg.eigh(std[used, None] * normal[np.ix_(used, used)] * std[used])
+    sizes = np.maximum(sizes, 0.0)
+    explained = directions.T @ (std[used] * side[used])
+    return float(0.5 * (explained**2 / (1 + sizes) - np.log1p(sizes)).sum())

@@ -18,9 +18,9 @@ class LensCamera:
     """A camera that looks at the grid's middle, 70 px/mm there, from the angle `off_axis_deg`.
 
     The lens moves an image point by `radial_px` @ (ρ², ρ⁴, ρ⁶) along the radius, by decentring distortion of
-    `decentring_px` at ρ = 1, by terms (along x, along y, power of x, power of y) of a polynomial `rest_px`, and
-    by waves `waves_px` (along x, along y, turns along x, turns along y, phase); ρ is the distance from the
-    principal point, divided by `half_px`.
+    `decentring_px` at ρ = 1, by terms (along x, along y, power of x, power of y) of a polynomial `rest_px`,
+    and by waves `waves_px` (along x, along y, turns along x, turns along y, phase). ρ is the distance from
+    the principal point, divided by `half_px`.
     """
 
     focal_px: float
@@ -102,7 +102,7 @@ class LensView(View):
 
 
 def drawn_camera(rng, off_axis_deg, kind):
-    """Return a camera with a random lens of a kind: clean, moustache, tangential, both, rest, rough or short."""
+    """Return a camera with a lens of a kind: clean, moustache, tangential, both, rest, rough, short."""
     focal_px = 800 * (1.0 if kind == "short" else rng.uniform(1.0, 4.0))
     off_px = tuple(rng.normal(0, 8, 2))
     camera = LensCamera(focal_px, off_axis_deg, np.degrees(rng.uniform(0, 2 * np.pi)), off_px)
