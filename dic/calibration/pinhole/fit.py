@@ -11,6 +11,7 @@ The steps:
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +32,8 @@ _FEWEST_POINTS = 10
 _K2 = 4
 """Index of the distortion coefficient k2 among the parameters."""
 _GROWTHS = 4
+_MOST_STEPS = 100
+"""Most steps of the iteration with a remainder of the lens."""
 _FAR_OFF = 1.5
 """A principal point that is further from the middle than so many standard deviations was not expected."""
 _MOST_PRINCIPALS = 5
@@ -111,7 +114,10 @@ def fit_pinholes(
     # A given value that is wrong would look like a lens with a large remainder.
     _require_agreement(views.prior.contradiction(chosen.parameters))
     if k2 is None:
-        views, chosen = _settled(views, chosen, k2, remainder_degree(sum(map(len, views.xy_mm))))
+        # A distortion that no remainder follows may keep the iteration from converging. Then all of it counts
+        # as noise.
+        with suppress(CalibrationError):
+            views, chosen = _settled(views, chosen, k2, remainder_degree(sum(map(len, views.xy_mm))))
     missed_px = _cross_validation_px(views, chosen, grids[0]) if k2 is None else float("nan")
     return tuple(_camera(chosen, view, missed_px) for view in range(len(grids)))
 
@@ -259,7 +265,14 @@ class _LeastSquares:
 
         with np.errstate(all="ignore"):
             try:
-                found = least_squares(deviations, start[free], slopes, method="lm", x_scale="jac")
+                found = least_squares(
+                    deviations,
+                    start[free],
+                    slopes,
+                    method="lm",
+                    x_scale="jac",
+                    max_nfev=_MOST_STEPS if len(self._lens_std) > 2 else None,
+                )
             except ValueError as error:
                 raise _undetermined("points that do not fit a pinhole camera") from error
         if not (found.success and np.isfinite(found.x).all()):
