@@ -311,6 +311,11 @@ class Calibration:
         return float(np.sqrt(abs(np.linalg.det(self.jacobian(middle)[0]))))
 
     @property
+    def lens_remainder_px(self) -> float:
+        """Rms distortion at the grid points that the usual terms of a lens do not describe, px; 0 if none."""
+        return 0.0 if self.pinhole is None else self.pinhole.lens_remainder_px(self.grid.uv_px)
+
+    @property
     def axes_mm_per_px(self) -> tuple[float, float]:
         """Scales at the middle of the grid along the image's x and y, mm/px.
 

@@ -26,10 +26,10 @@ _READABLE = (1, 2)
 _PINHOLE_UNITS = {
     "focal_px": "px",
     "principal_px": "px",
-    "distortion": "px^-2, px^-4, px^-1, px^-1",
+    "distortion": "px^-2, px^-4, px^-1, px^-1, then px^-6 and px^(1 - degree)",
     "rotation": "1",
     "centre_mm": "mm",
-    "covariance": "products of px, px, px, px^-2, px^-4, px^-1, px^-1, rad, rad, rad, mm, mm, mm",
+    "covariance": "products of px, px, px, px^-2, px^-4, px^-1, px^-1, rad, rad, rad, mm, mm, mm, and more",
     "noise_px": "px",
     "cross_validation_px": "px",
 }

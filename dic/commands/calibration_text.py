@@ -41,7 +41,7 @@ def summarise(calibration: dic.Calibration) -> dict[str, Any]:
             model: _lengths(residuals) | {"left_out_px": _finite(cross_validation_px[model])}
             for model, residuals in calibration.residuals.items()
         },
-        "camera": None if pinhole is None else _camera(pinhole),
+        "camera": None if pinhole is None else _camera(pinhole, calibration.lens_remainder_px),
         "area_px2": float(abs((x * (y[[*range(1, len(y)), 0]] - y[[-1, *range(len(y) - 1)]])).sum()) / 2),
         "outline_px": outline.round(3).tolist(),
         "warnings": list(grid.warnings),
@@ -82,12 +82,12 @@ def _lengths(residuals: dic.calibration.Residuals) -> dict[str, float]:
     }
 
 
-def _camera(pinhole: dic.calibration.Pinhole) -> dict[str, Any]:
+def _camera(pinhole: dic.calibration.Pinhole, lens_remainder_px: float) -> dict[str, Any]:
     return {
         "focal_px": pinhole.focal_px,
         "focal_std_px": pinhole.focal_std_px,
         "principal_px": pinhole.principal_px.tolist(),
-        "distortion": dict(zip(("k1", "k2", "p1", "p2"), pinhole.distortion.tolist(), strict=True)),
+        "distortion": dict(zip(("k1", "k2", "p1", "p2", "k3"), pinhole.distortion.tolist(), strict=False)),
         "off_axis_deg": pinhole.off_axis_deg,
         "off_axis_std_deg": pinhole.off_axis_std_deg,
         "distance_mm": pinhole.distance_mm,
@@ -96,6 +96,7 @@ def _camera(pinhole: dic.calibration.Pinhole) -> dict[str, Any]:
         "centre_covariance_mm2": pinhole.centre_covariance_mm2.tolist(),
         "rotation": pinhole.rotation.tolist(),
         "noise_px": pinhole.noise_px,
+        "lens_remainder_px": lens_remainder_px,
         "grid": _grid(pinhole) if pinhole.deviation_covariance.any() else None,
     }
 
@@ -138,6 +139,11 @@ def _camera_lines(camera: dict[str, Any] | None) -> list[str]:
         f"  off-axis       {_with_std(camera['off_axis_deg'], camera['off_axis_std_deg'])}°",
         f"  camera centre  {centre} mm",
     ]
+    if camera["lens_remainder_px"] > 0:
+        lines.append(
+            f"  lens           {camera['lens_remainder_px']:.2g} px of its distortion need a remainder; more "
+            "images of the tilted grid, or another lens, make the centre more certain"
+        )
     if camera["grid"] is not None:
         lines += _target_lines(camera["grid"])
     share = camera["focal_std_px"] / camera["focal_px"]

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dic.calibration.calibration import Calibration
 from dic.out_of_plane.diagnosis import in_grid_axes
 from dic.out_of_plane.shift import Shift
 from dic.out_of_plane.tilt import Suspicion
@@ -83,6 +84,17 @@ def turned_camera_reason(points: Points, slopes: Float, centre_mm: Float) -> str
         f"the camera turned by about {np.degrees(np.hypot(*slopes)):.2g}° since the reference, because tilt "
         "and slide of the specimen are those of a turn about the camera's centre: fasten the camera and "
         "calibrate again"
+    )
+
+
+def lens_reason(calibrations: tuple[Calibration, Calibration], off_px: float) -> str:
+    """Return the reason if the remainder of a lens is as large as the disagreement of two cameras, or ""."""
+    remainder_px = max(calibration.lens_remainder_px for calibration in calibrations)
+    if remainder_px < off_px:
+        return ""
+    return (
+        f"the cameras disagree by {off_px:.2g} px, and the usual terms of a lens leave {remainder_px:.2g} px "
+        "of its distortion: calibrate with more images of the tilted grid, or use a lens with less distortion"
     )
 
 

@@ -17,6 +17,7 @@ from dic.calibration.one_grid import looks_straight, of_one_grid, shared_factors
 from dic.correlation.field import Field
 from dic.out_of_plane.moved_camera import CameraMotion, pinhole_of
 from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.reasons import lens_reason
 from dic.typing import Float, Mask
 
 _FEWEST_POINTS = 30
@@ -99,6 +100,9 @@ def reference_surface(field: Field, calibrations: tuple[Calibration, Calibration
     problem = found.disagreement(mm_per_px)
     if not problem:
         return found.surface()
+    lens = lens_reason(calibrations, _apart_mm(first, second) / mm_per_px)
+    if lens:
+        return ReferenceSurface(problem=lens, contradicted=True)
     if any(looks_straight(pinhole_of(calibration)) for calibration in calibrations):
         return ReferenceSurface(problem=f"{_MOVED}; {_TO_KNOW}: {problem}", contradicted=True)
     motion = CameraMotion.unknown(other, pinhole_of(one).centre_mm)
@@ -194,7 +198,10 @@ class _Solution:
 
     def disagreement(self, mm_per_px: float) -> str:
         """Return the reason why the two cameras do not agree on a plane, or "" if they do."""
-        adjustment = float(np.linalg.norm(np.delete(self.values, self.moves)[3:]))
+        # Of many errors that the images measure, each needs an adjustment of about one standard deviation.
+        errors = np.delete(np.arange(len(self.values)), self.moves)[3:]
+        measured = len(errors) - float(np.diag(np.linalg.inv(self.normal))[errors].sum())
+        adjustment = max(float(self.values[errors] @ self.values[errors]) - measured, 0.0) ** 0.5
         left_px = float(np.median(self.left_mm)) / mm_per_px
         if adjustment <= _IMPROBABLE and left_px <= _AGREE_PX:
             return ""
@@ -233,3 +240,13 @@ def _solve(views: list[_View], shared: int, error_mm: float) -> _Solution:
             break
     moves = slice(3 + len(own[0]), 3 + len(own[0]) + views[1].motions)
     return _Solution((first, second), values, normal, size, use, moves)
+
+
+def _apart_mm(first: _View, second: _View) -> float:
+    """Return the rms distance between the calibrated positions of both cameras that no plane explains."""
+    terms = np.column_stack([first.at_mm, np.ones(len(first.at_mm))])
+    rise: Float = first.rise - second.rise
+    design = (rise[:, :, None] * terms[:, None, :]).reshape(-1, 3)
+    apart = (first.at_mm - second.at_mm).ravel()
+    left = apart - design @ np.linalg.lstsq(design, apart, rcond=None)[0]
+    return float(np.sqrt(2 * np.median(left**2)))

@@ -33,10 +33,10 @@ straight at the grid.
 _SYSTEMATIC = 0.3e-6
 """Standard deviation of strain errors without a model, such as interpolation errors of the spline."""
 
-_STEPS = 10
+_STEPS = 20
 _SMALL = 1e-6
-_CLOSE = 1e-9
-_SETTLED = 1e-5
+_CLOSE = 1e-8
+_SETTLED = 3e-3
 """Changes of the slopes, and of the calibration's errors in standard deviations, that end the iteration."""
 
 

@@ -11,6 +11,7 @@ from dic.out_of_plane.correction import Correction, points_of
 from dic.out_of_plane.joint_solution import JointSolution, JointSystem
 from dic.out_of_plane.parallax import Bulge, Heights, Pairs
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
+from dic.out_of_plane.reasons import lens_reason
 from dic.out_of_plane.reference_surface import ReferenceSurface
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.displacement import Displacement
@@ -116,6 +117,8 @@ def correct_with_two_cameras(
     if surface is not None and surface.moved is not None:
         joint = replace(joint, covariance=joint.covariance + surface.moved.covariance(joint.estimates))
     objection = _disagreement(pairs, joint, calibrations[0].mm_per_px)
+    if objection is not None:
+        objection = lens_reason((one, other), _apart_px(pairs, calibrations[0].mm_per_px)) or objection
     return declined(objection) if objection is not None else _step(measurements, joint)
 
 
@@ -159,6 +162,16 @@ def _disagreement(pairs: Pairs, joint: JointSolution, mm_per_px: float) -> str |
             f"at most {limit_mm / mm_per_px:.3f} px is explained: was a camera moved?"
         )
     return None
+
+
+def _apart_px(pairs: Pairs, mm_per_px: float) -> float:
+    """Return by how much the cameras disagree at the edge of the field, before any adjustment, px."""
+    system = JointSystem.of(pairs)
+    gradients = system.estimates(system.centres_mm)[:8].reshape(2, 4)
+    half_px = float(np.ptp(pairs.first.before_mm, axis=0).max()) / 2 / mm_per_px
+    across_mm = Heights.of(pairs, system.centres_mm).across_mm
+    rms_px = float(np.sqrt((across_mm**2).mean())) / mm_per_px
+    return max(rms_px, float(np.abs(gradients[0] - gradients[1]).max()) * half_px)
 
 
 def _noise_mm(points: Points) -> float:

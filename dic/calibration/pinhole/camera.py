@@ -29,14 +29,16 @@ class Pinhole:
         Focal length, for square pixels.
     principal_px : ndarray, shape (2,)
         The principal point, where the optical axis meets the sensor.
-    distortion : ndarray, shape (4,)
-        The distortion coefficients k1 (px⁻²), k2 (px⁻⁴), p1 and p2 (px⁻¹) of `dic.calibration.pinhole.lens`.
+    distortion : ndarray, shape (4 + m,)
+        The distortion coefficients k1 (px⁻²), k2 (px⁻⁴), p1 and p2 (px⁻¹) of `dic.calibration.pinhole.lens`,
+        and m further ones where the images ask for them.
     rotation : ndarray, shape (3, 3)
         The rotation matrix from grid axes to camera axes.
     centre_mm : ndarray, shape (3,)
         The position C of the pinhole in grid coordinates; its component Cz is positive.
-    covariance : ndarray, shape (13, 13)
-        Covariance of the parameters named in `PARAMETERS`, in their units, with rx, ry and rz in radians.
+    covariance : ndarray, shape (13 + m, 13 + m)
+        Covariance of the parameters named in `PARAMETERS`, in their units, with rx, ry and rz in radians, and
+        of the m further coefficients of `distortion`.
         Parameters that neither the images nor the given values determine have large variances. The
         covariance is 0 for a camera that was not fitted.
     noise_px : float
@@ -49,7 +51,7 @@ class Pinhole:
         `dic.calibration.grid_accuracy.DEVIATIONS`.
     deviation_covariance : ndarray, shape (5, 5)
         Covariance of `deviations`; 0 for a grid without deviations.
-    by_deviations : ndarray, shape (13, 5)
+    by_deviations : ndarray, shape (13 + m, 5)
         Change of the parameters with the deviations. `covariance` contains this effect.
     """
 
@@ -97,7 +99,7 @@ class Pinhole:
     @property
     def centre_covariance_mm2(self) -> Float:
         """Covariance of `centre_mm`, shape (3, 3)."""
-        return self.covariance[10:, 10:]
+        return self.covariance[10:13, 10:13]
 
     @property
     def centre_std_mm(self) -> Float:
@@ -177,6 +179,15 @@ class Pinhole:
         jacobian[~np.isfinite(ideal).all(axis=1)] = np.nan
         return jacobian
 
+    def lens_remainder_px(self, px: Float) -> float:
+        """Return the rms length of the lens's distortion that k1, k2, k3, p1 and p2 do not describe, px.
+
+        `px`, shape (n, 2): image points.
+        """
+        ideal = self._ideal(px)
+        rest = distort(ideal, self.distortion) - distort(ideal, self.distortion[:5])
+        return float(np.sqrt(np.nanmean((rest**2).sum(axis=1))))
+
     def rays(self, px: Float) -> Float:
         """Return the directions of the rays of image points (n, 2), px, as unit vectors (n, 3) in grid axes.
 
@@ -204,7 +215,7 @@ class Pinhole:
         `error_factors` and `centre_factors` together also give the correlation between errors of mapped
         points and errors of `centre_mm`.
         """
-        return self._parameter_factors()[10:]
+        return self._parameter_factors()[10:13]
 
     def on_grid(self, deviations: Float, covariance: Float) -> "Pinhole":
         """Return the camera if the grid has these deviations (5,), known with this covariance (5, 5)."""
@@ -213,7 +224,7 @@ class Pinhole:
         # changed, as in `dic.calibration.pinhole.model`, and not the camera's centre.
         turn = change[7:10]
         middle = -self.rotation @ self.centre_mm
-        moved = np.cross(turn, middle) - self.rotation @ change[10:]
+        moved = np.cross(turn, middle) - self.rotation @ change[10:13]
         longer, scale = change[0] / self.focal_px, -self.focal_px / middle[2]
         larger = longer - moved[2] / middle[2]
         seen = scale * (middle[:2] * (1 + larger) + moved[:2])
@@ -224,7 +235,7 @@ class Pinhole:
             self,
             focal_px=float(focal_px),
             principal_px=self.principal_px + change[1:3],
-            distortion=self.distortion + change[3:7],
+            distortion=self.distortion + np.append(change[3:7], change[13:]),
             rotation=rotation,
             centre_mm=centre_mm,
             covariance=self._apart + self.by_deviations @ covariance @ self.by_deviations.T,
@@ -234,11 +245,11 @@ class Pinhole:
 
     @property
     def _apart(self) -> Float:
-        """Covariance of the parameters for a grid with known deviations, shape (13, 13)."""
+        """Covariance of the parameters for a grid with known deviations, of the shape of `covariance`."""
         return self.covariance - self.by_deviations @ self.deviation_covariance @ self.by_deviations.T
 
     def _parameter_factors(self) -> Float:
-        """Return a matrix F, shape (13, q), for which F Fᵀ is `covariance`.
+        """Return a matrix F, shape (13 + m, q), for which F Fᵀ is `covariance`.
 
         If the grid has deviations, the last five columns belong to them.
         """
@@ -248,7 +259,7 @@ class Pinhole:
         return np.column_stack([_factors(self._apart), of_grid])
 
     def _slopes_by_parameters(self, points_mm: Float) -> Float:
-        """Return derivatives (n, 2, 13) of grid points' image coordinates with respect to `PARAMETERS`."""
+        """Return derivatives (n, 2, 13 + m) of grid points' image coordinates by the parameters."""
         seen = points_mm @ self.rotation[:, :2].T - self.rotation @ self.centre_mm
         ideal = self.focal_px * seen[:, :2] * np.array([-1.0, 1.0]) / seen[:, 2:]
         by_seen = np.zeros((len(seen), 2, 3))
@@ -263,7 +274,9 @@ class Pinhole:
         by_focal = bend @ (ideal / self.focal_px)[:, :, None]
         by_principal = np.broadcast_to(np.eye(2), (len(seen), 2, 2))
         by_pose = bend @ np.concatenate([by_turn, -by_seen @ self.rotation], axis=2)
-        return np.concatenate([by_focal, by_principal, distortion_basis(ideal), by_pose], axis=2)
+        basis = distortion_basis(ideal, len(self.distortion))
+        parts = [by_focal, by_principal, basis[:, :, :4], by_pose, basis[:, :, 4:]]
+        return np.concatenate(parts, axis=2)
 
     def _ideal(self, px: Float) -> Float:
         return undistort(np.asarray(px, np.float64).reshape(-1, 2) - self.principal_px, self.distortion)

@@ -11,6 +11,7 @@ The steps:
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,17 +19,21 @@ import numpy as np
 from dic.calibration.cross_validation import cross_validation_rms
 from dic.calibration.grid_accuracy import FLAT, KnownGrid, deviated
 from dic.calibration.pinhole.camera import Pinhole
+from dic.calibration.pinhole.growth import expected_terms, remainder_degree
+from dic.calibration.pinhole.lens import monomials
 from dic.calibration.pinhole.model import GRID, CameraModel
 from dic.calibration.pinhole.prior import KnownCamera, Prior
+from dic.calibration.pinhole.start import homographies, start_focals, start_poses
 from dic.errors import CalibrationError
 from dic.targets.points import GridPoints
-from dic.typing import Float, Mask
+from dic.typing import Float, Indices, Mask
 
 _FEWEST_POINTS = 10
 _K2 = 4
 """Index of the distortion coefficient k2 among the parameters."""
-_K2_LIMIT = 0.99
-"""k2 is fitted if it lowers the cross-validation error below this fraction of the error without k2."""
+_GROWTHS = 4
+_MOST_STEPS = 100
+"""Most steps of the iteration with a remainder of the lens."""
 _FAR_OFF = 1.5
 """A principal point that is further from the middle than so many standard deviations was not expected."""
 _MOST_PRINCIPALS = 5
@@ -36,8 +41,6 @@ _MOST_PRINCIPALS = 5
 # have no weight.
 _FIRST_NOISE_PX = 0.05
 _FINEST_NOISE_PX = 1e-4
-# Limits of the focal length's start value, as multiples of the usual focal length.
-_FOCAL_SHARES = (0.03, 100.0)
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,8 @@ class _Solution:
     parameters: Float
     covariance: Float
     noise_px: float
+    lens_std: Float
+    """Prior standard deviations of k2 and of the further terms; 0 for terms that are not fitted."""
 
 
 def fit_pinhole(
@@ -105,35 +110,40 @@ def fit_pinholes(
     prior = (known or KnownCamera()).prior(image_shape)
     views = _Views([g.xy_mm for g in grids], [g.uv_px for g in grids], prior, grid, grids[0].half_mm)
     _require_points(views)
-    views = _with_possible_principal(views)
-    chosen, missed_px = _with_or_without_k2(views, grids[0], k2)
+    views, chosen = _settled(views, _first_solution(views), k2, 1)
+    # A given value that is wrong would look like a lens with a large remainder.
+    _require_agreement(views.prior.contradiction(chosen.parameters))
+    if k2 is None:
+        # A distortion that no remainder follows may keep the iteration from converging. Then all of it counts
+        # as noise.
+        with suppress(CalibrationError):
+            views, chosen = _settled(views, chosen, k2, remainder_degree(sum(map(len, views.xy_mm))))
+    missed_px = _cross_validation_px(views, chosen, grids[0]) if k2 is None else float("nan")
     return tuple(_camera(chosen, view, missed_px) for view in range(len(grids)))
 
 
-def _with_possible_principal(views: _Views) -> _Views:
-    """Return the views; the principal point may be where the images show it.
+def _settled(views: _Views, start: "_Solution", k2: bool | None, degree: int) -> tuple[_Views, "_Solution"]:
+    """Return views and solution; the principal point may be where the images show it.
 
     A part of a sensor, or a mount made by hand, puts it far off. Where nothing of the camera is stated, the
     images count more than the expectation that it is near the middle. Where something is, the principal point
-    does not make up for a wrong statement.
+    does not make up for a wrong statement. `degree`: highest degree of the remainder of the lens.
     """
-    known = views.prior.known
+    found, known = _grown(views, start, k2, degree), views.prior.known
     stated = known.principal_px, known.principal_std_px, known.focal_px, known.distance_mm
     if any(value is not None for value in stated):
-        return views
+        return views, found
     for _ in range(_MOST_PRINCIPALS):
         prior = views.prior
-        away_px = float(np.abs(_first_solution(views).parameters[1:3] - prior.principal_px).max())
+        away_px = float(np.abs(found.parameters[1:3] - prior.principal_px).max())
         if away_px <= _FAR_OFF * prior.principal_std_px:
             break
         views = replace(views, prior=replace(prior, principal_std_px=1.2 * away_px))
-    return views
+        found = _grown(views, found, k2, degree)
+    return views, found
 
 
-def _with_or_without_k2(views: _Views, first: GridPoints, k2: bool | None) -> tuple["_Solution", float]:
-    """Fit without and with the distortion coefficient k2; return the better fit and its prediction error."""
-    without = _first_solution(views)
-    contradiction = views.prior.contradiction(without.parameters)
+def _require_agreement(contradiction: str) -> None:
     if contradiction:
         raise CalibrationError(
             "pinhole camera",
@@ -143,36 +153,59 @@ def _with_or_without_k2(views: _Views, first: GridPoints, k2: bool | None) -> tu
             "correct --focal-px, --distance-mm or --principal-px, or give them a standard deviation, such as "
             "--focal-std-px 50",
         )
-    model = without.model
-    if k2 is False:
-        return without, float("nan")
-    with_k2 = _solution(views, model, without.parameters, k2=True)
-    if k2:
-        return with_k2, float("nan")
-    missed_px, missed_with_px = (
-        _cross_validation_px(views, whole, first, k2=whole is with_k2) for whole in (without, with_k2)
-    )
-    if missed_px > _FINEST_NOISE_PX and missed_with_px < _K2_LIMIT * missed_px:
-        return with_k2, missed_with_px
-    return without, missed_px
+
+
+def _grown(views: _Views, start: "_Solution", k2: bool | None, degree: int) -> "_Solution":
+    """Return the solution with the terms of the lens that the images ask for, or with or without k2."""
+    if k2 is not None:
+        return _solution(views, start.model, start.parameters, np.array([np.inf if k2 else 0.0]))
+    solution = start
+    for _ in range(_GROWTHS):
+        every = _with_terms(solution, 1 + 2 * len(monomials(degree)))
+        std = _LeastSquares(views, every.model, every.noise_px, every.lens_std).expected_lens(
+            every.parameters
+        )
+        if np.array_equal(std, solution.lens_std):
+            break
+        solution = _solution(views, solution.model, _with_terms(every, len(std) - 1).parameters, std)
+    return solution
+
+
+def _with_terms(solution: "_Solution", count: int) -> "_Solution":
+    """Return the solution with `count` parameters for further terms of the lens, which may be 0."""
+    first, more, grid = np.split(solution.parameters, [solution.model.poses_end, -GRID])
+    resized = np.zeros(count)
+    resized[: len(more)] = more[:count]
+    std = np.resize(np.append(solution.lens_std, np.zeros(count)), 1 + count)
+    return replace(solution, parameters=np.concatenate([first, resized, grid]), lens_std=std)
 
 
 def _first_solution(views: _Views) -> "_Solution":
     """Fit without k2; try start values of the focal length until the iteration converges."""
     problem = None
-    for focal in _start_focals(views):
+    flat = homographies(views.xy_mm, views.uv_px, views.prior.principal_px)
+    for focal in start_focals(flat, views.prior):
         try:
-            return _solution(views, *_start(views, focal), k2=False)
+            return _solution(views, *_start(views, flat, focal), np.zeros(1))
         except CalibrationError as error:
             problem = problem or error
     raise problem or _undetermined("no start value")
 
 
-def _cross_validation_px(views: _Views, whole: "_Solution", first: GridPoints, *, k2: bool) -> float:
+def _start(views: _Views, flat: list[Float], focal: float) -> tuple[CameraModel, Float]:
+    """Return the camera model and start values of its parameters; distortion starts at 0."""
+    rotations, poses = start_poses(flat, focal)
+    half_px = float(max(np.ptp(uv, axis=0).max() for uv in views.uv_px)) / 2
+    lens = [np.log(focal), *views.prior.principal_px, 0.0, 0.0, 0.0, 0.0]
+    model = CameraModel(views.xy_mm, rotations, half_px, views.half_mm)
+    return model, np.concatenate([lens, *poses, np.zeros(GRID)])
+
+
+def _cross_validation_px(views: _Views, whole: "_Solution", first: GridPoints) -> float:
     def prediction_errors(left_out: Mask) -> Float:
         kept = views.without(left_out)
         model = replace(whole.model, xy_mm=kept.xy_mm)
-        least = _LeastSquares(kept, model, whole.noise_px, k2=k2)
+        least = _LeastSquares(kept, model, whole.noise_px, whole.lens_std)
         fitted = replace(whole, model=model, parameters=least.solve(whole.parameters))
         camera = _camera(fitted, 0, float("nan"))
         places, _ = deviated(first.xy_mm[left_out], views.half_mm, camera.deviations)
@@ -181,7 +214,7 @@ def _cross_validation_px(views: _Views, whole: "_Solution", first: GridPoints, *
     return cross_validation_rms(first, prediction_errors)
 
 
-def _solution(views: _Views, model: CameraModel, start: Float, *, k2: bool) -> "_Solution":
+def _solution(views: _Views, model: CameraModel, start: Float, lens_std: Float) -> "_Solution":
     """Return the least-squares solution.
 
     The equations are solved twice, because their weights need the noise of the grid points. The first
@@ -189,11 +222,11 @@ def _solution(views: _Views, model: CameraModel, start: Float, *, k2: bool) -> "
     """
     parameters, noise_px = start, _FIRST_NOISE_PX
     for _ in range(2):
-        least = _LeastSquares(views, model, noise_px, k2=k2)
+        least = _LeastSquares(views, model, noise_px, lens_std)
         parameters = least.solve(parameters)
         noise_px = least.scatter_px(parameters)
-    least = _LeastSquares(views, model, noise_px, k2=k2)
-    return _Solution(model, parameters, least.covariance(parameters), noise_px)
+    least = _LeastSquares(views, model, noise_px, lens_std)
+    return _Solution(model, parameters, least.covariance(parameters), noise_px, lens_std)
 
 
 class _LeastSquares:
@@ -202,11 +235,11 @@ class _LeastSquares:
     Each equation is a deviation divided by its standard deviation.
     """
 
-    def __init__(self, views: _Views, model: CameraModel, noise_px: float, *, k2: bool) -> None:
+    def __init__(self, views: _Views, model: CameraModel, noise_px: float, lens_std: Float) -> None:
         self._prior, self._model, self._noise_px = views.prior, model, noise_px
         self._grid = views.grid
         self._seen = np.concatenate([uv.ravel() for uv in views.uv_px])
-        self._k2 = k2
+        self._lens_std = lens_std
 
     def solve(self, start: Float) -> Float:
         """Return the parameters that minimise the sum of squared deviations (Levenberg–Marquardt)."""
@@ -232,7 +265,14 @@ class _LeastSquares:
 
         with np.errstate(all="ignore"):
             try:
-                found = least_squares(deviations, start[free], slopes, method="lm", x_scale="jac")
+                found = least_squares(
+                    deviations,
+                    start[free],
+                    slopes,
+                    method="lm",
+                    x_scale="jac",
+                    max_nfev=_MOST_STEPS if len(self._lens_std) > 2 else None,
+                )
             except ValueError as error:
                 raise _undetermined("points that do not fit a pinhole camera") from error
         if not (found.success and np.isfinite(found.x).all()):
@@ -244,30 +284,61 @@ class _LeastSquares:
     def scatter_px(self, parameters: Float) -> float:
         """Return the standard deviation of the points' image coordinates, estimated from residuals, px."""
         residual = self._model.project(parameters)[0] - self._seen
-        freedom = len(residual) - np.count_nonzero(self._free(parameters))
+        freedom = len(residual) - self._used(parameters)
         return max(float(np.sqrt(residual @ residual / freedom)), _FINEST_NOISE_PX)
 
     def covariance(self, parameters: Float) -> Float:
-        """Return the covariance matrix of the parameters; row and column of k2 are 0 if k2 is not fitted."""
+        """Return the covariance matrix of the parameters; rows and columns of absent terms are 0."""
         free = self._free(parameters)
         covariance = np.zeros((len(parameters), len(parameters)))
         covariance[np.ix_(free, free)] = _inverse_square(self._equations(parameters)[1][:, free])
         return covariance
 
+    def expected_lens(self, parameters: Float) -> Float:
+        """Return the prior standard deviations of further terms of the lens that the residuals ask for."""
+        px, slopes = self._model.project(parameters)
+        further = self._further(parameters)
+        base = np.setdiff1d(np.flatnonzero(self._free(parameters)), further)
+        left = self._seen - px + slopes[:, further] @ parameters[further]
+        off, by_base = self._expectations(parameters)
+        ordered = slopes[:, np.append(base, further)]
+        expectations, scale_px = (-off, by_base[:, base]), self._model.scale_px
+        return expected_terms(left, ordered, expectations, scale_px, _FINEST_NOISE_PX)
+
+    def _further(self, parameters: Float) -> Indices:
+        """Return the indices of k2, k3 and the remainder, as far as the parameters have them."""
+        return np.append(_K2, np.arange(self._model.poses_end, len(parameters) - GRID))
+
     def _free(self, parameters: Float) -> Mask:
         free = np.ones(len(parameters), bool)
-        free[_K2] = self._k2
+        free[self._further(parameters)] = self._lens_std > 0
         free[-GRID:] = self._grid.free
         return free
 
+    def _used(self, parameters: Float) -> float:
+        """Return how many degrees of freedom the points' noise has lost to the parameters."""
+        slopes = self._equations(parameters)[1][:, self._free(parameters)]
+        basis = np.linalg.qr(slopes / np.linalg.norm(slopes, axis=0))[0][: len(self._seen)]
+        return float((basis**2).sum())
+
     def _equations(self, parameters: Float) -> tuple[Float, Float]:
         px, slopes = self._model.project(parameters)
-        off, prior_slopes = self._prior.equations(parameters)
+        off, by_off = self._expectations(parameters)
+        further = self._further(parameters)
+        limited = (self._lens_std > 0) & np.isfinite(self._lens_std)
+        weights = np.zeros((len(further), len(parameters)))
+        weights[range(len(further)), further] = 1 / np.where(limited, self._lens_std, np.inf)
+        weights = weights[limited]
+        deviations = np.concatenate([(px - self._seen) / self._noise_px, off, weights @ parameters])
+        return deviations, np.vstack([slopes / self._noise_px, by_off, weights])
+
+    def _expectations(self, parameters: Float) -> tuple[Float, Float]:
+        """Return the deviations from what is known of camera and grid, and their derivatives."""
+        off, by_off = self._prior.equations(parameters)
         weights = self._grid.weights
         off_grid = weights @ (parameters[-GRID:] - self._grid.mean)
-        deviations = np.concatenate([(px - self._seen) / self._noise_px, off, off_grid])
         by_grid = np.pad(weights, ((0, 0), (len(parameters) - GRID, 0)))
-        return deviations, np.vstack([slopes / self._noise_px, prior_slopes, by_grid])
+        return np.append(off, off_grid), np.vstack([by_off, by_grid])
 
 
 def _inverse_square(slopes: Float) -> Float:
@@ -291,80 +362,13 @@ def _camera(solution: "_Solution", view: int, missed_px: float) -> Pinhole:
         by_deviations=slopes @ solution.covariance[:, -GRID:] @ np.linalg.pinv(of_grid, hermitian=True),
         focal_px=float(values[0]),
         principal_px=values[1:3],
-        distortion=values[3:7],
+        distortion=np.append(values[3:7], values[13:]),
         rotation=rotation,
         centre_mm=centre,
         covariance=slopes @ solution.covariance @ slopes.T,
         noise_px=solution.noise_px,
         cross_validation_px=missed_px,
     )
-
-
-def _start(views: _Views, focal: float) -> tuple[CameraModel, Float]:
-    """Return the camera model and start values of its parameters.
-
-    The argument `focal` is the start value of the focal length. Distortion starts at 0, and each pose starts
-    from the homography of its image.
-    """
-    poses, rotations = [], []
-    for plane in _homographies(views):
-        # In camera axes, x points right and y up, and the camera looks along −z.
-        seen = np.diag([1 / focal, -1 / focal, -1.0]) @ plane
-        seen *= -np.sign(seen[2, 2]) * 2 / np.linalg.norm(seen[:, :2], axis=0).sum()
-        left, _, right = np.linalg.svd(np.column_stack([seen[:, :2], np.cross(seen[:, 0], seen[:, 1])]))
-        rotations.append(left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right)
-        scale = focal / -seen[2, 2]
-        poses.append([0.0, 0.0, 0.0, scale * seen[0, 2], -scale * seen[1, 2], np.log(scale)])
-    half_px = float(max(np.ptp(uv, axis=0).max() for uv in views.uv_px)) / 2
-    lens = [np.log(focal), *views.prior.principal_px, 0.0, 0.0, 0.0, 0.0]
-    return CameraModel(views.xy_mm, rotations, half_px, views.half_mm), np.concatenate(
-        [lens, *poses, np.zeros(GRID)]
-    )
-
-
-def _start_focals(views: _Views) -> list[float]:
-    """Return start values of the focal length, px, in the order in which to try them.
-
-    If the user gives the focal length, this is the only start value. If no focal length is given, the list
-    begins with the focal length that follows from the homographies, if they determine one. The list then ends
-    with the usual focal length. A homography determines the focal length because the two axes of the grid are
-    orthogonal and have the same scale (Zhang).
-    """
-    prior = views.prior
-    if prior.known.focal_px is not None:
-        return [prior.known.focal_px]
-    factors, sides = [], []
-    for plane in _homographies(views):
-        first, second = (plane[:, :2] / np.linalg.norm(plane[:2, :2])).T
-        factors += [first[:2] @ second[:2], first[:2] @ first[:2] - second[:2] @ second[:2]]
-        sides += [-first[2] * second[2], second[2] ** 2 - first[2] ** 2]
-    squared_inverse = np.dot(factors, sides) / max(np.dot(factors, factors), 1e-300)
-    usual = prior.usual_focal_px
-    if squared_inverse > (usual * _FOCAL_SHARES[1]) ** -2:
-        return [max(float(squared_inverse**-0.5), usual * _FOCAL_SHARES[0]), usual]
-    return [usual]
-
-
-def _homographies(views: _Views) -> list[Float]:
-    principal = views.prior.principal_px
-    return [_homography(xy, uv - principal) for xy, uv in zip(views.xy_mm, views.uv_px, strict=True)]
-
-
-def _homography(xy_mm: Float, uv_px: Float) -> Float:
-    """Return the homography (3, 3) from grid to image, by the normalised direct linear transformation."""
-    to_unit, from_unit = _unit_square(xy_mm), _unit_square(uv_px)
-    xy = np.column_stack([xy_mm, np.ones(len(xy_mm))]) @ to_unit.T
-    uv = np.column_stack([uv_px, np.ones(len(uv_px))]) @ from_unit.T
-    zero = np.zeros_like(xy)
-    rows = np.vstack([np.hstack([xy, zero, -uv[:, :1] * xy]), np.hstack([zero, xy, -uv[:, 1:2] * xy])])
-    least = np.linalg.svd(rows, full_matrices=False)[2][-1].reshape(3, 3)
-    return np.asarray(np.linalg.inv(from_unit) @ least @ to_unit)
-
-
-def _unit_square(points: Float) -> Float:
-    """Return the matrix (3, 3) that centres points at the origin and scales their coordinates to about 1."""
-    middle, size = points.mean(axis=0), float(points.std(axis=0).max())
-    return np.array([[1 / size, 0, -middle[0] / size], [0, 1 / size, -middle[1] / size], [0, 0, 1]])
 
 
 def _require_points(views: _Views) -> None:

@@ -6,8 +6,9 @@ of the focal length f, the two coordinates of the principal point, and the disto
 p2·s. The length s is the half-width of the grid in the image. Six parameters describe the pose in each image.
 Three of the six parameters give a small rotation of the camera's axes from a start rotation. Two give the
 undistorted image (a, b) of the grid's centre, relative to the principal point. The sixth parameter is the
-logarithm of the scale m in px/mm at the grid's centre. The last parameters are the deviations of the grid
-from its nominal shape (`dic.calibration.grid_accuracy`), which all images share. The rotation R gives the
+logarithm of the scale m in px/mm at the grid's centre. After the poses come k3 and the remainder, if the lens
+has them. The last parameters are the deviations of the grid from its nominal shape
+(`dic.calibration.grid_accuracy`), which all images share. The rotation R gives the
 position q = R·X of a grid point X, relative to the grid's centre, in camera axes. The undistorted image of
 the grid point is
 
@@ -22,13 +23,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.calibration.grid_accuracy import DEVIATIONS, deviated
-from dic.calibration.pinhole.lens import distort, distortion_basis, distortion_jacobian
-from dic.typing import Float
+from dic.calibration.pinhole.lens import distort, distortion_basis, distortion_jacobian, powers
+from dic.typing import Float, Indices
 
 LENS = 7
 POSE = 6
 GRID = len(DEVIATIONS)
-_POWERS = np.array([2, 4, 1, 1])
 
 
 @dataclass(frozen=True)
@@ -53,24 +53,35 @@ class CameraModel:
         for view, (xy, start) in enumerate(zip(self.xy_mm, self.starts, strict=True)):
             own = slice(LENS + POSE * view, LENS + POSE * (view + 1))
             places, by_deviation = deviated(xy, self.half_mm, parameters[-GRID:])
-            px, by_lens, by_pose, by_place = self._view(parameters[:LENS], parameters[own], places, start)
+            px, by_lens, by_pose, by_place = self._view(parameters, parameters[own], places, start)
             rows = np.zeros((px.size, len(parameters)))
             rows[:, -GRID:] = (by_place @ by_deviation).reshape(-1, GRID)
-            rows[:, :LENS] = by_lens.reshape(-1, LENS)
+            rows[:, self.lens(len(parameters))] = by_lens.reshape(px.size, -1)
             rows[:, own] = by_pose.reshape(-1, POSE)
             seen.append(px.ravel())
             slopes.append(rows)
         return np.concatenate(seen), np.vstack(slopes)
 
+    def lens(self, count: int) -> Indices:
+        """Return the indices of the parameters of the lens among `count` parameters."""
+        more = np.arange(self.poses_end, count - GRID)
+        return np.append(np.arange(LENS), more)
+
+    @property
+    def poses_end(self) -> int:
+        """Index of the first parameter after the poses: of k3, if the lens has more than four terms."""
+        return LENS + POSE * len(self.starts)
+
     def distortion(self, parameters: Float) -> Float:
-        """Return k1, k2, p1 and p2, shape (4,), in px⁻², px⁻⁴, px⁻¹ and px⁻¹."""
-        coefficients: Float = parameters[3:LENS] / self.scale_px**_POWERS
+        """Return the coefficients of `dic.calibration.pinhole.lens`, shape (4,) or more."""
+        scaled = parameters[self.lens(len(parameters))[3:]]
+        coefficients: Float = scaled / self.scale_px ** powers(len(scaled))
         return coefficients
 
     def _view(
-        self, lens: Float, pose: Float, xyz_mm: Float, start: Float
+        self, parameters: Float, pose: Float, xyz_mm: Float, start: Float
     ) -> tuple[Float, Float, Float, Float]:
-        focal, scale = np.exp(lens[0]), np.exp(pose[5])
+        focal, scale = np.exp(parameters[0]), np.exp(pose[5])
         turn, turn_slope = small_turn(pose[:3])
         q = xyz_mm @ (turn @ start).T
         nearer = (scale / focal * q[:, 2])[:, None]
@@ -89,11 +100,17 @@ class CameraModel:
         ideal_by_pose /= (1 - nearer)[:, :, None]
         ideal_by_focal = -ideal * nearer / (1 - nearer)
 
-        coefficients = self.distortion(lens)
+        coefficients = self.distortion(parameters)
+        count = len(coefficients)
         bend = distortion_jacobian(ideal, coefficients)
-        basis = distortion_basis(ideal) / self.scale_px**_POWERS
+        basis = distortion_basis(ideal, count) / self.scale_px ** powers(count)
         by_lens = np.concatenate([bend @ ideal_by_focal[:, :, None], by_place, basis], axis=2)
-        return distort(ideal, coefficients) + lens[1:3], by_lens, bend @ ideal_by_pose, bend @ ideal_by_point
+        return (
+            distort(ideal, coefficients) + parameters[1:3],
+            by_lens,
+            bend @ ideal_by_pose,
+            bend @ ideal_by_point,
+        )
 
     def camera(self, parameters: Float, view: int) -> tuple[Float, Float, Float, Float]:
         """Return the parameters of the camera, and its pose in image number `view`.
@@ -104,9 +121,10 @@ class CameraModel:
             The rotation matrix from grid axes to camera axes.
         centre : ndarray, shape (3,)
             The position of the pinhole in grid axes, mm.
-        values : ndarray, shape (13,)
-            Values in the order of `dic.calibration.pinhole.camera.PARAMETERS`. The small rotation is 0.
-        derivatives : ndarray, shape (13, parameters)
+        values : ndarray, shape (13 + m,)
+            Values in the order of `dic.calibration.pinhole.camera.PARAMETERS`, then the m further
+            coefficients of the lens. The small rotation is 0.
+        derivatives : ndarray, shape (13 + m, parameters)
             Derivatives of `values` with respect to the parameters of this model.
         """
         own = LENS + POSE * view
@@ -117,18 +135,23 @@ class CameraModel:
         origin = np.array([pose[3], -pose[4], -focal]) / scale
         centre = -rotation.T @ origin
 
-        slopes = np.zeros((13, len(parameters)))
+        distortion = self.distortion(parameters)
+        to_px = 1 / self.scale_px ** powers(len(distortion))
+        more = np.arange(len(distortion) - 4)
+        slopes = np.zeros((13 + len(more), len(parameters)))
         slopes[0, 0] = focal
         slopes[1, 1] = slopes[2, 2] = 1.0
-        slopes[range(3, 7), range(3, 7)] = 1 / self.scale_px**_POWERS
+        slopes[range(3, 7), range(3, 7)] = to_px[:4]
+        slopes[13 + more, self.poses_end + more] = to_px[4:]
         slopes[7:10, own : own + 3] = turn_slope
         # The pinhole is C = −Rᵀ·t, with the grid's centre t in camera axes. A small rotation w of R moves C
         # by Rᵀ·(w × t).
-        slopes[10:, own : own + 3] = -rotation.T @ _cross(origin[None])[0] @ turn_slope
-        slopes[10:, own + 3 : own + 5] = -rotation.T[:, :2] * [1 / scale, -1 / scale]
-        slopes[10:, own + 5] = -centre
-        slopes[10:, 0] = rotation.T[:, 2] * focal / scale
-        values = np.concatenate([[focal], parameters[1:3], self.distortion(parameters), np.zeros(3), centre])
+        slopes[10:13, own : own + 3] = -rotation.T @ _cross(origin[None])[0] @ turn_slope
+        slopes[10:13, own + 3 : own + 5] = -rotation.T[:, :2] * [1 / scale, -1 / scale]
+        slopes[10:13, own + 5] = -centre
+        slopes[10:13, 0] = rotation.T[:, 2] * focal / scale
+        first, rest = distortion[:4], distortion[4:]
+        values = np.concatenate([[focal], parameters[1:3], first, np.zeros(3), centre, rest])
         return rotation, centre, values, slopes
 
 

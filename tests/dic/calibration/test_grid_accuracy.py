@@ -68,7 +68,8 @@ def test_a_calibration_is_fitted_again_for_another_accuracy():
         Calibration.fit(grid, SHAPE, accuracy=GridAccuracy(made)) for made in ("printed", "exact")
     )
     assert exact.with_accuracy(GridAccuracy()).pinhole.centre_mm == pytest.approx(printed.pinhole.centre_mm)
-    assert printed.pinhole.centre_std_mm[1] > 3 * exact.pinhole.centre_std_mm[1]
+    # What this grid really has, counts as a remainder of the lens if the grid is said to be exact.
+    assert printed.pinhole.centre_std_mm[1] > 1.3 * exact.pinhole.centre_std_mm[1]
 
 
 def test_impossible_accuracies_are_refused_together():

@@ -9,11 +9,13 @@ import pytest
 
 from dic.calibration.pinhole.camera import Pinhole
 from dic.calibration.pinhole.fit import fit_pinhole, fit_pinholes
+from dic.calibration.pinhole.lens import distort, distortion_basis, distortion_jacobian, powers
 from dic.calibration.pinhole.model import CameraModel
 from dic.calibration.pinhole.prior import KnownCamera
 from dic.errors import CalibrationError
 from dic.targets.points import GridPoints
 from simulators.scene.optics import PinholeCamera
+from tests.dic.out_of_plane.lenses import LensView, drawn_camera
 
 SHAPE = (900, 1000)
 NOISE_PX = 0.01
@@ -85,6 +87,31 @@ def test_every_term_of_a_lens_that_opencv_draws_is_found() -> None:
     assert fitted.distortion * 2800.0 ** np.array([2, 4, 1, 1]) == pytest.approx(lens, rel=1e-4)
     assert fitted.focal_px == pytest.approx(2800, rel=1e-5)
     assert fitted.centre_mm == pytest.approx(-pose.T @ [0.4, -0.2, 40.0], abs=1e-3)
+
+
+def test_a_lens_gets_the_terms_that_its_images_ask_for_and_the_centre_errs_as_stated() -> None:
+    for kind, terms in (("clean", {4}), ("moustache", {4, 5}), ("rest", {5, 71})):
+        z = []
+        for seed in range(4):
+            rng = np.random.default_rng([seed, 9])
+            view = LensView(drawn_camera(rng, rng.uniform(20, 45), kind), seed=seed, grid_noise_px=NOISE_PX)
+            fitted = view.calibration().pinhole
+            assert fitted is not None
+            assert len(fitted.distortion) in terms
+            z.append((fitted.centre_mm - view.camera.centre_mm) / fitted.centre_std_mm)
+            # the points' noise is told apart from the misfit of the lens
+            assert fitted.noise_px == pytest.approx(NOISE_PX, rel=0.15)
+        assert np.abs(z).max() < 4
+
+
+def test_the_slopes_of_a_lens_with_all_terms_are_those_of_its_distortion() -> None:
+    rng = np.random.default_rng(3)
+    lens = np.append([1e-7, -2e-13, 1e-6, -2e-6, 1e-19], rng.normal(0, 1, 66) * 300.0 ** -powers(71)[5:])
+    at = rng.uniform(-350, 350, (20, 2))
+    by_x, by_y = ((distort(at + step, lens) - distort(at - step, lens)) / 2e-3 for step in 1e-3 * np.eye(2))
+
+    assert distortion_jacobian(at, lens) == pytest.approx(np.stack([by_x, by_y], axis=2), rel=1e-6, abs=1e-7)
+    assert distort(at, lens) == pytest.approx(at + distortion_basis(at, 71) @ lens, rel=1e-12)
 
 
 def test_k2_is_left_out_unless_it_predicts_points_better() -> None:
