@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from dic.calibration.calibration import Calibration
-from dic.calibration.pinhole.camera import PARAMETERS, Pinhole
+from dic.calibration.pinhole.camera import Pinhole
 from dic.typing import Float
 
 _TURN, _SHIFT_MM = np.radians(1.0), 1.0
@@ -52,7 +52,8 @@ class CameraMotion:
 
     def factors(self, px: Float) -> tuple[Float, Float]:
         """Return the effects of the expected motions on mapped points (n, 2, 5) and on the centre (3, 5)."""
-        pinhole, pose = pinhole_of(self.camera), np.zeros((len(PARAMETERS),) * 2)
+        pinhole = pinhole_of(self.camera)
+        pose = np.zeros_like(pinhole.covariance)
         pose[_POSE, _POSE] = np.eye(6)
         no_deviations = np.zeros_like(pinhole.deviation_covariance)
         free = replace(pinhole, covariance=pose, deviation_covariance=no_deviations)
