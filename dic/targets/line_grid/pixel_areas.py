@@ -14,12 +14,16 @@ import numpy as np
 from dic.targets.sampled_image import GridImage
 from dic.typing import Float, Mask
 
-_ROUNDS, _LAST_ROUNDS = 10, 2
-_SMALL_PX = 2e-4
+_ROUNDS = 10
+_SMALL_PX = 1e-3
 """The fit ends if no line moves by more; the next step would be much smaller still."""
-_SOME_PIXELS, _MOST_PIXELS = 600, 4000
+_SOME_PIXELS, _MOST_PIXELS = 300, 4000
 """Numbers of pixels of a segment that are enough to come near the result, and for the last step."""
 _LEAST_PIXELS = 24
+_OWN = 7
+"""Number of unknowns of a segment."""
+_FAR = 7.0
+"""Standard deviations of the blur beyond which an edge has no effect; the density there is 1e-11."""
 _BLUR_PX2, _LEAST_BLUR_PX2, _MOST_BLUR_PX2 = 0.1, 1e-4, 9.0
 """First, smallest and largest variance of the blur."""
 _MOST_STEP_PX = 0.3
@@ -112,8 +116,7 @@ def offsets_by_area(
         if fit.improve() < _SMALL_PX:
             break
     fit.continue_with(Corridors.of(image, ends_px, reach_px))
-    for _ in range(_LAST_ROUNDS):
-        fit.improve()
+    fit.improve()
     enough = np.count_nonzero(fit.kept, axis=1) >= _LEAST_PIXELS
     offset, slope = (
         np.where(enough, values, np.nan).reshape(width_px.shape) for values in (fit.offset_px, fit.slope_px)
@@ -129,22 +132,24 @@ class _Fit:
         self._blur_px2, self._noise = _BLUR_PX2, 0.0
         self._depth = self._beside = self._on_line = np.zeros(width_px.size)
         self.offset_px, self.slope_px = np.zeros(width_px.size), np.zeros(width_px.size)
-        self.kept = corridors.used
+        self._explained = np.zeros((width_px.size, _OWN))
+        self.kept: Mask | None = corridors.used
         inner = np.zeros(corridors.spacing_px.shape)
         inner[1:-1] = 1
         self._inner = inner.ravel()
 
     def continue_with(self, corridors: Corridors) -> None:
         """Use other pixels of the same segments."""
-        self._corridors = corridors
-        self.kept = corridors.used
+        self._corridors, self.kept = corridors, None
 
     def improve(self) -> float:
         """Improve all parameters once; return by how much a line moved at most, px."""
-        grey, own, shared = self._model()
-        unknowns = np.concatenate([own, shared, grey[..., None]], axis=-1) * self.kept[..., None]
-        products = unknowns.transpose(0, 2, 1) @ unknowns
-        count = own.shape[-1]
+        model = self._model()
+        if self.kept is None:
+            self.kept = self._fitting(model[:, -1] - (self._explained[:, None] @ model[:, :_OWN])[:, 0])
+        kept = model * self.kept[:, None]
+        products = kept @ kept.transpose(0, 2, 1)
+        count = _OWN
         inverse = np.linalg.inv(self._determined(products[:, :count, :count]))
         solved = inverse @ products[:, :count, count:]
         depth = solved[:, 2, -1]
@@ -154,26 +159,31 @@ class _Fit:
         right = np.einsum("s,si->i", depth, rest[:, :2, 2])
         change = np.linalg.solve(normal + 1e-12 * max(1.0, np.trace(normal)) * np.eye(2), right)
         coefficients = solved[:, :, -1] - depth[:, None] * (solved[:, :, :2] @ change)
-        misfit = grey - (own @ coefficients[..., None])[..., 0] - depth[:, None] * (shared @ change)
+        explained = np.concatenate([coefficients, depth[:, None] * change], axis=1)[:, None]
+        misfit = model[:, -1] - (explained @ model[:, :-1])[:, 0]
         return self._apply(coefficients, change, misfit)
 
-    def _model(self) -> tuple[Float, Float, Float]:
-        """Return grey levels without the light across the lines, and the derivatives by all unknowns.
+    def _model(self) -> Float:
+        """Return the derivatives by all unknowns, and grey levels without the light across the lines.
 
-        The second result, (S, P, 7), belongs to the unknowns of a segment: background, its step across the
-        line, contrast, offset and slope times contrast, light along background and line. The third, of the
-        shape (S, P, 2) and divided by the contrast, belongs to blur and width.
+        Shape (S, 10, P). The first seven belong to the unknowns of a segment: background, its step across the
+        line, contrast, offset and slope times contrast, light along background and line. Two more, divided by
+        the contrast, belong to blur and width. The last has the grey levels.
         """
         c = self._corridors
         s = c.distance_px - self.offset_px[:, None] - self.slope_px[:, None] * c.along
         half, sines = self._width_px[:, None] / 2, np.abs(c.normal)
         first, first_slope, first_bend = _edge(s + half, sines, self._blur_px2)
         second, second_slope, second_bend = _edge(s - half, sines, self._blur_px2)
-        level, moved = first - second, second_slope - first_slope
-        own = [np.ones_like(s), first + second - 1, level, moved, moved * c.along, c.along, c.along * level]
-        shared = [(first_bend - second_bend) / 2, (first_slope + second_slope) * half]
+        model = np.empty((len(s), _OWN + 3, s.shape[1]))
+        model[:, 0], model[:, 1] = 1, first + second - 1
+        level, moved = np.subtract(first, second, out=model[:, 2]), model[:, 3]
+        np.subtract(second_slope, first_slope, out=moved)
+        model[:, 4], model[:, 5], model[:, 6] = moved * c.along, c.along, c.along * level
+        model[:, 7], model[:, 8] = (first_bend - second_bend) / 2, (first_slope + second_slope) * half
         light = c.distance_px * (self._beside[:, None] + (self._on_line - self._beside)[:, None] * level)
-        return c.grey - light, np.stack(own, axis=-1), np.stack(shared, axis=-1)
+        np.subtract(c.grey, light, out=model[:, 9])
+        return model
 
     def _determined(self, normal: Float) -> Float:
         """Return the segments' normal matrices (S, 7, 7), with what is known before the fit."""
@@ -197,11 +207,17 @@ class _Fit:
         self._beside = _light(ground.reshape(spacing_px.shape), spacing_px)
         on_line = 1 + depth / np.where(ground == 0, np.inf, ground)
         self._on_line = self._beside * np.clip(on_line, 0, BRIGHTEST_LINE)
-        self._depth, size = depth, np.abs(misfit)
-        self._noise = float(np.median(size[self.kept])) / 0.6745 if self.kept.any() else 0.0
-        most = _NOISE_TIMES * self._noise + _SHARE_OF_CONTRAST * abs(float(np.median(depth)))
-        self.kept = self._corridors.used & (size <= most)
+        self._depth, left = depth, np.abs(misfit)[self.kept]
+        self._noise = float(np.median(left)) / 0.6745 if left.size else 0.0
+        self.kept = self._fitting(misfit)
+        # The next model has these moves.
+        self._explained = coefficients * [1, 1, 1, 0, 0, 1, 1]
         return float(np.abs(moved).max())
+
+    def _fitting(self, misfit: Float) -> Mask:
+        """Return the pixels (S, P) whose misfit is small enough to be used."""
+        most = _NOISE_TIMES * self._noise + _SHARE_OF_CONTRAST * abs(float(np.median(self._depth)))
+        return self._corridors.used & (np.abs(misfit) <= most)
 
 
 def _light(ground: Float, spacing_px: Float) -> Float:
@@ -230,7 +246,12 @@ def _edge(distance_px: Float, sines: Float, blur_px2: float) -> tuple[Float, Flo
 
     std_px = np.sqrt(blur_px2)
     first, second = np.maximum(sines, _LEAST_SINE).T[..., None]
-    total = np.zeros((3, *distance_px.shape))
+    reach_px = (first + second) / 2 + _FAR * std_px
+    result = np.zeros((3, *distance_px.shape))
+    result[0] = distance_px > 0
+    near = np.nonzero(np.abs(distance_px) < reach_px)
+    distance_px, first, second = distance_px[near], first[near[0], 0], second[near[0], 0]
+    total = np.zeros((3, len(distance_px)))
     outer, inner = (first + second) / 2, (first - second) / 2
     for sign, shift in ((1, outer), (-1, inner), (-1, -inner), (1, -outer)):
         z = (distance_px + shift) / std_px
@@ -238,5 +259,5 @@ def _edge(distance_px: Float, sines: Float, blur_px2: float) -> tuple[Float, Flo
         total[0] += sign * blur_px2 * ((z * z + 1) * behind + z * density) / 2
         total[1] += sign * std_px * (z * behind + density)
         total[2] += sign * behind
-    area, slope, bend = total / (first * second)
-    return area, slope, bend
+    result[:, near[0], near[1]] = total / (first * second)
+    return result[0], result[1], result[2]
