@@ -11,6 +11,8 @@ import numpy as np
 from dic.calibration.grid_making import EXACT, GridAccuracy
 from dic.typing import Float, Mask
 
+_CLOSE = 0.05
+
 DEVIATIONS = ("scale ratio", "skew", "bow along X", "twist", "bow along Y")
 """Names of the deviations g that a fit of a pinhole camera estimates, in their order.
 
@@ -42,6 +44,11 @@ class KnownGrid:
     def free(self) -> Mask:
         """Shape (5,). True for the deviations that the grid may have."""
         return np.diag(self.covariance) > 0
+
+    def is_close(self, other: "KnownGrid") -> bool:
+        """Return True if the other's deviations are the same to a twentieth of their standard deviation."""
+        std = np.sqrt(np.diag(self.covariance))
+        return bool((np.abs(self.mean - other.mean) <= _CLOSE * std).all())
 
     @property
     def weights(self) -> Float:

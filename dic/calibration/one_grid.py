@@ -39,6 +39,7 @@ def of_one_grid(calibrations: tuple[Calibration, ...]) -> tuple[Calibration, ...
     first = _Information.of(KnownGrid(np.zeros(len(std)), np.diag(std**2)))
     straight = [looks_straight(_camera(calibration)) for calibration in calibrations]
     current, shown = list(calibrations), [first.nothing() for _ in calibrations]
+    found = first.known_grid()
     for _ in range(_ROUNDS):
         for k in sorted(range(len(current)), key=straight.__getitem__):
             others = sum((other for j, other in enumerate(shown) if j != k), first)
@@ -51,9 +52,11 @@ def of_one_grid(calibrations: tuple[Calibration, ...]) -> tuple[Calibration, ...
             camera = _camera(current[k])
             after = _Information.of(KnownGrid(camera.deviations, camera.deviation_covariance))
             shown[k] = after.without(_Information.of(known))
-    known = sum(shown, first).known_grid()
+        before, found = found, sum(shown, first).known_grid()
+        if found.is_close(before):
+            break
     return tuple(
-        replace(calibration, pinhole=_camera(calibration).on_grid(known.mean, known.covariance))
+        replace(calibration, pinhole=_camera(calibration).on_grid(found.mean, found.covariance))
         for calibration in current
     )
 

@@ -133,20 +133,21 @@ class _Fit:
         self._depth = self._beside = self._on_line = np.zeros(width_px.size)
         self.offset_px, self.slope_px = np.zeros(width_px.size), np.zeros(width_px.size)
         self._explained = np.zeros((width_px.size, _OWN))
-        self.kept: Mask | None = corridors.used
+        self.kept, self._judged = corridors.used, True
         inner = np.zeros(corridors.spacing_px.shape)
         inner[1:-1] = 1
         self._inner = inner.ravel()
 
     def continue_with(self, corridors: Corridors) -> None:
         """Use other pixels of the same segments."""
-        self._corridors, self.kept = corridors, None
+        self._corridors, self._judged = corridors, False
 
     def improve(self) -> float:
         """Improve all parameters once; return by how much a line moved at most, px."""
         model = self._model()
-        if self.kept is None:
+        if not self._judged:
             self.kept = self._fitting(model[:, -1] - (self._explained[:, None] @ model[:, :_OWN])[:, 0])
+            self._judged = True
         kept = model * self.kept[:, None]
         products = kept @ kept.transpose(0, 2, 1)
         count = _OWN
