@@ -36,6 +36,8 @@ _MOST_STEPS = 100
 """Most steps of the iteration with a remainder of the lens."""
 _FAR_OFF = 1.5
 """A principal point that is further from the middle than so many standard deviations was not expected."""
+_LEAST_REMAINDER_PX = 0.003
+"""A smaller remainder may come from the finder of the grid's points, and counts as noise of the points."""
 _MOST_PRINCIPALS = 5
 # Start value and lower limit of the noise of the grid points, px. With less noise the prior knowledge would
 # have no weight.
@@ -117,7 +119,9 @@ def fit_pinholes(
         # A distortion that no remainder follows may keep the iteration from converging. Then all of it counts
         # as noise.
         with suppress(CalibrationError):
-            views, chosen = _settled(views, chosen, k2, remainder_degree(sum(map(len, views.xy_mm))))
+            grown = _settled(views, chosen, k2, remainder_degree(sum(map(len, views.xy_mm))))
+            if _camera(grown[1], 0, float("nan")).lens_remainder_px(grids[0].uv_px) > _LEAST_REMAINDER_PX:
+                views, chosen = grown
     missed_px = _cross_validation_px(views, chosen, grids[0]) if k2 is None else float("nan")
     return tuple(_camera(chosen, view, missed_px) for view in range(len(grids)))
 
