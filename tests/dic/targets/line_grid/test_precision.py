@@ -12,7 +12,7 @@ from simulators.scene.scene import Surface
 from simulators.scene.texture import LineGrid
 
 # Allowed 2-D rms error, px, for each standard deviation of the noise, grey levels.
-LIMIT_PX = {1: 0.01, 2: 0.01, 4: 0.018, 6: 0.025}
+LIMIT_PX = {1: 0.01, 2: 0.01, 4: 0.018, 6: 0.027}
 
 
 def _turned(grid: LineGrid, roll_deg: float) -> Surface:
