@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -151,21 +151,21 @@ class Calibration:
             raise ValueError("a calibration of an earlier version cannot be fitted again")
         return replace(Calibration._of(self.fitted_to, self.source, grid), model=self.model)
 
-    def with_accuracy(self, accuracy: GridAccuracy) -> "Calibration":
-        """Return a calibration of the plane of the lines, fitted for another accuracy of the grid.
+    def fitted_again(self, **changes: Any) -> "Calibration":
+        """Return a calibration of the plane of the lines, fitted again with `changes` of `FittedTo`.
 
         Raises `CalibrationError` if it is not known what this calibration was fitted to.
         """
         if self.fitted_to is None:
             raise CalibrationError(
                 self.source or "calibration",
-                "fit the camera to a grid of another accuracy",
+                "fit the camera again",
                 "a calibration that knows its grid's points",
                 "one of an earlier version",
                 "calibrate again from the image of the grid",
             )
-        to = replace(self.fitted_to, accuracy=accuracy)
-        return replace(Calibration._of(to, self.source), model=self.model)
+        again = Calibration._of(replace(self.fitted_to, **changes), self.source)
+        return replace(again, model=self.model)
 
     def using(self, model: Model) -> "Calibration":
         """Return the same calibration with the given model in use.

@@ -7,12 +7,16 @@ import numpy as np
 from dic.calibration.calibration import Calibration
 from dic.calibration.grid_accuracy import KnownGrid
 from dic.calibration.pinhole.camera import Pinhole
+from dic.calibration.pinhole.prior import KnownCamera
 from dic.calibration.plate import behind
 from dic.typing import Float
 
 _ROUNDS = 3
 _UNKNOWN_FOCAL = 0.1
 """A camera whose focal length is less certain than this share looks straight at the grid."""
+_FAR_PRINCIPAL, _WIDER = 0.025, 1.2
+"""Share of the width by which a principal point is unexpectedly far from the middle, and by how much more of
+it others may be."""
 _CLEAR = 6.0
 _BOW = slice(2, 5)
 
@@ -33,6 +37,7 @@ def of_one_grid(calibrations: tuple[Calibration, ...]) -> tuple[Calibration, ...
         calibration.pinhole is None for calibration in calibrations
     ):
         return calibrations
+    calibrations = _with_far_principals(calibrations)
     std = np.min(accuracies, axis=0)
     if not (std > 0).any() or _is_shared(calibrations):
         return calibrations
@@ -59,6 +64,36 @@ def of_one_grid(calibrations: tuple[Calibration, ...]) -> tuple[Calibration, ...
         replace(calibration, pinhole=_camera(calibration).on_grid(found.mean, found.covariance))
         for calibration in current
     )
+
+
+def _with_far_principals(calibrations: tuple[Calibration, ...]) -> tuple[Calibration, ...]:
+    """Return the calibrations; a far principal point of one camera is then possible for all.
+
+    A camera that looks straight at the grid does not see its principal point. If another camera of the same
+    rig has one that is unexpectedly far from the middle of the image, such as one of a part of a sensor, its
+    own is not expected near the middle either. Stated properties of a camera stay as they are.
+    """
+    shares = [_principal_share(calibration) for calibration in calibrations]
+    farthest = max(shares)
+    if farthest < _FAR_PRINCIPAL:
+        return calibrations
+    found = []
+    for calibration, share in zip(calibrations, shares, strict=True):
+        to = calibration.fitted_to
+        if to is None or to.known not in (None, KnownCamera()) or share == farthest:
+            found.append(calibration)
+            continue
+        known = KnownCamera(principal_std_px=_WIDER * farthest * to.image_shape[1])
+        again = calibration.fitted_again(known=known)
+        found.append(behind(again, calibration.plate_mm) if calibration.plate_mm else again)
+    return tuple(found)
+
+
+def _principal_share(calibration: Calibration) -> float:
+    """Return the distance of the principal point from the image's middle, as a share of its width."""
+    height, width = calibration.image_shape
+    away_px = _camera(calibration).principal_px - [(width - 1) / 2, (height - 1) / 2]
+    return float(np.abs(away_px).max()) / width
 
 
 def looks_straight(camera: Pinhole) -> bool:

@@ -185,7 +185,7 @@ def _cameras(result: RunResult, plate_mm: float, accuracy: GridAccuracy | None) 
     found = []
     calibrations = [camera.calibration for camera in result.cameras]
     if accuracy is not None:
-        made = tuple(known.with_accuracy(accuracy) for known in calibrations if known is not None)
+        made = tuple(known.fitted_again(accuracy=accuracy) for known in calibrations if known is not None)
         calibrations = [*of_one_grid(made)]
     for camera, calibration in zip(result.cameras, calibrations, strict=True):
         moved_mm = 0.0 if calibration is None else plate_mm - calibration.plate_mm

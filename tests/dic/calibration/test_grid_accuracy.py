@@ -1,5 +1,7 @@
 """Deviations of a grid from its nominal shape follow from images that see it differently."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -62,12 +64,27 @@ def test_two_cameras_tell_each_other_what_they_see_of_the_grid():
     assert np.array_equal(together[0].pinhole.deviations, together[1].pinhole.deviations)
 
 
+def test_a_far_principal_point_of_one_camera_is_possible_for_the_other():
+    """A camera that looks nearly straight at the grid does not see its own, here 60 px off."""
+    rng = np.random.default_rng(4)
+    grids = [seen(rng, *pose) for pose in (POSES[0], (0.0, 2.0))]
+    moved = [replace(grid, uv_px=grid.uv_px + 60.0) for grid in grids]
+    alone = tuple(Calibration.fit(grid, SHAPE, accuracy=GridAccuracy()) for grid in moved)
+    together = of_one_grid(alone)
+    pose = cv2.Rodrigues(np.radians([0.0, 2.0, 0.0]))[0] @ np.diag([1.0, -1.0, -1.0])
+    after = together[1].pinhole
+    assert (np.abs(after.centre_mm + pose.T @ [0.4, -0.2, 40.0]) < 3 * after.centre_std_mm).all()
+    assert together[1].fitted_to.known.principal_std_px > 50
+
+
 def test_a_calibration_is_fitted_again_for_another_accuracy():
     grid = seen(np.random.default_rng(3), *POSES[0])
     printed, exact = (
         Calibration.fit(grid, SHAPE, accuracy=GridAccuracy(made)) for made in ("printed", "exact")
     )
-    assert exact.with_accuracy(GridAccuracy()).pinhole.centre_mm == pytest.approx(printed.pinhole.centre_mm)
+    assert exact.fitted_again(accuracy=GridAccuracy()).pinhole.centre_mm == pytest.approx(
+        printed.pinhole.centre_mm
+    )
     # What this grid really has, counts as a remainder of the lens if the grid is said to be exact.
     assert printed.pinhole.centre_std_mm[1] > 1.3 * exact.pinhole.centre_std_mm[1]
 
