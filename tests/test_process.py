@@ -175,8 +175,8 @@ def test_terminal_shows_the_table_in_100_columns_and_nothing_of_the_bar_is_left(
     # A row that the terminal had broken would lack strains: exx, eyy and exy.
     rows = [re.split(r" (?:raw|calibrated|corrected) +(?=-?\d)", line) for line in watched.lines]
     strains = [re.findall(r"-?\d+(?:\.\d)?(?: ± [\d.]+)?", row[1]) for row in rows if len(row) == 2]
-    # of two cameras in two steps: raw and calibrated, and corrected by one camera
-    assert [len(values) for values in strains] == [3] * 10
+    # of two cameras in two steps: raw, calibrated and corrected
+    assert [len(values) for values in strains] == [3] * 12
 
 
 @pytest.mark.extended
