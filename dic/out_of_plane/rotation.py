@@ -33,6 +33,11 @@ straight at the grid.
 _SYSTEMATIC = 0.3e-6
 """Standard deviation of strain errors without a model, such as interpolation errors of the spline."""
 
+_UNKNOWN_HEIGHT = 0.1
+"""Error of the camera's height, as a share of it, that counts as hardly known."""
+_HELD = 1e12
+"""Weight of an expectation that is not to change."""
+
 _STEPS = 20
 _SMALL = 1e-6
 _CLOSE = 1e-8
@@ -270,7 +275,10 @@ def solve_rigid(
     """
     count = 4 + steps.of_maps.shape[2]
     unknowns = np.zeros(count) if start is None else start
-    prior = np.diag([*4 * [1 / PRIOR_SLOPE**2], *(count - 4) * [1.0]])
+    expected = np.array([*4 * [1 / PRIOR_SLOPE**2], *(count - 4) * [1.0]])
+    # The effect of a distance that is hardly known is not linear. Such an error is not solved.
+    held = np.append(np.zeros(4, bool), np.abs(steps.of_centre[2]) > _UNKNOWN_HEIGHT * centre_mm[2])
+    prior = np.diag(np.where(held, _HELD, expected))
     for _ in range(_STEPS):
         strains = steps.strains(unknowns, centre_mm)
         gradients = steps.gradients(unknowns, centre_mm)
@@ -283,5 +291,7 @@ def solve_rigid(
         step = gain @ (slopes @ unknowns - strains) - unknowns
         unknowns = unknowns + step
         if np.abs(step[:4]).max() < _CLOSE and np.abs(step[4:]).max(initial=0.0) < _SETTLED:
-            return RigidSolution(unknowns, gain, covariance @ prior @ covariance)
+            of_held = gain @ slopes[:, held] - np.eye(count)[:, held]
+            by_prior = covariance @ np.diag(np.where(held, 0.0, expected)) @ covariance
+            return RigidSolution(unknowns, gain, by_prior + of_held @ of_held.T)
     return None

@@ -143,7 +143,8 @@ def _settled(views: _Views, start: "_Solution", k2: bool | None, degree: int) ->
         if away_px <= _FAR_OFF * prior.principal_std_px:
             break
         views = replace(views, prior=replace(prior, principal_std_px=1.2 * away_px))
-        found = _grown(views, found, k2, degree)
+        again = _solution(views, found.model, found.parameters, found.lens_std)
+        found = _grown(views, again, k2, degree)
     return views, found
 
 
