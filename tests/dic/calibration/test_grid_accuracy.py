@@ -20,13 +20,13 @@ MATRIX = np.array([[2800.0, 0.0, 503.0], [0.0, 2800.0, 447.0], [0.0, 0.0, 1.0]])
 POSES = [(0.0, 28.0), (25.0, 0.0), (-20.0, -15.0), (0.0, -30.0)]
 
 
-def seen(rng, around_x_deg, around_y_deg, turned=False):
+def seen(rng, around_x_deg, around_y_deg, turned=False, grid=GRID):
     """The grid's points in an image, with noise of 0.01 px, as a target without a mark is found."""
     index = np.stack(np.meshgrid(np.arange(21), np.arange(21)), axis=-1).reshape(-1, 2)
     tilt = cv2.Rodrigues(np.radians([around_x_deg, around_y_deg, 0.0]))[0] @ np.diag([1.0, -1.0, -1.0])
     if turned:
         tilt = tilt @ cv2.Rodrigues(np.array([0.0, 0.0, np.pi / 2]))[0]
-    places = GRID.places_mm((index - 10) * 0.5)
+    places = grid.places_mm((index - 10) * 0.5)
     px, _ = cv2.projectPoints(places, cv2.Rodrigues(tilt)[0], np.array([0.4, -0.2, 40.0]), MATRIX, None)
     noisy = px[:, 0] + rng.normal(0.0, 0.01, (len(index), 2))
     # X of the found grid is the direction to the image's right, which is −Y of a grid that is turned.
@@ -65,13 +65,14 @@ def test_two_cameras_tell_each_other_what_they_see_of_the_grid():
 
 
 def test_a_far_principal_point_of_one_camera_is_possible_for_the_other():
-    """A camera that looks nearly straight at the grid does not see its own, here 60 px off."""
+    """A camera that looks straight at the grid does not see its own, here 60 px off."""
     rng = np.random.default_rng(4)
-    grids = [seen(rng, *pose) for pose in (POSES[0], (0.0, 2.0))]
+    flat = PrintedGrid(0.0, 0.0, (0.0, 0.0, 0.0))
+    grids = [seen(rng, *pose, grid=flat) for pose in (POSES[0], (0.0, 0.0))]
     moved = [replace(grid, uv_px=grid.uv_px + 60.0) for grid in grids]
     alone = tuple(Calibration.fit(grid, SHAPE, accuracy=GridAccuracy()) for grid in moved)
     together = of_one_grid(alone)
-    pose = cv2.Rodrigues(np.radians([0.0, 2.0, 0.0]))[0] @ np.diag([1.0, -1.0, -1.0])
+    pose = np.diag([1.0, -1.0, -1.0])
     after = together[1].pinhole
     assert (np.abs(after.centre_mm + pose.T @ [0.4, -0.2, 40.0]) < 3 * after.centre_std_mm).all()
     assert together[1].fitted_to.known.principal_std_px > 50
