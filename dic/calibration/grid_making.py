@@ -7,7 +7,7 @@ and its glue are not flat.
 from typing import Any
 
 from dic.errors import CalibrationError
-from dic.settings import Number, one_of, setting, settings_class
+from dic.settings import Number, declared_in, one_of, setting, settings_class
 
 _MOST_SHEAR, _MOST_BOW_MM = 0.05, 1.0
 
@@ -80,3 +80,5 @@ class GridAccuracy:
 
 
 EXACT = GridAccuracy("exact")
+MAKING = tuple(declared_in(GridAccuracy))
+"""Names of the settings of `GridAccuracy`, which run files have too."""

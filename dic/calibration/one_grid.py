@@ -42,7 +42,7 @@ def of_one_grid(calibrations: tuple[Calibration, ...]) -> tuple[Calibration, ...
     if not (std > 0).any() or _is_shared(calibrations):
         return calibrations
     first = _Information.of(KnownGrid(np.zeros(len(std)), np.diag(std**2)))
-    straight = [looks_straight(_camera(calibration)) for calibration in calibrations]
+    straight = [looks_straight(pinhole_of(calibration)) for calibration in calibrations]
     current, shown = list(calibrations), [first.nothing() for _ in calibrations]
     found = first.known_grid()
     for _ in range(_ROUNDS):
@@ -54,14 +54,14 @@ def of_one_grid(calibrations: tuple[Calibration, ...]) -> tuple[Calibration, ...
             again = current[k].on_grid(known)
             plate_mm = calibrations[k].plate_mm
             current[k] = behind(again, plate_mm) if plate_mm else again
-            camera = _camera(current[k])
+            camera = pinhole_of(current[k])
             after = _Information.of(KnownGrid(camera.deviations, camera.deviation_covariance))
             shown[k] = after.without(_Information.of(known))
         before, found = found, sum(shown, first).known_grid()
         if found.is_close(before):
             break
     return tuple(
-        replace(calibration, pinhole=_camera(calibration).on_grid(found.mean, found.covariance))
+        replace(calibration, pinhole=pinhole_of(calibration).on_grid(found.mean, found.covariance))
         for calibration in current
     )
 
@@ -92,7 +92,7 @@ def _with_far_principals(calibrations: tuple[Calibration, ...]) -> tuple[Calibra
 def _principal_share(calibration: Calibration) -> float:
     """Return the distance of the principal point from the image's middle, as a share of its width."""
     height, width = calibration.image_shape
-    away_px = _camera(calibration).principal_px - [(width - 1) / 2, (height - 1) / 2]
+    away_px = pinhole_of(calibration).principal_px - [(width - 1) / 2, (height - 1) / 2]
     return float(np.abs(away_px).max()) / width
 
 
@@ -122,11 +122,12 @@ def shared_factors(pinhole: Pinhole) -> int:
 
 
 def _is_shared(calibrations: tuple[Calibration, ...]) -> bool:
-    first, *others = (_camera(calibration).deviation_covariance for calibration in calibrations)
+    first, *others = (pinhole_of(calibration).deviation_covariance for calibration in calibrations)
     return all(np.array_equal(first, other) for other in others)
 
 
-def _camera(calibration: Calibration) -> Pinhole:
+def pinhole_of(calibration: Calibration) -> Pinhole:
+    """Return the pinhole camera of a calibration; `ValueError` if there is none."""
     if calibration.pinhole is None:
         raise ValueError("this calibration knows no camera centre")
     return calibration.pinhole

@@ -19,6 +19,7 @@ from dic.commands.settings_file import settings_option, used_settings_file
 from dic.commands.shared_options import COMMA_NEEDS, comma, csv, force, json_file, strain_options
 from dic.errors import CorrelationError
 from dic.pipeline import SurfaceSettings
+from dic.settings import declared_in
 from dic.shell.console import say
 from dic.shell.output_paths import PATH, require_places
 from dic.shell.progress import progress
@@ -66,8 +67,8 @@ class AnewOptions:
 
     def require(self, source: str, *, series: bool) -> None:
         """Raise an error if an option of a run is given for a series, or an option of a series for a run."""
-        idle = {"--plate-mm": "surface_plate_mm", "--grid-made": "grid_grid_made"}
-        idle |= {f"--{name.replace('_', '-')}": f"grid_{name}" for name in _STDS}
+        idle = {"--plate-mm": "surface_plate_mm"}
+        idle |= {f"--{name.replace('_', '-')}": f"grid_{name}" for name in declared_in(GridAccuracy)}
         if not series:
             idle = {"--calibration": "anew_calibration_file", "--motion": "assumed_kind"}
         for name, parameter in idle.items():
@@ -77,10 +78,6 @@ class AnewOptions:
                 other, kind = ("a run", "a series of images") if series else ("a series of images", "a run")
                 expected, remedy = f"the results of {other}", f"leave out {name}"
                 raise CorrelationError(source, f"apply {name}", expected, f"those of {kind}", remedy)
-
-
-_STDS = ("scale_ratio_std", "skew_std", "flatness_std_mm")
-"""Settings of the accuracy of a run's grid, besides the way in which it was made."""
 
 
 @options

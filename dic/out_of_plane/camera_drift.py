@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
+from dic.calibration.one_grid import pinhole_of
 from dic.out_of_plane.correction import by_centre
 from dic.out_of_plane.joint_solution import JointSystem
-from dic.out_of_plane.moved_camera import CameraMotion, pinhole_of
+from dic.out_of_plane.moved_camera import CameraMotion
 from dic.out_of_plane.parallax import Heights
 from dic.out_of_plane.uncertainty import Points, weighted_sums
 from dic.strain.still import orthogonal_polynomials

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from dic.calibration.calibration import Calibration
-from dic.calibration.pinhole.camera import Pinhole
+from dic.calibration.one_grid import pinhole_of
 from dic.typing import Float
 
 _TURN, _SHIFT_MM = np.radians(1.0), 1.0
@@ -113,10 +113,3 @@ class CameraMotion:
             f"a camera was moved after its calibration, {self.size_text}: corrected strain takes account of "
             "it, but fasten its mount and calibrate again"
         )
-
-
-def pinhole_of(calibration: Calibration) -> Pinhole:
-    """Return the pinhole camera of a calibration; `ValueError` if there is none."""
-    if calibration.pinhole is None:
-        raise ValueError("this calibration knows no camera centre")
-    return calibration.pinhole

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dic.calibration.calibration import Calibration
-from dic.calibration.one_grid import looks_straight, of_one_grid, shared_factors
+from dic.calibration.one_grid import looks_straight, of_one_grid, pinhole_of, shared_factors
 from dic.correlation.field import Field
-from dic.out_of_plane.moved_camera import CameraMotion, pinhole_of
+from dic.out_of_plane.moved_camera import CameraMotion
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.reasons import lens_reason
 from dic.typing import Float, Mask

@@ -5,7 +5,14 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
-from dic.calibration.grid_making import FLATNESS_STD, GRID_MADE, SCALE_RATIO_STD, SKEW_STD, GridAccuracy
+from dic.calibration.grid_making import (
+    FLATNESS_STD,
+    GRID_MADE,
+    MAKING,
+    SCALE_RATIO_STD,
+    SKEW_STD,
+    GridAccuracy,
+)
 from dic.errors import CorrelationError
 from dic.out_of_plane.motion import FIXED_FACE, POISSON_RATIO, SHIFT_STD, THICKNESS, TILT_AXIS, Motion
 from dic.settings import Number, Pair, setting, settings_class
@@ -17,10 +24,6 @@ if TYPE_CHECKING:
 else:
     # The options of commands are made from these classes, and NumPy would delay their help.
     Alignment = Any
-
-
-_MAKING = ("grid_made", "scale_ratio_std", "skew_std", "flatness_std_mm")
-"""Settings of the grid's accuracy, by their names in run files and in `GridAccuracy`."""
 
 
 @settings_class(CorrelationError)
@@ -60,7 +63,7 @@ class CorrectionSettings:
     @property
     def grid(self) -> GridAccuracy:
         """How accurately the grid was made."""
-        return GridAccuracy(self.grid_made, self.scale_ratio_std, self.skew_std, self.flatness_std_mm)
+        return GridAccuracy(**{name: getattr(self, name) for name in MAKING})
 
     @property
     def shift(self) -> "Shift":
@@ -74,7 +77,7 @@ class CorrectionSettings:
     ) -> "CorrectionSettings":
         """Return the settings; a setting that is not given has the value that the run file declares."""
         declared: dict[str, Any] = {"thickness_mm": thickness_mm, **vars(mounting), **making}
-        names = ("shift_std_um", "tilt_axis_mm", "thickness_mm", "fixed_face", *_MAKING)
+        names = ("shift_std_um", "tilt_axis_mm", "thickness_mm", "fixed_face", *MAKING)
         values: dict[str, Any] = {name: declared.get(name) for name in names if getattr(self, name) is None}
         return replace(self, **values)
 
@@ -117,7 +120,7 @@ class CorrectionSettings:
         content = {"poisson_ratio": self.poisson_ratio, "alignments": alignments}
         content |= {"shift_std_um": self.shift_std_um, "tilt_axis_mm": self.tilt_axis_mm}
         content |= {"thickness_mm": self.thickness_mm, "fixed_face": self.fixed_face}
-        content |= {name: getattr(self, name) for name in _MAKING}
+        content |= {name: getattr(self, name) for name in MAKING}
         return json.dumps(content)
 
     @classmethod
@@ -135,7 +138,7 @@ class CorrectionSettings:
             None if hinge_mm is None else (hinge_mm[0], hinge_mm[1]),
             content.get("thickness_mm"),
             content.get("fixed_face"),
-            **{name: content.get(name) for name in _MAKING},
+            **{name: content.get(name) for name in MAKING},
         )
 
 

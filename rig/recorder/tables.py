@@ -148,9 +148,9 @@ def create_entry(file: Any, header: RunHeader) -> Any:
         "dictionary": getattr(header.grid, "dictionary", ""),
         "grid_made": header.grid.grid_made or "",
     }
-    for name in ("scale_ratio_std", "skew_std", "flatness_std_mm"):
-        stated = getattr(header.grid, name)
-        grid[name] = np.nan if stated is None else stated
+    for item in schema.MAKING[1:]:
+        stated = getattr(header.grid, item.name)
+        grid[item.name] = np.nan if stated is None else stated
     _fill(create_group(entry, "grid", schema.GRID), schema.GRID, grid)
     mounting = header.mounting
     declared = {

@@ -86,7 +86,28 @@ def find_grid(
     """
     lines = (int(lines[0]), int(lines[1]))
     _require_possible(lines, pitch_mm, source)
-    grey = np.asarray(image, np.float32)
+    sampled, shape, extents = _lattice(np.asarray(image, np.float32), lines, source)
+    axes, spans = _axes_and_spans(sampled, shape, extents, lines, x_axis, origin_px, source)
+    seen = tuple(len(spans[axis]) for axis in axes.lattice_axes)
+    if seen != lines:
+        raise _refusal(source, lines, f"{seen[0]} × {seen[1]} lines")
+    crossing, sound = _crossings(sampled, shape, spans)
+    if np.count_nonzero(sound) < _SUFFICIENT * sound.size:
+        raise _refusal(source, lines, f"only {np.count_nonzero(sound)} of {sound.size} intersections")
+    index = axes.columns_and_rows(np.argwhere(sound) + np.array([spans[0][0], spans[1][0]]), spans)
+    by_row = np.lexsort((index[:, 0], index[:, 1]))
+    return GridPoints.on_lattice(
+        index[by_row], crossing[sound][by_row], lines, pitch_mm, axes.warnings, axes.orientation
+    )
+
+
+def _lattice(
+    grey: Grey, lines: tuple[int, int], source: str
+) -> tuple[GridImage, LatticeShape, tuple[range, range]]:
+    """Return the image with bright lines, the shape of the lattice of cells, and the extents of its lines.
+
+    Raises `CalibrationError` if the image shows no lattice of cells with lines between them.
+    """
     expected_cells = (lines[0] - 1) * (lines[1] - 1)
     cells = find_cells(grey, expected_cells)
     if len(cells.index) < max(_FEWEST_CELLS, expected_cells // 10):
@@ -100,18 +121,7 @@ def find_grid(
     if cells_are_round(sampled, shape, cells):
         got = "round areas without lines between them, such as dots"
         raise _refusal(source, lines, got, TargetNotSeen)
-    axes, spans = _axes_and_spans(sampled, shape, extents, lines, x_axis, origin_px, source)
-    seen = tuple(len(spans[axis]) for axis in axes.lattice_axes)
-    if seen != lines:
-        raise _refusal(source, lines, f"{seen[0]} × {seen[1]} lines")
-    crossing, sound = _crossings(sampled, shape, spans)
-    if np.count_nonzero(sound) < _SUFFICIENT * sound.size:
-        raise _refusal(source, lines, f"only {np.count_nonzero(sound)} of {sound.size} intersections")
-    index = axes.columns_and_rows(np.argwhere(sound) + np.array([spans[0][0], spans[1][0]]), spans)
-    by_row = np.lexsort((index[:, 0], index[:, 1]))
-    return GridPoints.on_lattice(
-        index[by_row], crossing[sound][by_row], lines, pitch_mm, axes.warnings, axes.orientation
-    )
+    return sampled, shape, extents
 
 
 def lines_seen(grey: Grey) -> tuple[int, int] | None:
