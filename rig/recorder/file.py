@@ -3,6 +3,7 @@
 import errno
 import os
 from collections.abc import Mapping
+from concurrent.futures import Future
 from contextlib import suppress
 from datetime import datetime
 from functools import partial
@@ -86,7 +87,9 @@ class OpenRunFile:
     ) -> None:
         self._entry = create_entry(self._hdf5, header)
         instrument = create_group(self._entry, "instrument", schema.INSTRUMENT)
-        self._cameras = {name: CameraTable(instrument, name, info) for name, info in cameras.items()}
+        self._cameras = {
+            name: CameraTable(instrument, name, info, self._descriptor) for name, info in cameras.items()
+        }
         layouts = {"stage": schema.STAGE, "load_frame": schema.LOAD_FRAME}
         self._states = {
             name: Table(create_group(instrument, name, layouts[name], info), layouts[name])
@@ -125,7 +128,7 @@ class OpenRunFile:
         little."""
         self._space.require(self._hdf5.id.get_filesize(), size)
 
-    def add_frame(self, camera: str, frame: Frame, step: int, digest: str, order: int) -> None:
+    def add_frame(self, camera: str, frame: Frame, step: int, digest: "Future[str]", order: int) -> None:
         """Add an image to its camera's table. `step` is the row of the step to which the image belongs."""
         self._cameras[camera].append(frame, step, digest, order)
 

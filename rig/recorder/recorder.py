@@ -102,7 +102,7 @@ class Recorder:
             row, step, order = self._rows[camera], self._steps, next(self._numbers)
             self._put(
                 what,
-                lambda file: file.add_frame(camera, frame, step, digest.result(), order),
+                lambda file: file.add_frame(camera, frame, step, digest, order),
                 camera=camera,
                 size=frame.image.nbytes,
             )

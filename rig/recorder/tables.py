@@ -1,6 +1,8 @@
 """Create and fill the HDF5 groups, datasets and tables of a run file. `dic.runfile.schema` describes them."""
 
+import os
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from typing import Any
@@ -76,23 +78,20 @@ def _rows_in_memory(count: int) -> Any:
 
 
 class CameraTable:
-    """The images of one camera, and the table with one row for each image. Each image is one HDF5 chunk."""
+    """The images of one camera, and the table with one row for each image. Each image is one HDF5 chunk.
 
-    def __init__(self, instrument: Any, name: str, info: CameraInfo) -> None:
+    `descriptor` is the open run file, to which the pixels are written.
+    """
+
+    def __init__(self, instrument: Any, name: str, info: CameraInfo, descriptor: int) -> None:
         group = create_group(instrument, name, schema.DETECTOR, info)
-        shape = (info.height_px, info.width_px)
-        # Use no HDF5 filter, because HDF5's own checksum (fletcher32) takes five times as long as a SHA-256.
-        self.data = group.create_dataset(
-            schema.PIXELS,
-            shape=(0, *shape),
-            maxshape=(None, *shape),
-            chunks=(1, *shape),
-            dtype=np.uint8 if info.bits <= 8 else np.uint16,
-        )
+        dtype = np.dtype(np.uint8 if info.bits <= 8 else np.uint16)
+        self.data = h5py.Dataset(_create_pixels(group, (info.height_px, info.width_px), dtype))
         self.data.attrs.update(schema.PIXELS_ATTRIBUTES)
-        self.group, self.table = group, Table(group, schema.DETECTOR)
+        self.group, self.table, self._descriptor = group, Table(group, schema.DETECTOR), descriptor
+        self._rows: list[tuple[Mapping[str, Any], Future[str]]] = []
 
-    def append(self, frame: Frame, step: int, digest: str, order: int) -> None:
+    def append(self, frame: Frame, step: int, digest: "Future[str]", order: int) -> None:
         """Write the pixels of an image, and keep the image's row in memory until `write` is called."""
         row = self.data.shape[0]
         image = np.ascontiguousarray(frame.image, self.data.dtype)
@@ -100,25 +99,49 @@ class CameraTable:
             expected, got = self.data.shape[1:], image.shape
             raise ValueError(f"an image of shape {got} where {expected} was announced")
         self.data.resize(row + 1, axis=0)
-        self.data.id.write_direct_chunk((row, 0, 0), image)
-        self.table.append(
-            exposed_s=frame.exposed_s,
-            received_s=frame.received_s,
-            utc_ns=(frame.utc - _EPOCH) // timedelta(microseconds=1) * 1000,
-            sequence=frame.sequence,
-            flags=frame.flags,
-            exposure_us=frame.exposure_us,
-            gain=frame.gain,
-            step=step,
-            digest=digest,
-            order=order,
-            valid=1,
-        )
+        # h5py would hold Python's lock while it writes the pixels, and all other threads would wait for the
+        # disk.
+        place = self.data.id.get_chunk_info_by_coord((row, 0, 0))
+        _write_all(self._descriptor, image, place.byte_offset)
+        values = {
+            "exposed_s": frame.exposed_s,
+            "received_s": frame.received_s,
+            "utc_ns": (frame.utc - _EPOCH) // timedelta(microseconds=1) * 1000,
+            "sequence": frame.sequence,
+            "flags": frame.flags,
+            "exposure_us": frame.exposure_us,
+            "gain": frame.gain,
+            "step": step,
+            "order": order,
+            "valid": 1,
+        }
+        self._rows.append((values, digest))
 
     def write(self) -> None:
-        """Flush the pixels, then write and flush all columns of the rows except ``valid``."""
+        """Flush the index of the pixels, then write and flush all columns of the rows except ``valid``."""
         self.data.flush()
+        for values, digest in self._rows:
+            self.table.append(digest=digest.result(), **values)
+        self._rows.clear()
         self.table.write()
+
+
+def _create_pixels(group: Any, shape: tuple[int, int], dtype: np.dtype[Any]) -> Any:
+    """Create the dataset of a camera's images, whose growth reserves the bytes of each image in the file."""
+    properties = _properties().copy()
+    # Use no HDF5 filter, because HDF5's own checksum (fletcher32) takes five times as long as a SHA-256.
+    properties.set_chunk((1, *shape))
+    properties.set_alloc_time(h5d.ALLOC_TIME_EARLY)
+    properties.set_fill_time(h5d.FILL_TIME_NEVER)
+    space = h5s.create_simple((0, *shape), (h5s.UNLIMITED, *shape))
+    return h5d.create(group.id, schema.PIXELS.encode(), _type(dtype), space, properties)
+
+
+def _write_all(descriptor: int, image: NDArray[Any], offset: int) -> None:
+    left = memoryview(image).cast("B")
+    while left:
+        count = os.pwrite(descriptor, left, offset)
+        left, offset = left[count:], offset + count
 
 
 def create_entry(file: Any, header: RunHeader) -> Any:

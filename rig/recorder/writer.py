@@ -60,8 +60,8 @@ class Writer(threading.Thread):
         self._waiting: Counter[str] = Counter()
         self._last: Callable[[], None] | None = None
         self._ended: Future[None] = Future()
-        self._unsynchronised = self._images = 0
-        self._synchronised_s = clock.now_s()
+        self._images = 0
+        self._unsynchronised_s: float | None = None  # the time of the first write after a synchronisation
         self._began_s: float | None = None
         self.failure: Exception | None = None
 
@@ -131,7 +131,9 @@ class Writer(threading.Thread):
         return full or any(job.urgent for job in self._jobs)
 
     def _patience_s(self) -> float | None:
-        return self._settings.sync_s if self._unsynchronised and self.failure is None else None
+        if self._unsynchronised_s is None or self.failure is not None:
+            return None
+        return max(0.0, self._unsynchronised_s + self._settings.sync_s - self._clock.now_s())
 
     def _write(self, jobs: list[WriteJob]) -> None:
         written: list[WriteJob] = []
@@ -164,16 +166,18 @@ class Writer(threading.Thread):
             yield job
 
     def _synchronise_if_due(self, written: list[WriteJob]) -> None:
-        self._unsynchronised += len(written)
+        # Count from the first write and not from the last synchronisation. Otherwise the first image after a
+        # pause would be synchronised at once, and its step and the images of other cameras would wait for it.
+        if self._unsynchronised_s is None:
+            self._unsynchronised_s = self._began_s or 0.0
         self._images += sum(job.camera is not None for job in written)
-        late = self._clock.now_s() - self._synchronised_s >= self._settings.sync_s
+        late = self._clock.now_s() - self._unsynchronised_s >= self._settings.sync_s
         if late or self._images >= self._settings.sync_frames or any(job.wait_for_disk for job in written):
             self._synchronise()
 
     def _synchronise(self) -> None:
         self._file.synchronise()
-        self._unsynchronised = self._images = 0
-        self._synchronised_s = self._clock.now_s()
+        self._images, self._unsynchronised_s = 0, None
 
     def _synchronise_quietly(self) -> None:
         try:

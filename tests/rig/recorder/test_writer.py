@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from drivers.clock import SystemClock
+from drivers.clock import SystemClock, VirtualClock
 from rig.recorder.writer import WriteJob, Writer
 from rig.recording import RecordingSettings
 
@@ -18,6 +18,7 @@ class Rows:
     def __init__(self):
         self.commits = [[]]
         self.written = threading.Event()
+        self.synchronised = 0
 
     def require_space(self, size):
         pass
@@ -30,17 +31,18 @@ class Rows:
         self.written.set()
 
     def synchronise(self):
-        pass
+        self.synchronised += 1
 
 
 @pytest.fixture
 def start():
-    """A function `start(gather_s)` that returns a file in memory and its writer."""
+    """A function `start(gather_s, clock)` that returns a file in memory and its writer."""
     writers = []
 
-    def begin(gather_s):
+    def begin(gather_s, clock=None):
         rows = Rows()
-        writer = Writer(rows, RecordingSettings(), SystemClock(), lambda what, error: error, gather_s)
+        settings = RecordingSettings(sync_s=PATIENCE_S)
+        writer = Writer(rows, settings, clock or SystemClock(), lambda what, error: error, gather_s)
         writer.start()
         writers.append(writer)
         return rows, writer
@@ -94,3 +96,26 @@ def test_the_end_of_the_file_waits_for_no_more_readings(start):
     assert writer.put(reading(0))
     writer.end(lambda: None).result(PATIENCE_S)
     assert rows.commits == [[0], []]
+
+
+def test_images_of_a_step_after_a_pause_are_synchronised_once_with_their_step(start):
+    clock = VirtualClock()
+    rows, writer = start(NEVER_S, clock)
+    for number in range(1, 4):
+        clock.sleep(2 * PATIENCE_S)
+        jobs = [image(0), image(1), step(2)]
+        for job in jobs:
+            assert writer.put(job)
+            job.done.result(PATIENCE_S)  # so that no batch has more than one of them
+        assert rows.synchronised == number
+
+
+def test_images_are_synchronised_when_the_first_of_them_has_waited_long_enough(start):
+    clock = VirtualClock()
+    rows, writer = start(NEVER_S, clock)
+    for number, synchronised in enumerate((0, 0, 1)):
+        job = image(number)
+        assert writer.put(job)
+        job.done.result(PATIENCE_S)
+        assert rows.synchronised == synchronised
+        clock.sleep(PATIENCE_S / 2)
