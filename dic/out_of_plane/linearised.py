@@ -1,11 +1,11 @@
 """Find the causes of a displacement field, by equations that are linearised about a plane of the specimen."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from dic.out_of_plane.causes import OUT_OF_PLANE, CameraSight, fields, places, strain_along
+from dic.out_of_plane.causes import OUT_OF_PLANE, fields, places, strain_along
 from dic.out_of_plane.evidence import Model, probabilities, weigh
 from dic.out_of_plane.expectations import Expectations
 from dic.out_of_plane.plane import Plane
@@ -74,7 +74,6 @@ class Linearised:
     def about(
         cls,
         plane: Plane,
-        sight: CameraSight,
         polynomial: Polynomial,
         poisson_ratio: float,
         along: Float,
@@ -84,26 +83,25 @@ class Linearised:
 
         The argument `per_slope_mm` (2,) is the shift that a unit of each slope causes.
         """
-        data = polynomial.rows(sight.moved(plane))
+        data = polynomial.sight.moved(plane)
         gradient = data[GRADIENT].reshape(2, 2)
-        columns = polynomial.rows(fields(sight, plane, gradient, poisson_ratio, along, per_slope_mm))
+        columns = fields(polynomial.sight, plane, gradient, poisson_ratio, along, per_slope_mm)
         return cls(plane, polynomial, data, columns, strain_along(gradient, along)[0])
 
     def models(self, expected: Expectations) -> list[Model]:
-        """Return the probable models. Their gains are the derivatives ∂/∂(coefficients of the polynomial)."""
-        white = _whitening(self._noise)
+        """Return the probable models for the whitened coefficients."""
+        white = self.polynomial.whitening
         # The slopes since the reference are expected to be 0. So the expected change of the present plane is
         # minus its slopes.
         mean = np.zeros(self.columns.shape[1])
         mean[places()["tilt"]] = -self.plane.slope_x, -self.plane.slope_y
-        models = weigh(
+        return weigh(
             white @ self.data[COEFFICIENTS],
             white @ self.columns[COEFFICIENTS],
             expected.std,
             mean,
             expected.log_prior,
         )
-        return [replace(model, gain=model.gain @ white) for model in models]
 
     def mean_step(self, models: Sequence[Model]) -> Float:
         """Return the mean change (2,) of the plane's slopes, averaged over the models."""
@@ -114,22 +112,16 @@ class Linearised:
         """Return the results of the models for the field."""
         return [self._outcome(m, expected.std[m.index], expected.kind(m.index)) for m in models]
 
-    @property
-    def _noise(self) -> Float:
-        noise = self.polynomial.noise + self.polynomial.by_calibration + self.polynomial.still
-        return np.asarray(noise[COEFFICIENTS, COEFFICIENTS])
-
     def _outcome(self, model: Model, std: Float, kind: tuple[bool, bool]) -> ModelOutcome:
-        at, gain = places(), model.gain
+        at, gain = places(), model.gain @ self.polynomial.whitening
         out = np.concatenate([np.arange(len(std))[at[name]] for name in OUT_OF_PLANE])
         false, tilt = self.columns[GRADIENT, out], at["tilt"]
         # An estimate has two kinds of errors: the part of its own cause that it misses, and the part of other
         # causes that it mistakes for its own.
         known = np.where(np.isinf(std), 0.0, std)
         missed = (gain @ self.columns[COEFFICIENTS] - np.eye(len(std))) * known
-        slope_std = np.sqrt(
-            (missed[tilt] ** 2).sum(axis=1) + np.einsum("kp,pq,kq->k", gain[tilt], self._noise, gain[tilt])
-        )
+        by_errors = gain[tilt] @ self.polynomial.errors @ gain[tilt].T
+        slope_std = np.sqrt((missed[tilt] ** 2).sum(axis=1) + np.diag(by_errors))
         rows = np.hstack([-false @ gain[out], np.eye(4)])
         parts = {
             "images": rows @ self.polynomial.noise @ rows.T,
@@ -152,10 +144,3 @@ class Linearised:
             np.hstack([-false @ missed[out][:, at[name]] for name in PARTS["mounting"]]),
             float(model.estimate[at["gradient"]][0]) / max(abs(self.strain), _NO_STRAIN),
         )
-
-
-def _whitening(covariance: Float) -> Float:
-    """Return a matrix W for which W `covariance` Wᵀ is the unit matrix."""
-    std = np.sqrt(np.diag(covariance))
-    factor = np.linalg.cholesky(covariance / np.outer(std, std))
-    return np.asarray(np.linalg.inv(factor) / std)

@@ -19,7 +19,7 @@ from dic.typing import Float, Mask
 _MIN_WINDOW_SHARE = 0.5
 
 _NEAR = 12
-"""If the errors of more rows or columns of points are correlated, a Fourier transform is faster than a sum."""
+"""Above this number of rows or columns with correlated errors, a Fourier transform is faster than a sum."""
 
 
 class MeanGradient(NamedTuple):
