@@ -26,9 +26,6 @@ from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.uncertainty import of_both_components, weighted_sums
 from dic.typing import Float
 
-_SMALL = 1e-6
-"""Step in slopes and heights (mm) by which numerical derivatives are computed."""
-
 _PLASTIC = 0.01
 """Above this strain, the measured lateral contraction is used instead of Poisson's ratio."""
 
@@ -94,8 +91,8 @@ class CameraSight:
 
     @cached_property
     def before_by_plane(self) -> Float:
-        """Derivatives of the reference positions with respect to the grid's plane; see `by_plane`."""
-        return by_plane(self.before.at, self.centre_mm, Plane())
+        """Derivatives (k, 2, 3) of the reference positions by slopes and shift of the grid's plane."""
+        return Plane().derivatives(self.before.at, self.centre_mm)
 
 
 def fields(
@@ -123,7 +120,7 @@ def fields(
         and shift mm, gradient and taper 1/mm (strain per mm).
     """
     F, after = gradient + np.eye(2), sight.after
-    by_after = by_plane(after.at, sight.centre_mm, plane)
+    by_after = plane.derivatives(after.at, sight.centre_mm)
     tilt = by_after[:, :, :2] + by_after[:, :, 2:] * per_slope_mm
     on_plane = plane.within(after.at, sight.centre_mm)
     bent = _bent(on_plane - after.share @ on_plane)[:, None, :] * _ray(after.at, sight.centre_mm)[:, :, None]
@@ -155,23 +152,6 @@ def _bent(centred_mm: Float) -> Float:
 def _ray(after_mm: Float, centre_mm: Float) -> Float:
     """Return the shift (n, 2) of calibrated positions by a height of 1 mm, away from the camera's foot."""
     return np.asarray((after_mm - centre_mm[:2]) / centre_mm[2])
-
-
-def by_plane(calibrated_mm: Float, centre_mm: Float, plane: Plane) -> Float:
-    """Return derivatives of positions on a plane, shape (n, 2, 3).
-
-    The columns are derivatives with respect to slope x, slope y and shift (mm).
-    """
-    at = np.array([plane.slope_x, plane.slope_y, plane.shift_mm])
-    sides = [
-        (
-            Plane(*(at + step)).within(calibrated_mm, centre_mm)
-            - Plane(*(at - step)).within(calibrated_mm, centre_mm)
-        )
-        / (2 * _SMALL)
-        for step in _SMALL * np.eye(3)
-    ]
-    return np.stack(sides, axis=-1)
 
 
 def main_direction(gradient: Float) -> Float:
