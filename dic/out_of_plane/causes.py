@@ -127,7 +127,7 @@ def fields(
     of_after = np.concatenate([-tilt, -by_after, -by_after[:, :, 2:], bent], axis=2)
     within = _within(sight.before.at - sight.middle_mm, gradient, poisson_ratio, along)
     of_before = np.concatenate([within, F @ sight.before_by_plane], axis=2)
-    # A field is a function of the positions in the reference, of those in the deformed image, or a sum of both.
+    # A field is a function of the positions before, of those after the deformation, or a sum of both.
     out = weighted_sums(after.weights, of_after)
     in_plane, mounted = np.split(weighted_sums(sight.before.weights, of_before), [10], axis=1)
     # A tilt or a gap that existed in the reference and did not change displaces the reference positions too.

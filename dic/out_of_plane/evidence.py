@@ -11,6 +11,7 @@ averaging*, 1999). So the uncertainty contains the differences between all model
 exclude.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,10 +46,16 @@ class Model:
     @property
     def gain(self) -> Float:
         """Derivative (k, p) of the estimate with respect to the data y; 0 for free parameters."""
-        gain = np.zeros((len(self.free), len(self.seen)))
-        scaled = np.linalg.solve(self.normal, self.units[:, None] * self.seen.T)
-        gain[~self.free] = self.units[:, None] * scaled
-        return gain
+        return np.asarray(gains([self])[0])
+
+
+def gains(models: Sequence[Model]) -> Float:
+    """Return the gains of models that have the same data and the same free parameters, (models, k, p)."""
+    free, seen = models[0].free, models[0].seen
+    units = np.array([model.units for model in models])[:, :, None]
+    gain = np.zeros((len(models), len(free), len(seen)))
+    gain[:, ~free] = units * np.linalg.solve(np.array([model.normal for model in models]), units * seen.T)
+    return gain
 
 
 def weigh(data: Float, columns: Float, prior_std: Float, prior_mean: Float, log_prior: Float) -> list[Model]:

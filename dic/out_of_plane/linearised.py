@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.out_of_plane.causes import OUT_OF_PLANE, fields, places, strain_along
-from dic.out_of_plane.evidence import Model, probabilities, weigh
+from dic.out_of_plane.evidence import Model, gains, probabilities, weigh
 from dic.out_of_plane.expectations import Expectations
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.polynomial import COEFFICIENTS, GRADIENT, Polynomial
@@ -110,37 +110,53 @@ class Linearised:
 
     def outcomes(self, models: Sequence[Model], expected: Expectations) -> list[ModelOutcome]:
         """Return the results of the models for the field."""
-        return [self._outcome(m, expected.std[m.index], expected.kind(m.index)) for m in models]
-
-    def _outcome(self, model: Model, std: Float, kind: tuple[bool, bool]) -> ModelOutcome:
-        at, gain = places(), model.gain @ self.polynomial.whitening
-        out = np.concatenate([np.arange(len(std))[at[name]] for name in OUT_OF_PLANE])
+        at, std = places(), expected.std[[model.index for model in models]]
+        gain = gains(models) @ self.polynomial.whitening
+        out = np.concatenate([np.arange(std.shape[1])[at[name]] for name in OUT_OF_PLANE])
         false, tilt = self.columns[GRADIENT, out], at["tilt"]
         # An estimate has two kinds of errors: the part of its own cause that it misses, and the part of other
         # causes that it mistakes for its own.
-        known = np.where(np.isinf(std), 0.0, std)
-        missed = (gain @ self.columns[COEFFICIENTS] - np.eye(len(std))) * known
-        by_errors = gain[tilt] @ self.polynomial.errors @ gain[tilt].T
-        slope_std = np.sqrt((missed[tilt] ** 2).sum(axis=1) + np.diag(by_errors))
-        rows = np.hstack([-false @ gain[out], np.eye(4)])
+        known = np.where(np.isinf(std), 0.0, std)[:, None, :]
+        missed = (gain @ self.columns[COEFFICIENTS] - np.eye(std.shape[1])) * known
+        by_errors = ((gain[:, tilt] @ self.polynomial.errors) * gain[:, tilt]).sum(axis=2)
+        slope_std = np.sqrt((missed[:, tilt] ** 2).sum(axis=2) + by_errors)
+        parts = self._parts(-false @ gain[:, out], false @ missed[:, out])
+        mounting = np.concatenate(
+            [-false @ missed[:, out][:, :, at[name]] for name in PARTS["mounting"]], axis=2
+        )
+        return [
+            ModelOutcome(
+                model.log_evidence,
+                *expected.kind(model.index),
+                model.misfit,
+                np.array([self.plane.slope_x, self.plane.slope_y]) + model.estimate[tilt],
+                slope_std[k],
+                model.estimate[at["curvature"]],
+                self.data[GRADIENT] - false @ model.estimate[out],
+                {name: part[k] for name, part in parts.items()},
+                mounting[k],
+                float(model.estimate[at["gradient"]][0]) / max(abs(self.strain), _NO_STRAIN),
+            )
+            for k, model in enumerate(models)
+        ]
+
+    def _parts(self, by_coefficients: Float, missed: Float) -> dict[str, Float]:
+        """Return the covariances (m, 4, 4) of the gradients of m models by their cause.
+
+        `by_coefficients`, shape (m, 4, 20): corrections of the gradients by the coefficients. `missed`, shape
+        (m, 4, 19): errors of the gradients by the causes.
+        """
+        rows = np.concatenate(
+            [by_coefficients, np.broadcast_to(np.eye(4), (len(by_coefficients), 4, 4))], axis=2
+        )
+        turned, polynomial = np.swapaxes(rows, 1, 2), self.polynomial
         parts = {
-            "images": rows @ self.polynomial.noise @ rows.T,
-            "calibration": rows @ self.polynomial.by_calibration @ rows.T,
-            "still": rows @ self.polynomial.still @ rows.T,
+            "images": rows @ polynomial.noise @ turned,
+            "calibration": rows @ polynomial.by_calibration @ turned,
+            "still": rows @ polynomial.still @ turned,
         }
         for part, names in PARTS.items():
             for name in names:
-                here = false @ missed[out][:, at[name]]
-                parts[part] = parts.get(part, np.zeros((4, 4))) + here @ here.T
-        return ModelOutcome(
-            model.log_evidence,
-            *kind,
-            model.misfit,
-            np.array([self.plane.slope_x, self.plane.slope_y]) + model.estimate[tilt],
-            slope_std,
-            model.estimate[at["curvature"]],
-            self.data[GRADIENT] - false @ model.estimate[out],
-            parts,
-            np.hstack([-false @ missed[out][:, at[name]] for name in PARTS["mounting"]]),
-            float(model.estimate[at["gradient"]][0]) / max(abs(self.strain), _NO_STRAIN),
-        )
+                here = missed[:, :, places()[name]]
+                parts[part] = parts.get(part, 0.0) + here @ np.swapaxes(here, 1, 2)
+        return parts

@@ -58,4 +58,4 @@ def _chebyshev() -> tuple[Float, Float]:
 
 
 def _polynomials(t: Float) -> Float:
-    return np.polynomial.chebyshev.chebvander(t, _ALONG - 1)
+    return np.asarray(np.polynomial.chebyshev.chebvander(t, _ALONG - 1), np.float64)

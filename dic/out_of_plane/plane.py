@@ -14,7 +14,6 @@ import numpy as np
 from dic.strain.displacement import Displacement
 from dic.typing import Float
 
-
 _STEP = 1e-5
 """Step in slopes by which numerical derivatives of axes are computed."""
 
@@ -109,7 +108,9 @@ class Plane:
         axes, m = self.axes, np.asarray(calibrated_mm, np.float64)
         numerator, denominator = self._numerator(centre_mm), self._denominator(m, centre_mm)
         beside = m - centre_mm[:2]
-        of_slopes = (centre_mm[:2] * denominator[..., None] + numerator * beside) / denominator[..., None] ** 2
+        of_slopes = (centre_mm[:2] * denominator[..., None] + numerator * beside) / denominator[
+            ..., None
+        ] ** 2
         of_reach = -np.concatenate([of_slopes, 1.0 / denominator[..., None]], axis=-1)
         to_grid = beside @ axes[:, :2].T - axes[:, 2] * centre_mm[2]
         found = to_grid[..., :, None] * of_reach[..., None, :]
