@@ -14,18 +14,17 @@ of the displacement (t², 0).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import accumulate
 from types import MappingProxyType
 
 import numpy as np
 
+from dic.out_of_plane.nodes import Nodes
 from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.uncertainty import of_both_components, weighted_sums
 from dic.typing import Float
-
-_SMALL = 1e-6
-"""Step in slopes and heights (mm) by which numerical derivatives are computed."""
 
 _PLASTIC = 0.01
 """Above this strain, the measured lateral contraction is used instead of Poisson's ratio."""
@@ -57,38 +56,49 @@ def places() -> Mapping[str, slice]:
 
 @dataclass(frozen=True)
 class CameraSight:
-    """The positions of a specimen's points as one camera measures them."""
+    """The positions of a specimen's points as one camera measures them, for p weighted sums over the points.
 
-    before_mm: Float
-    after_mm: Float
-    """Shape (n, 2). Calibrated positions in the reference and in the deformed image."""
+    The nodes stand for all points, with the weights of p sums of displacements; each has the shape (k, 2, p).
+    """
+
+    before: Nodes
+    after: Nodes
+    """Nodes over the calibrated positions in the reference and in the deformed image, mm."""
+    middle_mm: Float
+    """Shape (2,). Mean position of the points in the reference."""
     centre_mm: Float
     """Shape (3,). The camera's centre in the grid's axes."""
 
-    def moved(self, plane: Plane) -> Float:
-        """Return the displacements (n, 2) if the deformed specimen lies on `plane`."""
-        return np.asarray(plane.within(self.after_mm, self.centre_mm) - self.before_mm)
+    @classmethod
+    def of(cls, before_mm: Float, after_mm: Float, centre_mm: Float, weights: Float) -> "CameraSight":
+        """Return the sight of points with calibrated positions (n, 2), and weights (n, 2, p) or others.
 
-    @property
-    def centred_mm(self) -> Float:
-        """Positions in the reference relative to their mean, shape (n, 2)."""
-        return np.asarray(self.before_mm - self.before_mm.mean(axis=0))
+        `weights` of the shape (n, r) are those of each component, as for `of_both_components`.
+        """
+        before, after = (
+            replace(nodes, weights=of_both_components(nodes.weights))
+            for nodes in (Nodes.of(position, weights) for position in (before_mm, after_mm))
+        )
+        return cls(before, after, before_mm.mean(axis=0), centre_mm)
+
+    def moved(self, plane: Plane) -> Float:
+        """Return the sums (p,) of the displacements if the deformed specimen lies on `plane`."""
+        return weighted_sums(self.after.weights, plane.within(self.after.at, self.centre_mm)) - self._start
+
+    @cached_property
+    def _start(self) -> Float:
+        return weighted_sums(self.before.weights, self.before.at)
 
     @cached_property
     def before_by_plane(self) -> Float:
-        """Derivatives of the reference positions with respect to the grid's plane; see `by_plane`."""
-        return by_plane(self.before_mm, self.centre_mm, Plane())
-
-    @property
-    def ray(self) -> Float:
-        """Shift (n, 2) of calibrated positions by a height of 1 mm, away from the point below the camera."""
-        return np.asarray((self.after_mm - self.centre_mm[:2]) / self.centre_mm[2])
+        """Derivatives (k, 2, 3) of the reference positions by slopes and shift of the grid's plane."""
+        return Plane().derivatives(self.before.at, self.centre_mm)
 
 
 def fields(
     sight: CameraSight, plane: Plane, gradient: Float, poisson_ratio: float, along: Float, per_slope_mm: Float
 ) -> Float:
-    """Return the fields of all causes, shape (n, 2, 19), in the order of `SIZES`.
+    """Return the weighted sums of the fields of all causes, shape (p, 19), in the order of `SIZES`.
 
     Parameters
     ----------
@@ -106,57 +116,42 @@ def fields(
     Returns
     -------
     ndarray
-        The units are: affine motion mm and 1, bending and curvature 1/mm, tilts 1 (slope), gap and shift mm,
-        gradient and taper 1/mm (strain per mm).
+        The units of the fields are: affine motion mm and 1, bending and curvature 1/mm, tilts 1 (slope), gap
+        and shift mm, gradient and taper 1/mm (strain per mm).
     """
-    F = gradient + np.eye(2)
-    by_after = by_plane(sight.after_mm, sight.centre_mm, plane)
-    by_before = sight.before_by_plane
+    F, after = gradient + np.eye(2), sight.after
+    by_after = plane.derivatives(after.at, sight.centre_mm)
+    tilt = by_after[:, :, :2] + by_after[:, :, 2:] * per_slope_mm
+    on_plane = plane.within(after.at, sight.centre_mm)
+    bent = _bent(on_plane - after.share @ on_plane)[:, None, :] * _ray(after.at, sight.centre_mm)[:, :, None]
+    of_after = np.concatenate([-tilt, -by_after, -by_after[:, :, 2:], bent], axis=2)
+    within = _within(sight.before.at - sight.middle_mm, gradient, poisson_ratio, along)
+    of_before = np.concatenate([within, F @ sight.before_by_plane], axis=2)
+    # A field is a function of the positions before, of those after the deformation, or a sum of both.
+    out = weighted_sums(after.weights, of_after)
+    in_plane, mounted = np.split(weighted_sums(sight.before.weights, of_before), [10], axis=1)
     # A tilt or a gap that existed in the reference and did not change displaces the reference positions too.
     # The specimen's strain and rotation then act on this displacement.
-    mounted = by_after - np.stack([f[0] * by_before[:, 0] + f[1] * by_before[:, 1] for f in F], axis=1)
-    on_plane = plane.within(sight.after_mm, sight.centre_mm)
-    X, Y = (on_plane - on_plane.mean(axis=0)).T
-    heights = np.stack([X * X / 2, X * Y, Y * Y / 2], axis=-1)
-    curvature = heights[:, None, :] * sight.ray[:, :, None]
-    within = _within(sight.centred_mm, gradient, poisson_ratio, along)
-    return np.concatenate(
-        [
-            within[:, :, :8],
-            -by_after[:, :, :2] - by_after[:, :, 2:] * per_slope_mm,
-            -mounted[:, :, :2],
-            -mounted[:, :, 2:],
-            -by_after[:, :, 2:],
-            curvature,
-            within[:, :, 8:],
-        ],
-        axis=2,
-    )
+    out[:, 2:5] += mounted
+    return np.hstack([in_plane[:, :8], out, in_plane[:, 8:]])
 
 
-def curved(sight: CameraSight, plane: Plane, curvatures: Float) -> Float:
+def curved(after_mm: Float, centre_mm: Float, plane: Plane, curvatures: Float) -> Float:
     """Return the displacement field (n, 2) that three curvatures (along X, mixed, along Y; 1/mm) cause."""
-    on_plane = plane.within(sight.after_mm, sight.centre_mm)
-    X, Y = (on_plane - on_plane.mean(axis=0)).T
-    height = np.stack([X * X / 2, X * Y, Y * Y / 2], axis=-1) @ curvatures
-    return np.asarray(height[:, None] * sight.ray)
+    on_plane = plane.within(after_mm, centre_mm)
+    height = _bent(on_plane - on_plane.mean(axis=0)) @ curvatures
+    return np.asarray(height[:, None] * _ray(after_mm, centre_mm))
 
 
-def by_plane(calibrated_mm: Float, centre_mm: Float, plane: Plane) -> Float:
-    """Return derivatives of positions on a plane, shape (n, 2, 3).
+def _bent(centred_mm: Float) -> Float:
+    """Return the heights (n, 3) of surfaces with a curvature of 1/mm along X, mixed, and along Y."""
+    X, Y = centred_mm.T
+    return np.stack([X * X / 2, X * Y, Y * Y / 2], axis=-1)
 
-    The columns are derivatives with respect to slope x, slope y and shift (mm).
-    """
-    at = np.array([plane.slope_x, plane.slope_y, plane.shift_mm])
-    sides = [
-        (
-            Plane(*(at + step)).within(calibrated_mm, centre_mm)
-            - Plane(*(at - step)).within(calibrated_mm, centre_mm)
-        )
-        / (2 * _SMALL)
-        for step in _SMALL * np.eye(3)
-    ]
-    return np.stack(sides, axis=-1)
+
+def _ray(after_mm: Float, centre_mm: Float) -> Float:
+    """Return the shift (n, 2) of calibrated positions by a height of 1 mm, away from the camera's foot."""
+    return np.asarray((after_mm - centre_mm[:2]) / centre_mm[2])
 
 
 def main_direction(gradient: Float) -> Float:

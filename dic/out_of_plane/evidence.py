@@ -11,11 +11,12 @@ averaging*, 1999). So the uncertainty contains the differences between all model
 exclude.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from dic.typing import Float
+from dic.typing import Float, Mask
 
 _IGNORED = float(np.log(1e-4))
 """Models whose evidence is smaller than that of the best model by more than this factor are left out."""
@@ -33,10 +34,28 @@ class Model:
     """
     estimate: Float
     """Shape (k,). Estimate of the parameters; the prior mean for free parameters."""
-    gain: Float
-    """Shape (k, p). Derivative of the estimate with respect to the data y; 0 for free parameters."""
     misfit: float
     """Sum of the squares of the residuals and of the parameters, divided by their standard deviations."""
+    normal: Float
+    units: Float
+    """Shapes (k', k') and (k',). Normal equations of the k' parameters that are not free, in these units."""
+    seen: Float
+    free: Mask
+    """Shapes (p, k') and (k,). Columns of these parameters, and True for the free ones."""
+
+    @property
+    def gain(self) -> Float:
+        """Derivative (k, p) of the estimate with respect to the data y; 0 for free parameters."""
+        return np.asarray(gains([self])[0])
+
+
+def gains(models: Sequence[Model]) -> Float:
+    """Return the gains of models that have the same data and the same free parameters, (models, k, p)."""
+    free, seen = models[0].free, models[0].seen
+    units = np.array([model.units for model in models])[:, :, None]
+    gain = np.zeros((len(models), len(free), len(seen)))
+    gain[:, ~free] = units * np.linalg.solve(np.array([model.normal for model in models]), units * seen.T)
+    return gain
 
 
 def weigh(data: Float, columns: Float, prior_std: Float, prior_mean: Float, log_prior: Float) -> list[Model]:
@@ -65,25 +84,21 @@ def weigh(data: Float, columns: Float, prior_std: Float, prior_mean: Float, log_
     # Free parameters are integrated out: data and matrix are projected perpendicular to the columns of the
     # free parameters. The estimates of the free parameters are not needed.
     across = np.eye(len(data)) - _projection(columns[:, free])
-    left, seen = across @ (data - columns @ prior_mean), across @ np.where(free, 0.0, columns)
+    left, seen = across @ (data - columns @ prior_mean), across @ columns[:, ~free]
     # Express the parameters in units of their prior standard deviations. The equations of all models are then
     # well-conditioned, and an absent parameter needs no special case.
-    units = np.where(free, 0.0, prior_std)
-    normal = units[:, :, None] * (seen.T @ seen) * units[:, None, :] + np.eye(len(free))
-    inverse = np.linalg.inv(normal)
-    scaled = np.einsum("mij,mj->mi", inverse, units * (seen.T @ left))
+    units = prior_std[:, ~free]
+    normal = units[:, :, None] * (seen.T @ seen) * units[:, None, :] + np.eye(seen.shape[1])
+    scaled = np.linalg.solve(normal, (units * (seen.T @ left))[:, :, None])[:, :, 0]
     residual = left - (units * scaled) @ seen.T
     misfit = (residual**2).sum(axis=1) + (scaled**2).sum(axis=1)
     log_evidence = log_prior - 0.5 * misfit - 0.5 * np.linalg.slogdet(normal)[1]
+    likely = np.flatnonzero(log_evidence > log_evidence.max() + _IGNORED)
+    estimate = np.tile(prior_mean, (len(likely), 1))
+    estimate[:, ~free] += units[likely] * scaled[likely]
     return [
-        Model(
-            int(m),
-            float(log_evidence[m]),
-            prior_mean + units[m] * scaled[m],
-            units[m][:, None] * (inverse[m] @ (units[m][:, None] * seen.T)),
-            float(misfit[m]),
-        )
-        for m in np.flatnonzero(log_evidence > log_evidence.max() + _IGNORED)
+        Model(int(m), float(log_evidence[m]), found, float(misfit[m]), normal[m], units[m], seen, free)
+        for m, found in zip(likely, estimate, strict=True)
     ]
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.calibration.one_grid import shared_factors
-from dic.out_of_plane.causes import by_plane
 from dic.out_of_plane.correction import by_centre
 from dic.out_of_plane.parallax import Bulge, Heights, Pairs
 from dic.out_of_plane.uncertainty import block_diagonal, weighted_sums
@@ -77,7 +76,7 @@ class JointSystem:
         (plane, of_plane), bulge = heights.plane(), Bulge.of(heights.position_mm)
         weights = gradient_weights(self.pairs.first.before_mm[self.pairs.chosen])
         of_places = [
-            weighted_sums(weights, by_plane(after_mm, centre_mm, plane))
+            weighted_sums(weights, plane.derivatives(after_mm, centre_mm))
             for after_mm, centre_mm in zip(self.pairs.positions_mm(), self.centres_mm, strict=True)
         ]
         through_plane = of_plane @ np.vstack([*of_places, np.eye(3)]).T

@@ -1,12 +1,12 @@
 """Find the causes of a displacement field, by equations that are linearised about a plane of the specimen."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from dic.out_of_plane.causes import OUT_OF_PLANE, CameraSight, fields, places, strain_along
-from dic.out_of_plane.evidence import Model, probabilities, weigh
+from dic.out_of_plane.causes import OUT_OF_PLANE, fields, places, strain_along
+from dic.out_of_plane.evidence import Model, gains, probabilities, weigh
 from dic.out_of_plane.expectations import Expectations
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.polynomial import COEFFICIENTS, GRADIENT, Polynomial
@@ -74,7 +74,6 @@ class Linearised:
     def about(
         cls,
         plane: Plane,
-        sight: CameraSight,
         polynomial: Polynomial,
         poisson_ratio: float,
         along: Float,
@@ -84,26 +83,25 @@ class Linearised:
 
         The argument `per_slope_mm` (2,) is the shift that a unit of each slope causes.
         """
-        data = polynomial.rows(sight.moved(plane))
+        data = polynomial.sight.moved(plane)
         gradient = data[GRADIENT].reshape(2, 2)
-        columns = polynomial.rows(fields(sight, plane, gradient, poisson_ratio, along, per_slope_mm))
+        columns = fields(polynomial.sight, plane, gradient, poisson_ratio, along, per_slope_mm)
         return cls(plane, polynomial, data, columns, strain_along(gradient, along)[0])
 
     def models(self, expected: Expectations) -> list[Model]:
-        """Return the probable models. Their gains are the derivatives ∂/∂(coefficients of the polynomial)."""
-        white = _whitening(self._noise)
+        """Return the probable models for the whitened coefficients."""
+        white = self.polynomial.whitening
         # The slopes since the reference are expected to be 0. So the expected change of the present plane is
         # minus its slopes.
         mean = np.zeros(self.columns.shape[1])
         mean[places()["tilt"]] = -self.plane.slope_x, -self.plane.slope_y
-        models = weigh(
+        return weigh(
             white @ self.data[COEFFICIENTS],
             white @ self.columns[COEFFICIENTS],
             expected.std,
             mean,
             expected.log_prior,
         )
-        return [replace(model, gain=model.gain @ white) for model in models]
 
     def mean_step(self, models: Sequence[Model]) -> Float:
         """Return the mean change (2,) of the plane's slopes, averaged over the models."""
@@ -112,50 +110,53 @@ class Linearised:
 
     def outcomes(self, models: Sequence[Model], expected: Expectations) -> list[ModelOutcome]:
         """Return the results of the models for the field."""
-        return [self._outcome(m, expected.std[m.index], expected.kind(m.index)) for m in models]
-
-    @property
-    def _noise(self) -> Float:
-        noise = self.polynomial.noise + self.polynomial.by_calibration + self.polynomial.still
-        return np.asarray(noise[COEFFICIENTS, COEFFICIENTS])
-
-    def _outcome(self, model: Model, std: Float, kind: tuple[bool, bool]) -> ModelOutcome:
-        at, gain = places(), model.gain
-        out = np.concatenate([np.arange(len(std))[at[name]] for name in OUT_OF_PLANE])
+        at, std = places(), expected.std[[model.index for model in models]]
+        gain = gains(models) @ self.polynomial.whitening
+        out = np.concatenate([np.arange(std.shape[1])[at[name]] for name in OUT_OF_PLANE])
         false, tilt = self.columns[GRADIENT, out], at["tilt"]
         # An estimate has two kinds of errors: the part of its own cause that it misses, and the part of other
         # causes that it mistakes for its own.
-        known = np.where(np.isinf(std), 0.0, std)
-        missed = (gain @ self.columns[COEFFICIENTS] - np.eye(len(std))) * known
-        slope_std = np.sqrt(
-            (missed[tilt] ** 2).sum(axis=1) + np.einsum("kp,pq,kq->k", gain[tilt], self._noise, gain[tilt])
+        known = np.where(np.isinf(std), 0.0, std)[:, None, :]
+        missed = (gain @ self.columns[COEFFICIENTS] - np.eye(std.shape[1])) * known
+        by_errors = ((gain[:, tilt] @ self.polynomial.errors) * gain[:, tilt]).sum(axis=2)
+        slope_std = np.sqrt((missed[:, tilt] ** 2).sum(axis=2) + by_errors)
+        parts = self._parts(-false @ gain[:, out], false @ missed[:, out])
+        mounting = np.concatenate(
+            [-false @ missed[:, out][:, :, at[name]] for name in PARTS["mounting"]], axis=2
         )
-        rows = np.hstack([-false @ gain[out], np.eye(4)])
+        return [
+            ModelOutcome(
+                model.log_evidence,
+                *expected.kind(model.index),
+                model.misfit,
+                np.array([self.plane.slope_x, self.plane.slope_y]) + model.estimate[tilt],
+                slope_std[k],
+                model.estimate[at["curvature"]],
+                self.data[GRADIENT] - false @ model.estimate[out],
+                {name: part[k] for name, part in parts.items()},
+                mounting[k],
+                float(model.estimate[at["gradient"]][0]) / max(abs(self.strain), _NO_STRAIN),
+            )
+            for k, model in enumerate(models)
+        ]
+
+    def _parts(self, by_coefficients: Float, missed: Float) -> dict[str, Float]:
+        """Return the covariances (m, 4, 4) of the gradients of m models by their cause.
+
+        `by_coefficients`, shape (m, 4, 20): corrections of the gradients by the coefficients. `missed`, shape
+        (m, 4, 19): errors of the gradients by the causes.
+        """
+        rows = np.concatenate(
+            [by_coefficients, np.broadcast_to(np.eye(4), (len(by_coefficients), 4, 4))], axis=2
+        )
+        turned, polynomial = np.swapaxes(rows, 1, 2), self.polynomial
         parts = {
-            "images": rows @ self.polynomial.noise @ rows.T,
-            "calibration": rows @ self.polynomial.by_calibration @ rows.T,
-            "still": rows @ self.polynomial.still @ rows.T,
+            "images": rows @ polynomial.noise @ turned,
+            "calibration": rows @ polynomial.by_calibration @ turned,
+            "still": rows @ polynomial.still @ turned,
         }
         for part, names in PARTS.items():
             for name in names:
-                here = false @ missed[out][:, at[name]]
-                parts[part] = parts.get(part, np.zeros((4, 4))) + here @ here.T
-        return ModelOutcome(
-            model.log_evidence,
-            *kind,
-            model.misfit,
-            np.array([self.plane.slope_x, self.plane.slope_y]) + model.estimate[tilt],
-            slope_std,
-            model.estimate[at["curvature"]],
-            self.data[GRADIENT] - false @ model.estimate[out],
-            parts,
-            np.hstack([-false @ missed[out][:, at[name]] for name in PARTS["mounting"]]),
-            float(model.estimate[at["gradient"]][0]) / max(abs(self.strain), _NO_STRAIN),
-        )
-
-
-def _whitening(covariance: Float) -> Float:
-    """Return a matrix W for which W `covariance` Wᵀ is the unit matrix."""
-    std = np.sqrt(np.diag(covariance))
-    factor = np.linalg.cholesky(covariance / np.outer(std, std))
-    return np.asarray(np.linalg.inv(factor) / std)
+                here = missed[:, :, places()[name]]
+                parts[part] = parts.get(part, 0.0) + here @ np.swapaxes(here, 1, 2)
+        return parts

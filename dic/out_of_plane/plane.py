@@ -14,6 +14,9 @@ import numpy as np
 from dic.strain.displacement import Displacement
 from dic.typing import Float
 
+_STEP = 1e-5
+"""Step in slopes by which numerical derivatives of axes are computed."""
+
 
 @dataclass(frozen=True)
 class Plane:
@@ -99,6 +102,27 @@ class Plane:
             - (reach / denominator)[..., None, None] * to_grid[..., :, None] * slopes
         )
         return np.asarray(self.axes @ in_space)
+
+    def derivatives(self, calibrated_mm: Float, centre_mm: Float) -> Float:
+        """Return the derivatives of `within` with respect to slope x, slope y and shift, shape (…, 2, 3)."""
+        axes, m = self.axes, np.asarray(calibrated_mm, np.float64)
+        numerator, denominator = self._numerator(centre_mm), self._denominator(m, centre_mm)
+        beside = m - centre_mm[:2]
+        of_slopes = (centre_mm[:2] * denominator[..., None] + numerator * beside) / denominator[
+            ..., None
+        ] ** 2
+        of_reach = -np.concatenate([of_slopes, 1.0 / denominator[..., None]], axis=-1)
+        to_grid = beside @ axes[:, :2].T - axes[:, 2] * centre_mm[2]
+        found = to_grid[..., :, None] * of_reach[..., None, :]
+        found[..., 2] -= axes[:, 2]
+        above = self.met(m, centre_mm) - [0.0, 0.0, self.shift_mm]
+        for k, step in enumerate(_STEP * np.eye(2)):
+            ahead, behind = (
+                replace(self, slope_x=self.slope_x + x, slope_y=self.slope_y + y).axes
+                for x, y in (step, -step)
+            )
+            found[..., k] += above @ (ahead - behind).T / (2 * _STEP)
+        return np.asarray(found)
 
     def _numerator(self, centre_mm: Float) -> float:
         x, y, z = centre_mm

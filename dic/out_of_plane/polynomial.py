@@ -1,14 +1,13 @@
 """Reduce a displacement field to the polynomial of third degree that fits it, with its errors."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from dic.out_of_plane.causes import CameraSight
-from dic.out_of_plane.correction import by_centre
 from dic.out_of_plane.plane import Plane
-from dic.out_of_plane.uncertainty import Points, weighted_sums
-from dic.strain.fit import gradient_weights
+from dic.out_of_plane.uncertainty import Points, of_both_components
 from dic.typing import Float
 
 _DEGREE = 3
@@ -27,42 +26,69 @@ class Polynomial:
     """
 
     points: Points
-    weights: Float
-    """Shape (n, 2, 24). Weights of the displacements in the 24 rows."""
-    noise: Float
+    terms: Float
+    """Shape (n, 10). The terms of the polynomial at the points."""
+    to_rows: Float
+    """Shape (24, 20). The mean gradient depends on the displacements only through the coefficients."""
+    sight: CameraSight
+    """The positions of the points, with the weights of the 24 rows."""
+    by_images: Float
     by_calibration: Float
     still: Float
     """Shape (24, 24). Covariances of the 24 rows by the noise of the images, by the calibration, and by the
     errors that still images show.
     """
+    smooth_px: float | None = None
+    """Size of smooth errors, for `Points.smooth_covariance`."""
 
     @classmethod
-    def of(cls, points: Points, centre_mm: Float, smooth_px: float | None = None) -> "Polynomial":
-        """Return the polynomial's weights and errors; `smooth_px` is the size of smooth errors."""
-        terms = np.linalg.pinv(polynomial_terms(points.before_mm)).T
-        none = np.zeros_like(terms)
-        coefficients = np.stack([np.hstack([terms, none]), np.hstack([none, terms])], axis=1)
-        weights = np.concatenate([coefficients, gradient_weights(points.before_mm)], axis=2)
+    def of(cls, points: Points, centre_mm: Float) -> "Polynomial":
+        """Return the polynomial's weights and errors; `centre_mm` (3,) is the camera's centre."""
+        terms = polynomial_terms(points.before_mm)
+        weights = np.asarray(np.linalg.solve(terms.T @ terms, terms.T).T)
+        centred = points.before_mm - points.before_mm.mean(axis=0)
+        slopes = np.linalg.solve(centred.T @ centred, centred.T @ terms)
+        to_rows = np.vstack([np.eye(20), np.kron(np.eye(2), slopes)])
+        sight = CameraSight.of(points.before_mm, points.after_mm, centre_mm, weights)
+        before, after = (
+            replace(nodes, weights=nodes.weights @ to_rows.T) for nodes in (sight.before, sight.after)
+        )
+        both = of_both_components(weights)
+        of_map = to_rows @ points.calibration_factors(weights)[0]
+        return cls(
+            points,
+            terms,
+            to_rows,
+            replace(sight, before=before, after=after),
+            to_rows @ points.noise_covariance(both) @ to_rows.T,
+            np.asarray(of_map @ of_map.T),
+            to_rows @ points.still_covariance(both) @ to_rows.T,
+        )
 
-        def estimate(centre_mm: Float) -> Float:
-            return weighted_sums(
-                weights, CameraSight(points.before_mm, points.after_mm, centre_mm).moved(Plane())
-            )
+    @cached_property
+    def noise(self) -> Float:
+        """Covariance (24, 24) of the rows by the noise of the images and by smooth errors."""
+        of_smooth = self.points.smooth_mm(self.smooth_px) * self.to_rows[:, np.arange(20) % 10 > 0]
+        return np.asarray(self.by_images + of_smooth @ of_smooth.T)
 
-        noise = points.noise_covariance(weights) + points.smooth_covariance(weights, _DEGREE, smooth_px)
-        of_map, of_centre = points.calibration_factors(weights)
-        factors = of_map + by_centre(estimate, centre_mm) @ of_centre
-        by_calibration = np.asarray(factors @ factors.T)
-        return cls(points, weights, noise, by_calibration, points.still_covariance(weights))
+    @cached_property
+    def errors(self) -> Float:
+        """Covariance (20, 20) of the coefficients by all errors."""
+        every = self.noise + self.by_calibration + self.still
+        return np.asarray(every[COEFFICIENTS, COEFFICIENTS])
 
-    def rows(self, field: Float) -> Float:
-        """Return the 24 rows of a displacement field (n, 2), or of several fields (n, 2, k)."""
-        return weighted_sums(self.weights, field)
+    @cached_property
+    def whitening(self) -> Float:
+        """Matrix W (20, 20) for which W `errors` Wᵀ is the unit matrix."""
+        std = np.sqrt(np.diag(self.errors))
+        factor = np.linalg.cholesky(self.errors / np.outer(std, std))
+        return np.asarray(np.linalg.inv(factor) / std)
 
-    def residual_mm(self, field: Float) -> Float:
-        """Return the part of a displacement field (n, 2) that the polynomial does not fit."""
-        terms = polynomial_terms(self.points.before_mm)
-        return np.asarray(field - terms @ self.rows(field)[COEFFICIENTS].reshape(2, 10).T)
+    def residual_mm(self, plane: Plane) -> Float:
+        """Return the part of the displacements (n, 2) on a plane that the polynomial does not fit."""
+        points, centre_mm = self.points, self.sight.centre_mm
+        moved_mm = plane.within(points.after_mm, centre_mm) - points.before_mm
+        return np.asarray(moved_mm - self.terms @ self.sight.moved(plane)[COEFFICIENTS].reshape(2, 10).T)
 
 
 def polynomial_terms(position_mm: Float) -> Float:

@@ -10,7 +10,7 @@ from dic.out_of_plane.expectations import unmeasured
 from dic.out_of_plane.linearised import PARTS
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.shift import Shift
-from dic.out_of_plane.uncertainty import Points, weighted_sums
+from dic.out_of_plane.uncertainty import Points
 from dic.strain.fit import gradient_weights
 from dic.strain.tensor import strain_covariance
 from dic.typing import Float
@@ -79,15 +79,11 @@ def open_parts(points: Points, shift: Shift) -> tuple[Float, dict[str, Float]]:
     pinhole = points.calibration.pinhole
     if pinhole is None:
         raise ValueError("this calibration knows no camera centre")
-    sight, weights = (
-        CameraSight(points.before_mm, points.after_mm, pinhole.centre_mm),
-        gradient_weights(points.before_mm),
-    )
-    gradient = points.mean_gradient
+    weights, gradient = gradient_weights(points.before_mm), points.mean_gradient
+    sight = CameraSight.of(points.before_mm, points.after_mm, pinhole.centre_mm, weights)
     shift = shift.during(points, gradient)
     thinned_mm = 0.0 if shift.thickness_mm is None else shift.thinned_mm(gradient)
-    own = fields(sight, Plane(), gradient, 0.0, np.array([1.0, 0.0]), shift.per_slope_mm)
-    false = weighted_sums(weights, own)
+    false = fields(sight, Plane(), gradient, 0.0, np.array([1.0, 0.0]), shift.per_slope_mm)
     of_map, _ = points.calibration_factors(weights)
     covariances = {
         "images": points.noise_covariance(weights) + points.smooth_covariance(weights),

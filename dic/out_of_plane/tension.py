@@ -12,9 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from dic.calibration.calibration import Calibration
-from dic.out_of_plane.causes import CameraSight, curved
+from dic.out_of_plane.causes import curved
 from dic.out_of_plane.correction import Correction, points_of
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
+from dic.out_of_plane.polynomial import Polynomial
 from dic.out_of_plane.reasons import turned_camera_reason, uncertain_mounting, uneven_reason
 from dic.out_of_plane.recession import covering_contraction, with_travel, without_thinning
 from dic.out_of_plane.shift import Shift
@@ -72,14 +73,15 @@ def correct_tilt(
     points = points_of(measurement, calibration)
     objection = _unsuitable(measurement, points)
     if objection is not None:
-        return declined("tilt", measurement, calibration, objection, shift, poisson_ratio)
-    fit = fit_tilt(points, pinhole.centre_mm, poisson_ratio, shift)
+        return declined("tilt", measurement, calibration, objection, shift, poisson_ratio, points)
+    polynomial = Polynomial.of(points, pinhole.centre_mm)
+    fit = fit_tilt(polynomial, poisson_ratio, shift)
     local = _unexplained(fit, points, calibration.mm_per_px)
     if local is not None:
-        suspicion = suspect(points, pinhole.centre_mm, poisson_ratio, shift)
+        suspicion = suspect(polynomial, poisson_ratio, shift)
         half_width_mm = float(np.abs(points.before_mm - points.before_mm.mean(axis=0)).max())
         reason = uneven_reason(fit.misfit, _UNEXPLAINED, suspicion, half_width_mm, local)
-        return declined("tilt", measurement, calibration, reason, shift, poisson_ratio)
+        return declined("tilt", measurement, calibration, reason, shift, poisson_ratio, points)
     fit = with_travel(fit, shift, points)
     fit, numbers = without_thinning(fit, shift, poisson_ratio, pinhole.centre_mm)
     height_mm = float(fit.plane.to_axes(pinhole.centre_mm)[2])
@@ -94,14 +96,17 @@ def declined(
     reason: str,
     shift: Shift,
     poisson_ratio: float | None = None,
+    points: Points | None = None,
 ) -> Correction:
     """Return the calibrated strain with the reason why it is not corrected.
 
     The standard deviations contain the expected motion of a specimen out of the plane. The argument
-    `poisson_ratio` is that of a specimen in tension; None for another motion.
+    `poisson_ratio` is that of a specimen in tension; None for another motion. `points`: the points of the
+    measurement, if they are known.
     """
     pinhole = calibration.pinhole
-    points = None if pinhole is None else points_of(measurement, calibration)
+    if points is None and pinhole is not None:
+        points = points_of(measurement, calibration)
     if pinhole is None or points is None or not points.determine(1) or points.displacement.noise is None:
         return Correction.refused(method, measurement, reason)
     measure = measurement.strain_settings.measure
@@ -199,9 +204,8 @@ def _doubt(fit: TiltFit) -> str:
 def _flattened(points: Points, fit: TiltFit, centre_mm: Float) -> Displacement:
     """Return the displacements within the specimen's surface, without tilt and curvature."""
     moved = moved_out_of_plane(points.displacement, centre_mm, Plane(), fit.plane)
-    sight = CameraSight(points.before_mm, points.after_mm, centre_mm)
     vector = moved.vector.copy()
-    vector[points.use] -= curved(sight, fit.plane, fit.curvatures)
+    vector[points.use] -= curved(points.after_mm, centre_mm, fit.plane, fit.curvatures)
     return replace(moved, vector=vector)
 
 

@@ -9,19 +9,18 @@ causes are fitted to its 20 coefficients. The models are averaged by their evide
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
-from dic.out_of_plane.causes import CameraSight, main_direction
+from dic.out_of_plane.causes import main_direction
 from dic.out_of_plane.evidence import probabilities
 from dic.out_of_plane.expectations import Expectations
 from dic.out_of_plane.linearised import Linearised, ModelOutcome
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.polynomial import Polynomial
 from dic.out_of_plane.shift import Shift
-from dic.out_of_plane.uncertainty import Points
 from dic.typing import Float
 
 _STEPS = 8
@@ -74,25 +73,20 @@ class TiltFit:
         return np.asarray(np.sum(list(self.parts.values()), axis=0))
 
 
-def fit_tilt(points: Points, centre_mm: Float, poisson_ratio: float, shift: Shift) -> TiltFit:
+def fit_tilt(polynomial: Polynomial, poisson_ratio: float, shift: Shift) -> TiltFit:
     """Find the motion out of the plane and the strain that together explain a displacement field.
 
-    `points`: the points of the displacement field, at least a few dozen. `centre_mm`, shape (3,): the
-    camera's centre in the grid's axes. `poisson_ratio`: Poisson's ratio of the specimen. `shift`: knowledge
-    about the specimen's shift towards the camera.
+    `polynomial`: the displacement field of at least a few dozen points. `poisson_ratio`: Poisson's ratio of
+    the specimen. `shift`: knowledge about the specimen's shift towards the camera.
     """
-    fit = _fit(points, centre_mm, poisson_ratio, shift, None)
+    fit = _fit(polynomial, poisson_ratio, shift)
     if fit.misfit > _STRANGE:
-        fit = _fit(points, centre_mm, poisson_ratio, shift, _ROUGH_PX)
+        fit = _fit(replace(polynomial, smooth_px=_ROUGH_PX), poisson_ratio, shift)
     return fit
 
 
-def _fit(
-    points: Points, centre_mm: Float, poisson_ratio: float, shift: Shift, smooth_px: float | None
-) -> TiltFit:
-    polynomial = Polynomial.of(points, centre_mm, smooth_px)
-    sight = CameraSight(points.before_mm, points.after_mm, centre_mm)
-    expected = Expectations.of(shift.std_mm, float(np.abs(sight.centred_mm).max()))
+def _fit(polynomial: Polynomial, poisson_ratio: float, shift: Shift) -> TiltFit:
+    expected = Expectations.of(shift.std_mm, _half_width_mm(polynomial))
     outcomes: list[ModelOutcome] = []
     # The equations are linearised about a plane. Different kinds of models find different planes, so each
     # kind is solved about its own plane.
@@ -100,10 +94,14 @@ def _fit(
         start = _mean_plane(outcomes, shift) if outcomes else Plane()
         kind = expected.only(curved=curved, graded=graded)
         for along in _directions(outcomes) if graded else [np.array([1.0, 0.0])]:
-            found = _converged(start, kind, (sight, polynomial, poisson_ratio, along), shift)
+            found = _converged(start, kind, (polynomial, poisson_ratio, along), shift)
             outcomes += [o for o in found if not graded or o.stretched_along(along)]
-    residual_mm = polynomial.residual_mm(sight.moved(_mean_plane(outcomes, shift)))
-    return _averaged(outcomes, shift, residual_mm)
+    return _averaged(outcomes, shift, polynomial.residual_mm(_mean_plane(outcomes, shift)))
+
+
+def _half_width_mm(polynomial: Polynomial) -> float:
+    before_mm = polynomial.points.before_mm
+    return float(np.abs(before_mm - before_mm.mean(axis=0)).max())
 
 
 @dataclass(frozen=True)
@@ -119,27 +117,17 @@ class Suspicion:
     """Gradient of the strain as a fraction of the strain, if the gradient is the cause."""
 
 
-def suspect(points: Points, centre_mm: Float, poisson_ratio: float, shift: Shift) -> Suspicion:
+def suspect(polynomial: Polynomial, poisson_ratio: float, shift: Shift) -> Suspicion:
     """Find out whether one strong cause explains a field; the parameters are those of `fit_tilt`."""
-    polynomial = Polynomial.of(points, centre_mm, _ROUGH_PX)
-    sight = CameraSight(points.before_mm, points.after_mm, centre_mm)
-    expected = Expectations.of(shift.std_mm, float(np.abs(sight.centred_mm).max())).wide()
-    bent = _converged(
-        Plane(),
-        expected.only(curved=True, graded=False),
-        (sight, polynomial, poisson_ratio, np.array([1.0, 0.0])),
-        shift,
-    )
-    graded = [
-        outcome
-        for along in np.eye(2)
-        for outcome in _converged(
-            Plane(),
-            expected.only(curved=False, graded=True),
-            (sight, polynomial, poisson_ratio, along),
-            shift,
-        )
-    ]
+    polynomial = replace(polynomial, smooth_px=_ROUGH_PX)
+    expected = Expectations.of(shift.std_mm, _half_width_mm(polynomial)).wide()
+
+    def found(kind: Expectations, along: Float) -> list[ModelOutcome]:
+        return _converged(Plane(), kind, (polynomial, poisson_ratio, along), shift)
+
+    bent = found(expected.only(curved=True, graded=False), np.array([1.0, 0.0]))
+    of_gradient = expected.only(curved=False, graded=True)
+    graded = [outcome for along in np.eye(2) for outcome in found(of_gradient, along)]
     best_bent, best_graded = (min(found, key=lambda o: o.misfit) for found in (bent, graded))
     xx, xy, yy = best_bent.curvatures
     largest = float(np.abs(np.linalg.eigvalsh([[xx, xy], [xy, yy]])).max())
@@ -159,7 +147,7 @@ def _directions(outcomes: Sequence[ModelOutcome]) -> list[Float]:
 
 
 def _converged(
-    plane: Plane, kind: Expectations, equations: tuple[CameraSight, Polynomial, float, Float], shift: Shift
+    plane: Plane, kind: Expectations, equations: tuple[Polynomial, float, Float], shift: Shift
 ) -> list[ModelOutcome]:
     """Return the outcomes of one kind of models, linearised about the plane that these models give."""
     for _ in range(_STEPS):

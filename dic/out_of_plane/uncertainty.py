@@ -15,6 +15,7 @@ import numpy as np
 from dic.calibration.calibration import Calibration
 from dic.image.threads import bands_of
 from dic.out_of_plane.map_errors import MapErrors, in_order
+from dic.out_of_plane.nodes import Nodes
 from dic.out_of_plane.plane import Plane
 from dic.strain.displacement import Displacement
 from dic.strain.fit import covariance_of_sums, slopes_of
@@ -62,12 +63,12 @@ class Points:
         """Calibrated positions of the points in the reference, shape (n, 2)."""
         return self.displacement.position[self.use]
 
-    @property
+    @cached_property
     def after_mm(self) -> Float:
         """Calibrated positions of the points in the deformed image, shape (n, 2)."""
         return self.before_mm + self.displacement.vector[self.use]
 
-    @property
+    @cached_property
     def mean_gradient(self) -> Float:
         """Mean displacement gradient of the calibrated displacements, shape (2, 2)."""
         return slopes_of(self.before_mm, self.after_mm - self.before_mm)
@@ -129,13 +130,17 @@ class Points:
         """
         centred = self.before_mm - self.before_mm.mean(axis=0)
         x, y = (centred / np.abs(centred).max()).T
-        whole_mm = (_SMOOTH_PX if smooth_px is None else smooth_px) * self.calibration.mm_per_px
-        size_mm = np.sqrt(max(whole_mm**2 - self._bias_mm2, 0.0))
+        size_mm = self.smooth_mm(smooth_px)
         powers = [(total - k, k) for total in range(1, degree + 1) for k in range(total + 1)]
         terms = size_mm * np.stack([x**i * y**j for i, j in powers], axis=1)
         factors = (weights.reshape(len(weights), -1).T @ terms).reshape(2, weights.shape[2], -1)
         factors = np.concatenate(list(factors), axis=1)
         return np.asarray(factors @ factors.T)
+
+    def smooth_mm(self, smooth_px: float | None = None) -> float:
+        """Return the size of the errors of `smooth_covariance`, mm."""
+        whole_mm = (_SMOOTH_PX if smooth_px is None else smooth_px) * self.calibration.mm_per_px
+        return float(np.sqrt(max(whole_mm**2 - self._bias_mm2, 0.0)))
 
     def still_covariance(self, weights: Float) -> Float:
         """Return the covariance (p, p) of p weighted sums by the errors that still images show."""
@@ -170,7 +175,8 @@ class Points:
         errors of the map and of the camera's centre are correlated: a grid that appears too large gives a
         camera that is too near. For the bicubic map, the errors are assumed to be independent of the centre.
 
-        `weights`, shape (n, 2, p): weights of the displacements in the sums.
+        `weights`, shape (n, 2, p): weights of the displacements in the sums; or shape (n, r): those of each
+        component in r of the p = 2 r sums, as for `of_both_components`.
 
         Returns
         -------
@@ -184,15 +190,40 @@ class Points:
         # With the deformation gradient F, an error dx of the reference position changes the expected deformed
         # position by F dx.
         F = self.mean_gradient + np.eye(2)
-
-        def part(some: slice) -> Float:
-            before, after = (self.calibration.error_factors(px[some]) for px in self.px)
-            return weighted_sums(weights[some], after - F @ before)
-
-        of_map = np.sum([part(some) for some in bands_of(len(weights), _SOME_POINTS)], axis=0)
+        before, after = (
+            self._sums(px, weights, turn) for px, turn in zip(self.px, (F, np.eye(2)), strict=True)
+        )
+        of_map = after - before
         of_map, of_centre = in_order(of_map, self.calibration), self.calibration.pinhole.centre_factors()
         more = of_map.shape[1] - of_centre.shape[1]
         return of_map, np.pad(of_centre, ((0, 0), (more, 0)))
+
+    def _sums(self, px: Float, weights: Float, turn: Float) -> Float:
+        """Return weighted sums (p, q) of errors of the map at image points (n, 2), turned by `turn`."""
+        nodes = Nodes.of(px, weights)
+        errors = turn @ self.calibration.error_factors(nodes.at)
+        if np.isfinite(errors).all():
+            return weighted_sums(of_both_components(nodes.weights), errors)
+        # A corner of the area lies outside the image of the lens.
+        parts = bands_of(len(weights), _SOME_POINTS)
+        errors_of = self.calibration.error_factors
+        sums = [
+            weighted_sums(of_both_components(weights[some]), turn @ errors_of(px[some])) for some in parts
+        ]
+        return np.asarray(np.sum(sums, axis=0))
+
+
+def of_both_components(weights: Float) -> Float:
+    """Return weights (n, 2, 2 r): those of `weights` (n, r) for each component, first of x and then of y.
+
+    Weights of the shape (n, 2, p) are returned as they are.
+    """
+    if weights.ndim == 3:
+        return weights
+    count = weights.shape[1]
+    both = np.zeros((len(weights), 2, 2 * count))
+    both[:, 0, :count] = both[:, 1, count:] = weights
+    return both
 
 
 def weighted_sums(weights: Float, field: Float) -> Float:

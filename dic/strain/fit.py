@@ -11,12 +11,15 @@ import numpy as np
 
 from dic.strain.convolution import convolved
 from dic.strain.displacement import Displacement, Noise
-from dic.strain.error_sums import add_products, add_weighted, set_weighted
+from dic.strain.error_sums import add_products, add_products_of_near, add_weighted, set_weighted
 from dic.strain.window_kernel import Errors, SurfacePoints, Work, fit_windows
 from dic.typing import Float, Mask
 
 # Smallest share of the points of a window that must be valid.
 _MIN_WINDOW_SHARE = 0.5
+
+_NEAR = 12
+"""Above this number of rows or columns with correlated errors, a Fourier transform is faster than a sum."""
 
 
 class MeanGradient(NamedTuple):
@@ -114,20 +117,37 @@ def _covariances_of_sums(weights: Float, noise: Noise) -> tuple[Float, Float]:
 
 def _covariance_of_noise(weights: Float, noise: Noise) -> Float:
     """Return the part of `covariance_of_sums` that image noise causes."""
-    rows, columns, _, count = weights.shape
-    parts, factors = np.empty((rows, columns, 2 * count)), np.ascontiguousarray(noise.factors, np.float64)
-    set_weighted(
-        factors.reshape(-1, 2, 2), weights.reshape(-1, 2, count), parts.reshape(rows * columns, count, 2)
-    )
-    reach = noise.overlap.shape
-    around = np.pad(noise.overlap, [(n - 1, 0) for n in reach], mode="reflect")
-    # Raw displacements along x have no part in derivatives of v, for example.
-    used, shared = np.flatnonzero(parts.any(axis=(0, 1))), np.zeros(parts.shape)
-    whole = convolved(parts if used.size == 2 * count else parts[..., used], around[..., None])
-    # Only the middle part of the convolution belongs to points of the grid.
-    shared[..., used] = whole[reach[0] - 1 : reach[0] - 1 + rows, reach[1] - 1 : reach[1] - 1 + columns]
+    parts = parts_of_noise(weights, noise.factors)
+    return products_of_near(parts, noise.overlap, slice(0, len(parts)))
+
+
+def parts_of_noise(weights: Float, factors: Float) -> Float:
+    """Return the part of each point's two errors in p weighted sums, shape (rows, columns, 2, p)."""
+    parts, factors = np.empty(weights.shape), np.ascontiguousarray(factors, np.float64)
+    flat = (-1, 2, weights.shape[-1])
+    set_weighted(factors.reshape(-1, 2, 2), weights.reshape(flat), parts.reshape(flat))
+    return parts
+
+
+def products_of_near(parts: Float, overlap: Float, own: slice) -> Float:
+    """Return the covariance by the parts of the points of some rows, with all points around them.
+
+    `parts`: result of `parts_of_noise`. `overlap`: `Noise.overlap`.
+    """
+    count, reach = parts.shape[-1], overlap.shape
     sums = np.zeros((count, count))
-    add_products(parts.reshape(-1, count, 2), shared.reshape(-1, count, 2), sums)
+    if max(reach) <= _NEAR:
+        # Each pair of points counts once, with the first of its points.
+        overlap = np.ascontiguousarray(overlap, np.float64)
+        add_products_of_near(parts[own.start :], overlap, own.stop - own.start, np.empty((2, count)), sums)
+        return sums + sums.T
+    around = np.pad(overlap, [(n - 1, 0) for n in reach], mode="reflect")
+    whole = convolved(parts, around[..., None, None])
+    # Only the middle part of the convolution belongs to points of the grid.
+    first = reach[0] - 1 + own.start
+    shared = whole[first : first + own.stop - own.start, reach[1] - 1 : reach[1] - 1 + parts.shape[1]]
+    one, other = (np.ascontiguousarray(each).reshape(-1, 2, count) for each in (parts[own], shared))
+    add_products(one, other, sums)
     return sums
 
 

@@ -10,10 +10,9 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from dic.image.threads import bands_of
-from dic.strain.convolution import convolved
 from dic.strain.displacement import Displacement, Noise
-from dic.strain.error_sums import add_products, add_weighted, set_weighted
-from dic.strain.fit import MeanGradient
+from dic.strain.error_sums import add_weighted
+from dic.strain.fit import MeanGradient, parts_of_noise, products_of_near
 from dic.typing import Float, Mask
 
 MANY_POINTS = 250_000
@@ -101,18 +100,8 @@ def _parts_of_noise(
     weights_of: Callable[[slice], Float], count: int, noise: Noise, blocks: Sequence[slice]
 ) -> Iterator[Float]:
     """Yield the part of the covariance that belongs to the points of each block and all points near them."""
-    reach = noise.overlap.shape
-    around = np.pad(noise.overlap, [(n - 1, 0) for n in reach], mode="reflect")[..., None]
-    rows = blocks[-1].stop
+    reach, rows = noise.overlap.shape[0], blocks[-1].stop
     for block in blocks:
-        near = slice(max(0, block.start - reach[0] + 1), min(rows, block.stop + reach[0] - 1))
-        weight, factors = weights_of(near), np.ascontiguousarray(noise.factors[near], np.float64)
-        parts = np.empty((*weight.shape[:2], 2 * count))
-        set_weighted(factors.reshape(-1, 2, 2), weight.reshape(-1, 2, count), parts.reshape(-1, count, 2))
-        own = slice(block.start - near.start, block.stop - near.start)
-        first, columns = reach[0] - 1 + own.start, parts.shape[1]
-        shared = convolved(parts, around)[first : first + own.stop - own.start, reach[1] - 1 :][:, :columns]
-        sums = np.zeros((count, count))
-        one, other = (np.ascontiguousarray(each).reshape(-1, count, 2) for each in (parts[own], shared))
-        add_products(one, other, sums)
-        yield sums
+        near = slice(max(0, block.start - reach + 1), min(rows, block.stop + reach - 1))
+        parts = parts_of_noise(weights_of(near), noise.factors[near])
+        yield products_of_near(parts, noise.overlap, slice(block.start - near.start, block.stop - near.start))

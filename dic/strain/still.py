@@ -42,7 +42,9 @@ class StillErrors:
         `weights`, shape (n, 2, p): weights of the displacements in the sums. The drift is taken at the unit
         of time.
         """
-        sums = np.einsum("nj,ncp->cjp", orthogonal_polynomials(position_mm), weights)
+        # A product of matrices takes a fifth of the time of `numpy.einsum`.
+        sums = orthogonal_polynomials(position_mm).T @ weights.reshape(len(weights), -1)
+        sums = np.moveaxis(sums.reshape(-1, *weights.shape[1:]), 1, 0)
         variances = np.append(0.0, np.repeat(self.scatter_mm2, (2, 3, 4)))
         covariance = np.einsum("cjp,j,cjq->pq", sums, variances, sums)
         if self.drift_mm:
