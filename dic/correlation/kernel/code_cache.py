@@ -71,19 +71,19 @@ def file_of(source: Path, function: str, kind: Kind) -> Path | None:
     return folder / f"{function}-{content.hexdigest()[:24]}.o"
 
 
-def read(file: Path) -> tuple[str, bytes] | None:
-    """Return the name of a function and its object file; None if they are not there or damaged."""
+def read(file: Path) -> list[bytes] | None:
+    """Return the object files that `write` has kept; None if they are not there or damaged."""
     with suppress(OSError):
         content = file.read_bytes()
-        digest, symbol, image = content[:32], *content[32:].partition(b"\0")[::2]
-        if hashlib.sha256(content[32:]).digest() == digest:
-            return symbol.decode(), image
+        if hashlib.sha256(content[32:]).digest() == content[:32]:
+            size, images = int.from_bytes(content[32:40]), content[40:]
+            return [images[:size], images[size:]]
     return None
 
 
-def write(file: Path, symbol: str, image: bytes) -> None:
-    """Keep the name of a function and its object file. Readers never see half a file."""
-    content = symbol.encode() + b"\0" + image
+def write(file: Path, images: list[bytes]) -> None:
+    """Keep two object files. Readers never see half a file."""
+    content = len(images[0]).to_bytes(8) + images[0] + images[1]
     # What cannot be kept is compiled again.
     with suppress(OSError):
         if not file.parent.is_dir():

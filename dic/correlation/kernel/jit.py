@@ -38,7 +38,7 @@ def compiled(function: Function) -> Function:
     infinity or NaN as in NumPy. The order of the terms in a sum stays as it is written.
     """
     source = Path(function.__code__.co_filename)
-    return cast(Function, update_wrapper(_Compiled(lambda: function, source, function.__name__), function))
+    return _in_place_of(function, _Compiled(lambda: function, source, function.__name__))
 
 
 def compiled_in(module: str, name: str) -> Callable[..., None]:
@@ -49,12 +49,16 @@ def compiled_in(module: str, name: str) -> Callable[..., None]:
 
 def inner(function: Function) -> Function:
     """Compile `function` for calls from compiled functions only, which saves time at compilation."""
-    return cast(Function, update_wrapper(_Inner(lambda: function), function))
+    return _in_place_of(function, _Inner(lambda: function))
 
 
 def inlined(function: Function) -> Function:
     """Compile `function` into each of its callers, so that calls of an innermost function take no time."""
-    return cast(Function, update_wrapper(_Inner(lambda: function, forceinline=True), function))
+    return _in_place_of(function, _Inner(lambda: function, forceinline=True))
+
+
+def _in_place_of(function: Function, made: Any) -> Function:
+    return cast(Function, update_wrapper(made, function))
 
 
 class _Inner:
@@ -93,27 +97,28 @@ class _Compiled(_Inner):
         with _lock:
             if kind not in self._ready:
                 file = code_cache.file_of(self._source, self._name, kind)
-                found = file and code_cache.read(file)
-                if not found:
-                    found = self._compile(arguments, file)
-                self._ready[kind] = MachineCode(*found, kind)
+                images = file and code_cache.read(file)
+                if not images:
+                    _say_once(file)
+                    images = self._compile(kind, arguments)
+                    if file is not None:
+                        code_cache.write(file, images)
+                self._ready[kind] = MachineCode(images, kind)
             return self._ready[kind]
 
-    def _compile(self, arguments: tuple[Any, ...], file: Path | None) -> tuple[str, bytes]:
-        """Return the symbol and the object file for such arguments, and write them to `file`."""
+    def _compile(self, kind: Kind, arguments: tuple[Any, ...]) -> list[bytes]:
+        """Return the object files for arguments of this kind, such as `arguments`."""
         import numba
 
-        _say_once(file)
+        from dic.correlation.kernel.entry import entry_of
+
         types = tuple(numba.typeof(argument) for argument in arguments)
         self._dispatcher.compile(types)
         result = self._dispatcher.overloads[types]
         if result.signature.return_type != numba.types.none:
             raise TypeError(f"{self._name} is compiled and must return nothing")
         *_, (image, _) = result.library.serialize_using_object_code()
-        symbol = result.fndesc.llvm_func_name
-        if file is not None:
-            code_cache.write(file, symbol, image)
-        return symbol, image
+        return [image, entry_of(result.fndesc.llvm_func_name, kind)]
 
 
 def _say_once(file: Path | None) -> None:

@@ -1,13 +1,11 @@
 """Machine code of compiled functions: loaded with llvmlite, and called without numba.
 
 Importing numba and loading a function from numba's own cache take longer than the correlation of a small
-image. But compiled machine code needs no numba. A function that numba compiled takes numbers only (the layout
-that numba calls its calling convention): a place for its result and one for its error, and then the parts of
-its arguments. The parts of an array are two unused pointers, the number and size of the elements, the address
-of the first element, the shape and the strides. The parts of a tuple are the parts of its elements.
+image. But machine code needs no numba. `entry` describes what is called here.
 """
 
 import ctypes
+from collections.abc import Iterable
 from functools import cache
 from itertools import count
 from typing import Any
@@ -15,91 +13,97 @@ from typing import Any
 import llvmlite.binding as llvm
 import numpy as np
 
+ENTRY = "offaxis_entry"
+"""Name of the function that is called in the object files."""
+
 Kind = tuple[Any, ...]
-"""The types of a function's arguments. There is machine code of its own for each."""
+"""The types of a function's arguments; there is machine code of its own for each.
 
-_WORD = ctypes.c_ssize_t
-_TYPES = {bool: ctypes.c_bool, int: ctypes.c_int64, float: ctypes.c_double, np.float32: ctypes.c_float}
-_NUMBERS: dict[type, type] = {np.bool_: bool, np.int64: int, np.float64: float}
+The types are flat: of a tuple, its class and its number of elements, and then the types of the elements. An
+array has a tuple of data type, number of dimensions, and flags.
+"""
 
-# Bits of `numpy.ndarray.flags.num`
-_ROWS_FIRST, _COLUMNS_FIRST, _ALIGNED, _WRITABLE = 0x1, 0x2, 0x100, 0x400
-_FLAGS = _ROWS_FIRST | _COLUMNS_FIRST | _ALIGNED | _WRITABLE
+NUMBERS = {bool: ctypes.c_bool, int: ctypes.c_int64, float: ctypes.c_double}
+_PLAIN: dict[type, type] = {np.bool_: bool, np.int64: int, np.float64: float}
 
-_names = count()
+# Bits of `numpy.ndarray.flags.num`: order of the elements, and whether they are aligned and can be written
+_BY_ROW, _BY_COLUMN = 0x1, 0x2
+_FLAGS = _BY_ROW | _BY_COLUMN | 0x100 | 0x400
 
 
 class MachineCode:
     """A compiled function in this process.
 
-    `symbol`: its name in the object file `image`. `kind`: the types of its arguments.
+    `images`: the object files, one of which has the function `ENTRY`. `kind`: the types of its arguments.
     """
 
-    def __init__(self, symbol: str, image: bytes, kind: Kind) -> None:
-        library = llvm.JITLibraryBuilder().add_object_img(image).export_symbol(symbol).add_current_process()
+    def __init__(self, images: Iterable[bytes], kind: Kind) -> None:
+        builder = llvm.JITLibraryBuilder().export_symbol(ENTRY).add_current_process()
+        for image in images:
+            builder.add_object_img(image)
         # The code is unloaded with its library.
-        self._library = library.link(_linker(), f"offaxis-{next(_names)}")
-        types = ctypes.c_void_p, ctypes.c_void_p, *_types_of(kind)
-        self._call = ctypes.CFUNCTYPE(ctypes.c_int32, *types)(self._library[symbol])
+        self._library = builder.link(_linker(), f"offaxis-{next(_names)}")
+        types = [ctypes.py_object if is_array(x) else NUMBERS[x] for x in leaves(kind)]
+        # A call releases Python's global lock.
+        self._call = ctypes.CFUNCTYPE(ctypes.c_int32, *types)(self._library[ENTRY])
 
     def __call__(self, parts: list[Any]) -> None:
-        """Call the function, without Python's global lock, with the parts of its arguments."""
-        result, error = ctypes.c_void_p(), ctypes.c_void_p()
-        status = self._call(ctypes.addressof(result), ctypes.addressof(error), *parts)
-        if status:
+        """Call the function with the arrays and numbers in its arguments."""
+        if status := self._call(*parts):
             raise RuntimeError(f"compiled code ended with status {status}")
 
 
 def take_apart(arguments: tuple[Any, ...]) -> tuple[Kind, list[Any]]:
-    """Return the types of a function's arguments, and their parts for `MachineCode`."""
+    """Return the types of a function's arguments, and the arrays and numbers in them."""
     kind: list[Any] = []
     parts: list[Any] = []
-    for argument in arguments:
-        _take(argument, kind, parts)
+    _take(arguments, kind, parts)
     return tuple(kind), parts
+
+
+def _take(values: tuple[Any, ...], kind: list[Any], parts: list[Any]) -> None:
+    for value in values:
+        own = type(value)
+        if own is np.ndarray:
+            kind.append((value.dtype, value.ndim, value.flags.num & _FLAGS))
+            parts.append(value)
+        elif own in NUMBERS:
+            kind.append(own)
+            parts.append(value)
+        elif isinstance(value, tuple):
+            kind += own, len(value)
+            _take(value, kind, parts)
+        elif own in _PLAIN:
+            kind.append(_PLAIN[own])
+            parts.append(value.item())
+        else:
+            raise TypeError(f"compiled code takes arrays, tuples and numbers, not {own.__name__}")
+
+
+def leaves(kind: Kind) -> list[Any]:
+    """Return the types of the arrays and numbers only."""
+    return [x for x in kind if is_array(x) or x in NUMBERS]
+
+
+def is_array(kind: Any) -> bool:
+    """Return whether this is the type of an array."""
+    return type(kind) is tuple
 
 
 def name_of(kind: Kind) -> str:
     """Return the types of arguments as text that is the same in every process."""
-    return " ".join(f"{x.__module__}.{x.__qualname__}" if isinstance(x, type) else str(x) for x in kind)
-
-
-def _take(value: Any, kind: list[Any], parts: list[Any]) -> None:
-    """Append the type and the parts of one argument."""
-    own = type(value)
-    if own is np.ndarray:
-        flags = value.flags.num & _FLAGS
-        if flags & _ROWS_FIRST:
-            flags &= ~_COLUMNS_FIRST  # Both are true of an array with one row.
-        kind += np.ndarray, value.dtype.str, value.ndim, flags
-        address = value.__array_interface__["data"][0]
-        parts += 0, 0, value.size, value.itemsize, address, *value.shape, *value.strides
-    elif isinstance(value, tuple):
-        kind += own, len(value)
-        for each in value:
-            _take(each, kind, parts)
-    else:
-        number = _NUMBERS.get(own, own)
-        if number not in _TYPES:
-            raise TypeError(f"compiled code takes arrays, tuples and numbers, not {own.__name__}")
-        kind.append(number)
-        parts.append(number(value))
-
-
-def _types_of(kind: Kind) -> list[type]:
-    """Return the type in C of each part of the arguments."""
-    types: list[type] = []
-    at = 0
-    while at < len(kind):
-        if kind[at] is np.ndarray:
-            types += [_WORD] * (5 + 2 * kind[at + 2])
-            at += 4
-        elif kind[at] in _TYPES:
-            types.append(_TYPES[kind[at]])
-            at += 1
+    words = []
+    for each in kind:
+        if is_array(each):
+            dtype, dimensions, flags = each
+            # An array with one row has both orders. Numba takes the first.
+            words.append(f"{dtype.str}{dimensions}:{flags & ~_BY_COLUMN if flags & _BY_ROW else flags}")
         else:
-            at += 2
-    return types
+            words.append(f"{each.__module__}.{each.__qualname__}" if isinstance(each, type) else str(each))
+    return " ".join(words)
+
+
+_names = count()
 
 
 @cache
