@@ -1,9 +1,9 @@
 """The way from Python into compiled code: a small function in machine code, called with `ctypes`.
 
 A function that numba compiled takes numbers only (numba's calling convention). The first two are addresses
-for its result and for an error. Then follow the parts of its arguments: of an array, two unused pointers, the
-number and the size of its elements, the address of the first one, the shape and the strides. The function that
-this module generates takes the arrays as they are, and reads these numbers from NumPy's structure for arrays
+for its result and for an error. Then follow the parts of its arguments: of an array, two unused pointers,
+number and size of the elements, address of the first one, shape and strides. The function that this module
+generates takes the arrays as they are, and reads these numbers from NumPy's structure for arrays
 (`PyArrayObject`), whose beginning is part of NumPy's binary interface.
 """
 
@@ -46,7 +46,8 @@ def entry_of(symbol: str, kind: Kind) -> bytes:
     )
     target = llvm.Target.from_triple(llvm.get_process_triple())
     machine = target.create_target_machine(opt=2, reloc="static", codemodel="large", jit=True)
-    return machine.emit_object(llvm.parse_assembly(code))
+    image: bytes = machine.emit_object(llvm.parse_assembly(code))
+    return image
 
 
 def _parts_of(array: str, kind: Kind, lines: list[str]) -> Iterator[str]:

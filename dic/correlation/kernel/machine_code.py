@@ -43,7 +43,7 @@ class MachineCode:
             builder.add_object_img(image)
         # The code is unloaded with its library.
         self._library = builder.link(_linker(), f"offaxis-{next(_names)}")
-        types = [ctypes.py_object if is_array(x) else NUMBERS[x] for x in leaves(kind)]
+        types: list[Any] = [ctypes.py_object if is_array(x) else NUMBERS[x] for x in leaves(kind)]
         # A call releases Python's global lock.
         self._call = ctypes.CFUNCTYPE(ctypes.c_int32, *types)(self._library[ENTRY])
 
