@@ -1,6 +1,7 @@
 """The command `dic`. Each subcommand is loaded only when it is called, so that `dic --help` starts fast."""
 
 import gc
+import os
 from importlib import import_module
 
 import click
@@ -70,4 +71,6 @@ def main() -> None:
     from dic.errors import MeasurementError
     from dic.shell.console import run
 
+    # Looking for plugins, of which `dic` needs none, pydantic reads the data of every installed package.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     run(dic, (MeasurementError,), "error")
