@@ -13,7 +13,7 @@ import sys
 import tempfile
 from contextlib import suppress
 from functools import cache
-from importlib.util import find_spec
+from importlib.metadata import version
 from pathlib import Path
 
 import llvmlite
@@ -50,18 +50,10 @@ def cache_key(package: Path) -> str:
         code = source.read_bytes()
         content.update(f"{source.name}\0{len(code)}\0".encode() + code)
     numpy = np.__version__.rpartition(".")[0]
-    compiler = [_numba_version(), llvmlite.__version__, numpy, sys.implementation.cache_tag, processor()]
+    compiler = [version("numba"), llvmlite.__version__, numpy, sys.implementation.cache_tag, processor()]
     settings = [f"{name}={value}" for name, value in os.environ.items() if name.startswith("NUMBA_")]
     content.update("\0".join([*compiler, *sorted(settings)]).encode())
     return content.hexdigest()[:16]
-
-
-def _numba_version() -> str:
-    """Return the version of numba, which is not imported for it; `importlib.metadata` takes longer."""
-    package = find_spec("numba")
-    assert package is not None
-    assert package.origin is not None
-    return Path(package.origin).with_name("_version.py").read_text(encoding="utf-8")
 
 
 def file_of(source: Path, function: str, kind: Kind) -> Path | None:
