@@ -12,7 +12,6 @@ raises a `MeasurementError`, whose message is one sentence that ends with a reme
 """
 
 import warnings
-from importlib.metadata import version
 from pkgutil import iter_modules
 from typing import Any
 
@@ -24,6 +23,8 @@ _load, __dir__, __all__ = attach_stub(__name__, __file__)
 def __getattr__(name: str) -> Any:
     """Load a public name, also by the place it had at the top of this package until version 0.1."""
     if name == "__version__":
+        from importlib.metadata import version
+
         return version("offaxis")
     if name in __all__ or name.startswith("_"):
         return _load(name)

@@ -1,5 +1,7 @@
 """The command `dic`. Each subcommand is loaded only when it is called, so that `dic --help` starts fast."""
 
+import gc
+import os
 from importlib import import_module
 
 import click
@@ -36,7 +38,12 @@ class _LazyGroup(click.Group):
         if cmd_name not in _COMMANDS:
             return None
         module, attribute = _COMMANDS[cmd_name].split(":")
+        # What modules create stays until the end. Searching it for garbage again and again takes a tenth of a
+        # second.
+        gc.disable()
         command: click.Command = getattr(import_module(module), attribute)
+        gc.freeze()
+        gc.enable()
         return command
 
     def resolve_command(
@@ -64,4 +71,6 @@ def main() -> None:
     from dic.errors import MeasurementError
     from dic.shell.console import run
 
+    # Looking for plugins, of which `dic` needs none, pydantic reads the data of every installed package.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     run(dic, (MeasurementError,), "error")

@@ -1,12 +1,13 @@
 """Write calibrations to HDF5 files, and read them."""
 
+from __future__ import annotations
+
 import json
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
-import h5py
 import numpy as np
 
 from dic.calibration.bicubic import BicubicMap
@@ -19,6 +20,9 @@ from dic.files.writing import reason, replacing
 from dic.hdf5.open import NotReadable, open_hdf5
 from dic.hdf5.writing import NewFile
 from dic.targets.points import GridPoints
+
+if TYPE_CHECKING:
+    import h5py
 
 _FORMAT = "offaxis-calibration"
 _VERSION = 2

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 LEAST_VALUES = 3
 SIGNIFICANCE = 0.05
@@ -52,6 +51,8 @@ def grubbs_test(values: Sequence[float]) -> GrubbsTest:
     of Statistical Methods, 1.3.5.17.1). The test finds one outlier at most. Two outliers on the same side can
     hide each other.
     """
+    from scipy.special import stdtrit
+
     count = len(values)
     if count < LEAST_VALUES:
         return GrubbsTest(None, None, None, f"too few values ({count} of at least {LEAST_VALUES})")

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dic.image.fourier import fft2
 from dic.typing import Float, Grey, Mask
 
 _TILE_PX = 64
@@ -89,8 +90,6 @@ def _tiles(grey: Grey, region: Mask, tile_px: int) -> list[Grey]:
 
 
 def _mean_power(tiles: Grey) -> PatternSpectrum:
-    from scipy.fft import fft2
-
     size = tiles.shape[-1]
     along = np.sin(np.pi * np.arange(size) / size) ** 2
     window = np.outer(along, along).astype(np.float32)

@@ -20,6 +20,9 @@ _TRIES = 3
 _BANDS = 16
 """Number of bands of rows that are solved in parallel; this number keeps several processors busy."""
 
+_FEW_PAIRS = 200_000
+"""Largest number of pairs of points whose distances are all computed to find the nearest ones."""
+
 _BAND_PX = 1_000_000
 """Largest number of pixels of a band; a larger image has more bands."""
 
@@ -213,15 +216,10 @@ class Solver:
 
     def guess_from_nearest(self, solution: kernel.Solution, indices: Indices) -> Float:
         """Return guesses (n, 6) at grid `indices`, extrapolated from the nearest converged point."""
-        from scipy.spatial import cKDTree
-
         converged = solution.converged
         # The nearest converged point always has a neighbour without a value. So search only such points.
         borders = np.argwhere(converged & next_to(~converged))
-        # Building a balanced tree would take longer than these few queries.
-        _, nearest = cKDTree(borders, balanced_tree=False, compact_nodes=False).query(indices)
-        origins = np.asarray(borders[nearest], np.int64)
-        return self._extrapolated(solution, origins, indices)
+        return self._extrapolated(solution, borders[_nearest(borders, indices)], indices)
 
     def _extrapolated(self, solution: kernel.Solution, origins: Indices, indices: Indices) -> Float:
         """Return guesses (n, 6) at n grid `indices`, extrapolated from the warps of n points at `origins`."""
@@ -263,3 +261,17 @@ def next_to(mask: Mask) -> Mask:
     near[:, 1:] |= mask[:, :-1]
     near[:, :-1] |= mask[:, 1:]
     return near
+
+
+def _nearest(places: Indices, indices: Indices) -> Indices:
+    """Return which of the `places` (m, 2) is the nearest to each of the `indices` (n, 2) of a grid."""
+    if len(places) * len(indices) <= _FEW_PAIRS:
+        apart = np.square(indices[:, None] - places).sum(axis=-1)
+        least = apart.min(axis=1, keepdims=True)
+        if np.count_nonzero(apart == least) == len(indices):
+            return np.asarray(apart.argmin(axis=1))
+    # Of several equally near places, the tree's choice counts. Its import takes longer than a small image.
+    from scipy.spatial import cKDTree
+
+    # Building a balanced tree would take longer than these few queries.
+    return np.asarray(cKDTree(places, balanced_tree=False, compact_nodes=False).query(indices)[1], np.int64)

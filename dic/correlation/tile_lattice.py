@@ -6,6 +6,7 @@ rises again to nearly 1 at every displacement that takes the lattice to itself.
 
 import numpy as np
 
+from dic.image.fourier import irfft2, next_fast_len, rfft2
 from dic.typing import Float, Grey, Indices, Mask
 
 _REACH = 0.4
@@ -94,11 +95,9 @@ def tile_lattice(grey: Grey, inside: Mask) -> tuple[Float, float, Float] | None:
 
 def _spectrum(pattern: Grey, weight: Grey) -> tuple[Float, float]:
     """Return the power spectrum of a tile without wrapping, and the variance of its white noise."""
-    from scipy import fft
-
-    size = fft.next_fast_len(int(np.ceil((1 + _REACH) * len(pattern))), real=True)
-    power = np.square(np.abs(fft.rfft2(pattern, (size, size))))
-    high = (np.abs(frequency(size)) > _CORNER / 2 for frequency in (fft.fftfreq, fft.rfftfreq))
+    size = next_fast_len(int(np.ceil((1 + _REACH) * len(pattern))))
+    power = np.square(np.abs(rfft2(pattern, (size, size))))
+    high = (np.abs(frequency(size)) > _CORNER / 2 for frequency in (np.fft.fftfreq, np.fft.rfftfreq))
     corner = power[np.ix_(*high)]
     return power, float(corner.mean()) / max(1.0, float(weight.sum()))
 
@@ -109,8 +108,6 @@ def _autocorrelation(power: Float, noise: float, inside: Mask) -> tuple[Float, F
     Both arrays have the shape (2 n + 1, 2 n + 1), with the displacement 0 in the middle. The result is None
     without any pattern.
     """
-    from scipy import fft
-
     side, size = len(inside), len(power)
     reach = int(_REACH * side)
     at = np.arange(-reach, reach + 1)
@@ -118,9 +115,9 @@ def _autocorrelation(power: Float, noise: float, inside: Mask) -> tuple[Float, F
     if inside.all():
         overlap = np.outer(side - np.abs(at), side - np.abs(at)).astype(np.float32)
     else:
-        shape = np.square(np.abs(fft.rfft2(inside.astype(np.float32), (size, size))))
-        overlap = np.maximum(fft.irfft2(shape, (size, size))[middle], 1.0)
-    likeness = fft.irfft2(power, (size, size))[middle] / overlap
+        shape = np.square(np.abs(rfft2(inside.astype(np.float32), (size, size))))
+        overlap = np.maximum(irfft2(shape, (size, size))[middle], 1.0)
+    likeness = irfft2(power, (size, size))[middle] / overlap
     variance = float(likeness[reach, reach]) - noise
     if variance <= noise:
         return None

@@ -3,9 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from dic.gauges.planes import lie_on_one_line, sums_at
 from dic.strain.sight import Sight
@@ -95,6 +92,10 @@ class GridPlaces:
         """
         if self.sight is None or not len(chosen):
             return min(1, len(chosen))
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+        from scipy.spatial import cKDTree
+
         pixel, place = self.sight.pixels(self.rows[chosen], self.columns[chosen]), self.position[chosen]
         pairs = cKDTree(place).query_pairs(_NEIGHBOUR * self.spacing, output_type="ndarray")
         pairs = pairs[self.sight.clear(*pixel[pairs.T])]

@@ -28,6 +28,41 @@ _POLES = {3: 0.267949, 5: 0.430575}
 _TAPS = {3: 12, 5: 18}
 """Half-length of the impulse response for each degree; values farther out are below 1e-7 of the centre's."""
 
+# The B-spline of each degree at the pixels and half-way between pixels, and its derivative at the pixels with
+# the sign reversed. The last digits are those of de Boor's recursion, with which SciPy computes these values.
+# An import of scipy.interpolate takes longer than the correlation of a small image.
+_AT_PIXELS = {
+    3: np.array([0.16666666666666666, 0.6666666666666666, 0.16666666666666666]),
+    5: np.array(
+        [
+            0.008333333333333333,
+            0.21666666666666665,
+            0.5499999999999999,
+            0.21666666666666665,
+            0.008333333333333333,
+        ]
+    ),
+}
+_HALF_WAY = {
+    3: np.array([0.020833333333333332, 0.47916666666666663, 0.47916666666666663, 0.020833333333333332]),
+    5: np.array(
+        [
+            0.00026041666666666666,
+            0.061718749999999996,
+            0.4380208333333333,
+            0.4380208333333333,
+            0.061718749999999996,
+            0.00026041666666666666,
+        ]
+    ),
+}
+_SLOPES = {
+    3: np.array([-0.5, -0.0, 0.5]),
+    5: np.array(
+        [-0.041666666666666664, -0.41666666666666663, -0.0, 0.41666666666666663, 0.041666666666666664]
+    ),
+}
+
 
 @dataclass(frozen=True)
 class SplineImage:
@@ -63,7 +98,7 @@ class SplineImage:
         """Return the derivatives along x and along y at the pixels of some rows, in grey levels per px."""
         import cv2
 
-        samples, slopes = _samples(self.order), _slopes(self.order)
+        samples, slopes = _AT_PIXELS[self.order], _SLOPES[self.order]
         coefficients = self.coefficients[rows.start : rows.stop + 2 * MARGIN]
         along_x, along_y = (
             cv2.sepFilter2D(coefficients, cv2.CV_32F, across, down)[MARGIN:-MARGIN, MARGIN:-MARGIN]
@@ -139,16 +174,6 @@ def spline_of_rows(image: StoredImage, order: int, rows: slice, threads: int = 1
 
 
 @cache
-def _samples(order: int) -> NDArray[np.float64]:
-    """Return the values of the B-spline of degree `order` at the integers of its support."""
-    from scipy.interpolate import BSpline
-
-    half = (order + 1) // 2
-    basis = BSpline.basis_element(np.arange(-half, half + 1), extrapolate=False)
-    return np.nan_to_num(basis(np.arange(-half + 1, half)))
-
-
-@cache
 def halfway_noise_gain(order: int, smoothing: tuple[float, ...] = (1.0,)) -> float:
     """Return the factor by which interpolation half-way between pixels changes the variance of noise.
 
@@ -156,12 +181,9 @@ def halfway_noise_gain(order: int, smoothing: tuple[float, ...] = (1.0,)) -> flo
     The factor is the sum of the squared weights of the pixels in a row, relative to the same sum for a
     position at a pixel.
     """
-    from scipy.interpolate import BSpline
-
-    half = (order + 1) // 2
-    basis = BSpline.basis_element(np.arange(-half, half + 1), extrapolate=False)
-    taps = np.nan_to_num(basis(np.arange(-half, half) + 0.5))
-    return _power(np.convolve(_inverse_filter(order), taps), smoothing) / _power(np.ones(1), smoothing)
+    return _power(np.convolve(_inverse_filter(order), _HALF_WAY[order]), smoothing) / _power(
+        np.ones(1), smoothing
+    )
 
 
 @cache
@@ -179,22 +201,12 @@ def _power(taps: NDArray[np.float64], smoothing: tuple[float, ...]) -> float:
 
 
 def slope_taps(order: int) -> NDArray[np.float64]:
-    """Return the weights of the pixels of a row in the spline's derivative at the middle pixel."""
-    return np.convolve(_inverse_filter(order), _slopes(order))
-
-
-@cache
-def _slopes(order: int) -> NDArray[np.float64]:
-    """Return the weights with which the coefficients of a spline give its derivative at a pixel.
+    """Return the weights of the pixels of a row in the spline's derivative at the middle pixel.
 
     The spline Σ c_k β(x - k) with coefficients c_k has the derivative Σ c_k β'(-k) at x = 0. Since β'(-k) is
-    -β'(k), the sign is reversed.
+    -β'(k), the sign of β' is reversed.
     """
-    from scipy.interpolate import BSpline
-
-    half = (order + 1) // 2
-    basis = BSpline.basis_element(np.arange(-half, half + 1), extrapolate=False)
-    return -np.nan_to_num(basis.derivative()(np.arange(-half + 1, half)))
+    return np.convolve(_inverse_filter(order), _SLOPES[order])
 
 
 @cache
@@ -203,7 +215,7 @@ def _inverse_filter(order: int) -> NDArray[np.float64]:
     if order not in (3, 5):
         raise ValueError(f"spline order: expected 3 or 5, got {order}")
     length = 512
-    samples = _samples(order)
+    samples = _AT_PIXELS[order]
     ring = np.zeros(length)
     half = samples.size // 2
     ring[: half + 1] = samples[half:]

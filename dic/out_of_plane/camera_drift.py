@@ -9,7 +9,6 @@ like strain.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri
 
 from dic.calibration.one_grid import pinhole_of
 from dic.out_of_plane.correction import by_centre
@@ -100,6 +99,8 @@ class _Cause:
 
     @classmethod
     def of(cls, columns: Float, data: Float) -> "_Cause":
+        from scipy.special import chdtri
+
         count = columns.shape[1]
         normal = columns.T @ columns + np.eye(count)
         sizes = np.asarray(np.linalg.solve(normal, columns.T @ data), np.float64)

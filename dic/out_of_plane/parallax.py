@@ -12,15 +12,18 @@ m₁ - m₂ perpendicular to e must be zero.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
 from dic.out_of_plane.plane import Plane
 from dic.out_of_plane.uncertainty import Points
 from dic.typing import Float, Indices
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,7 @@ class Pairs:
     """The points of the two cameras."""
     chosen: Indices
     """Shape (n,). Indices of the first camera's points that the second camera also sees."""
-    partner: csr_array
+    partner: "csr_array"
     """Shape (n, points of the second). Matrix that interpolates from the second camera's points (bilinearly)
     to the chosen points of the first camera.
     """
@@ -49,6 +52,8 @@ class Pairs:
 
         The grid of points is that of `field`, the displacement field of the second camera.
         """
+        from scipy.sparse import csr_array
+
         px = _seen_by(second.calibration, _on_grid(first, second))
         column = (px[:, 0] - field.x_px[0]) / _pitch(field.x_px)
         row = (px[:, 1] - field.y_px[0]) / _pitch(field.y_px)

@@ -3,15 +3,15 @@
 The file stays open, and a value is read when it is used. `docs/results.md` describes the layout.
 """
 
+from __future__ import annotations
+
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import Any, cast
-
-import h5py
+from typing import TYPE_CHECKING, Any, cast
 
 from dic.calibration.file import read_calibration
 from dic.correlation.settings import CorrelationSettings
@@ -38,6 +38,9 @@ from dic.runfile.reader import RunInfo, RunStep
 from dic.runfile.schema import FORMAT as RUN_FORMAT
 from dic.strain.measurement import Measurement
 from dic.typing import PathLike
+
+if TYPE_CHECKING:
+    import h5py
 
 _SERIES, _CAMERAS = CameraLayout.of("").place, "cameras"
 AnyResult = SeriesResult | RunResult

@@ -12,7 +12,6 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Self
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -246,4 +245,6 @@ def _write_steps(group: Any, measured: Sequence[RunStep]) -> None:
 
 
 def _write_texts(group: Any, name: str, texts: Sequence[str]) -> None:
+    import h5py
+
     group.create_dataset(name, data=list(texts), dtype=h5py.string_dtype())

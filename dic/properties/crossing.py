@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from dic.typing import Float
 
@@ -77,4 +76,6 @@ def _smooth(stress: Float, above: Float, k: int, straight: float) -> float:
         stop += 1
     if stop - first < 3 or above[k - 1] <= 0.0:
         return straight
+    from scipy.interpolate import PchipInterpolator
+
     return float(PchipInterpolator(-above[first:stop], stress[first:stop])(0.0))

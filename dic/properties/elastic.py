@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
 
 from dic.properties.objective_slope import RULE, objective_slope
 from dic.properties.record import Record
@@ -143,12 +142,14 @@ def _elastic(
 
 def _noise_of_slope(record: Record, line: FittedLine, x: Float, y: Float) -> tuple[float, float]:
     """Return a slope's standard deviation due to noise, and its decrease due to noise of the strain."""
+    from scipy.special import stdtrit
+
     rest = y - line.slope * x - line.intercept
     across = float(((x - x.mean()) ** 2).sum())
     free = max(len(x) - 2, 1)
     std = std_of_slope(x, y, line)
     # Few points give an inaccurate scatter, so use the 95 % interval of Student's distribution.
-    std *= float(student.ppf(0.975, free)) / NORMAL_95
+    std *= float(stdtrit(free, 0.975)) / NORMAL_95
     # Points with correlated errors, as in a filtered signal, contain less information than independent ones.
     alike = float(np.clip((rest[1:] @ rest[:-1]) / max(float(rest @ rest), 1e-300), 0.0, 0.98))
     std *= np.sqrt((1.0 + alike) / (1.0 - alike))

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import curve_fit
 
 from dic.properties.elastic import Elastic
 from dic.properties.record import Record
@@ -135,6 +134,8 @@ def _fit(
     formula: str, law: Callable[..., Float], start: dict[str, float], data: tuple[Float, Float]
 ) -> dict[str, Any]:
     """Fit positive parameters of a law to plastic strain and true stress."""
+    from scipy.optimize import curve_fit
+
     plastic, stress = data
     try:
         found, covariance = curve_fit(

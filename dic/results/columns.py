@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import h5py
-
 
 class Columns:
     """The datasets of a group of a result file, keyed by name.
@@ -24,6 +22,8 @@ class Columns:
         return self._known[name]
 
     def _opened(self, name: str) -> Any:
+        import h5py
+
         dataset = self._group[name]
         if isinstance(dataset, h5py.Group):
             return Columns(dataset)

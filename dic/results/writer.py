@@ -11,7 +11,6 @@ from threading import RLock
 from types import TracebackType
 from typing import Any, Self
 
-import h5py
 import numpy as np
 
 from dic.correlation.field import Field
@@ -263,6 +262,8 @@ class ResultWriter:
 
 
 def _write_provenance(group: Any, origin: Provenance) -> None:
+    import h5py
+
     group.attrs.update({"command": origin.command, "versions": origin.versions})
     if origin.job is not None:
         group.attrs.update({"job_fields": origin.job.fields, "job_strains": origin.job.strains})

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import h5py
 import numpy as np
 
 from dic.runfile import schema
@@ -107,6 +106,8 @@ def _require_item(group: Any, item: schema.Item, shape: tuple[int, ...] | None) 
 
 
 def _group(parent: Any, name: str) -> Any:
+    import h5py
+
     found = parent.get(name)
     if not isinstance(found, h5py.Group):
         raise Unlike(f"no group {parent.name.rstrip('/')}/{name}")
@@ -115,6 +116,8 @@ def _group(parent: Any, name: str) -> Any:
 
 def _dataset(group: Any, name: str) -> Any:
     """Return a data set as h5py's low-level object; h5py's `Dataset` would open several objects."""
+    import h5py
+
     try:
         found = h5py.h5o.open(group.id, name.encode())
     except KeyError:

@@ -14,6 +14,7 @@ import numpy as np
 
 from dic.correlation.settings import CorrelationSettings
 from dic.image.threads import bands_of
+from dic.strain.root import root
 from dic.strain.settings import StrainSettings
 from dic.typing import Float, Mask
 
@@ -56,14 +57,12 @@ class Filters:
 
     def resolution_px(self, share: float = 0.9) -> float:
         """Return the period, px, of the strain wave that keeps the fraction `share` of its amplitude."""
-        from scipy.optimize import brentq
-
         gauge_px = self.strain.gauge_px(self.correlation)
 
         def excess(period_px: float) -> float:
             return float(self.along(np.array([2 * math.pi / period_px]))[0]) - share
 
-        return float(brentq(excess, 0.5 * gauge_px, 50.0 * gauge_px))
+        return root(excess, 0.5 * gauge_px, 50.0 * gauge_px)
 
     def noise_correlation(self, *, along: bool) -> Float:
         """Return the noise correlation of strains that are 0, 1, 2 … steps apart, up to the gauge's width."""

@@ -85,10 +85,8 @@ class GridPoints:
         the points of its outer rows and columns. If the image shows only a part of the target, the polygon
         surrounds this part.
         """
-        from scipy.spatial import ConvexHull
-
         place = self.index.astype(np.float64)
-        corners = place[ConvexHull(place).vertices]
+        corners = np.array(_corners_around(self.index), np.float64)
         following = np.roll(corners, -1, axis=0)
         order: list[int] = []
         for start, end in zip(corners, following, strict=True):
@@ -100,3 +98,24 @@ class GridPoints:
             order += numbers[np.argsort(along[numbers])].tolist()
         outline: Float = self.uv_px[order]
         return outline
+
+
+def _corners_around(index: Indices) -> list[list[int]]:
+    """Return the corners of the convex polygon around places of a lattice, in their order along the edge.
+
+    A. M. Andrew, Information Processing Letters 9 (1979) 216-219: the places are sorted, and one half of the
+    edge goes forwards through them, the other one backwards.
+    """
+    places = sorted(index.tolist())
+    corners: list[list[int]] = []
+    for half in (places, places[::-1]):
+        edge: list[list[int]] = []
+        for x, y in half:
+            while len(edge) > 1:
+                (x0, y0), (x1, y1) = edge[-2:]
+                if (x1 - x0) * (y - y0) > (y1 - y0) * (x - x0):
+                    break
+                edge.pop()
+            edge.append([x, y])
+        corners += edge[:-1]
+    return corners

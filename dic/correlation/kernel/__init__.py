@@ -3,10 +3,9 @@
 docs/kernel.md derives the sums that the kernel computes. Read docs/kernel.md first, then the modules in this
 order: `method`, `layout` (images in memory), `warps`, `vectors` and `unrolled` (processor vectors),
 `bspline_weights`, `moments` (sums over a subset), `prepared` (data of the reference's subset), `icgn` (one
-point), `uncertainty` (standard deviations), `propagation` (many points).
+point), `uncertainty` (standard deviations), `grid` and `propagation` (many points). `jit` compiles them.
 """
 
-from dic.correlation.kernel.icgn import NOT_LAID, ROOM_PX
 from dic.correlation.kernel.layout import (
     Deformed,
     KernelReference,
@@ -14,9 +13,9 @@ from dic.correlation.kernel.layout import (
     lay_coefficients,
     lay_reference,
 )
-from dic.correlation.kernel.method import Method
-from dic.correlation.kernel.prepared import Prepared, record_length
+from dic.correlation.kernel.method import NOT_LAID, ROOM_PX, Method
 from dic.correlation.kernel.propagation import correlate_seeds, propagate
+from dic.correlation.kernel.records import Prepared, record_length
 from dic.correlation.kernel.solution import KernelGrid, Solution
 
 __all__ = [

@@ -16,11 +16,13 @@ import math
 
 import numpy as np
 
-from dic.correlation.kernel import cholesky, moments as m
+from dic.correlation.kernel import cholesky, sums as m
 from dic.correlation.kernel.jit import inlined, inner
 from dic.correlation.kernel.layout import Deformed, Flat, KernelReference
-from dic.correlation.kernel.method import Method, Shape, Subset
-from dic.correlation.kernel.prepared import MEAN, NORM2, prepare, recall, rounding_share
+from dic.correlation.kernel.method import NOT_LAID, ROOM_PX, Method, Shape, Subset
+from dic.correlation.kernel.moments import moments_with_image
+from dic.correlation.kernel.prepared import prepare, recall, rounding_share
+from dic.correlation.kernel.records import MEAN, NORM2
 from dic.correlation.kernel.uncertainty import write_std
 from dic.correlation.kernel.warps import (
     FACTOR,
@@ -42,15 +44,6 @@ from dic.typing import Float
 CONVERGED, NO_TEXTURE = int(Status.CONVERGED), int(Status.NO_TEXTURE)
 OUT_OF_VIEW, NOT_CONVERGED = int(Status.OUT_OF_VIEW), int(Status.NOT_CONVERGED)
 LOW_CORRELATION = int(Status.LOW_CORRELATION)
-
-NOT_LAID = -1
-"""Status of a point whose first guess is too close to the end of the rows that are laid."""
-
-ROOM_PX = 32
-"""Number of rows that must be laid on either side of the first guess.
-
-In an image that is laid in bands, a point that moves farther during its iterations has not converged.
-"""
 
 _FAR_PX = 0.5
 """Limit for a quadratic step: a longer step is replaced by an affine step, or shortened to this length."""
@@ -91,7 +84,7 @@ def correlate_point(
             return (NOT_LAID if iteration == 1 else NOT_CONVERGED), np.nan, iteration
         for i in range(len(p)):
             work.q[i] = p[i]
-        m.moments_with_image(
+        moments_with_image(
             image, deformed, method.taps, method.shape, subset, work.q, is_smooth(p, r), work.rows, work.S
         )
         has_contrast, zncc = _compare(record, subset, work)

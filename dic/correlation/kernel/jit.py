@@ -1,117 +1,131 @@
-"""Numba's compiler with typed decorators, and a cache of machine code that is always up to date.
+"""Numba's compiler with typed decorators. Numba is imported only where machine code is not there yet.
 
-Numba keeps machine code on disk until the file of the outermost function changes. Numba does not notice that
-an inner function in another file has changed. So the kernel has a cache folder of its own, whose name is a
-hash of all files that can affect the machine code.
+A compiled function looks for its machine code in the user's files (`code_cache`), and loads it
+(`machine_code`). If there is none, numba compiles the function, and the machine code is kept for later
+processes.
 """
 
-import hashlib
-import os
-import stat
-import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from functools import cache
+import logging
+from collections.abc import Callable
+from functools import cached_property, update_wrapper
+from importlib import import_module
 from pathlib import Path
+from threading import RLock
 from typing import Any, TypeVar, cast
 
-import numba
-
-COMPILED_IN = (
-    "correlation/status.py",
-    "image/spline.py",
-    "image/stored.py",
-    "image/threads.py",
-    "typing.py",
-)
-"""Files of `dic` outside the kernel's folder whose constants can be part of the kernel's machine code."""
-
-_PACKAGE = Path(__file__).parents[2]
+from dic.correlation.kernel import code_cache
+from dic.correlation.kernel.machine_code import Kind, MachineCode, take_apart
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Compile without numba's runtime (_nrt), which counts references to arrays. The kernel allocates no arrays.
-_OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False}
-_NO_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_OPTIONS = {
+    "error_model": "numpy",
+    "_nrt": False,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+}
+
+_log = logging.getLogger("dic.compiler")
+_said: set[str] = set()
+_lock = RLock()
 
 
 def compiled(function: Function) -> Function:
-    """Compile `function` to machine code at its first call, and cache the machine code on disk.
+    """Compile `function` to machine code at its first call, and keep the machine code on disk.
 
-    The machine code runs without Python's global lock. Division by zero gives infinity or NaN as in NumPy.
-    The order of the terms in a sum stays as it is written.
+    The function returns nothing. Its machine code runs without Python's global lock. Division by zero gives
+    infinity or NaN as in NumPy. The order of the terms in a sum stays as it is written.
     """
-    with _own_cache() as exists:
-        try:
-            return cast(Function, numba.njit(cache=exists, **_OPTIONS)(function))
-        except RuntimeError:
-            # numba cannot write the folder that the user chose for its cache
-            return cast(Function, numba.njit(**_OPTIONS)(function))
+    source = Path(function.__code__.co_filename)
+    return _in_place_of(function, _Compiled(lambda: function, source, function.__name__))
+
+
+def compiled_in(module: str, name: str) -> Callable[..., None]:
+    """Return a function in its compiled form, as `compiled` does; import its module only to compile it."""
+    source = Path(__file__).parents[3].joinpath(*module.split(".")).with_suffix(".py")
+    return _Compiled(lambda: getattr(import_module(module), name), source, name)
 
 
 def inner(function: Function) -> Function:
     """Compile `function` for calls from compiled functions only, which saves time at compilation."""
-    return cast(Function, numba.njit(**_OPTIONS, **_NO_WRAPPERS)(function))
+    return _in_place_of(function, _Inner(lambda: function))
 
 
 def inlined(function: Function) -> Function:
     """Compile `function` into each of its callers, so that calls of an innermost function take no time."""
-    return cast(Function, numba.njit(forceinline=True, **_OPTIONS, **_NO_WRAPPERS)(function))
+    return _in_place_of(function, _Inner(lambda: function, forceinline=True))
 
 
-def cache_key(package: Path) -> str:
-    """Return the name of the cache folder, a hash of the files of `dic` that affect the machine code."""
-    content = hashlib.sha256()
-    kernel = sorted((package / "correlation" / "kernel").glob("*.py"))
-    for source in [*kernel, *(package / name for name in COMPILED_IN)]:
-        content.update(f"{source.name}\0{source.stat().st_size}\0".encode())
-        content.update(source.read_bytes())
-    return content.hexdigest()[:16]
+def _in_place_of(function: Function, made: Any) -> Function:
+    return cast(Function, update_wrapper(made, function))
 
 
-@contextmanager
-def _own_cache() -> Iterator[bool]:
-    """Let numba keep machine code in this program's folder. Yield False if there is no safe folder."""
-    before = numba.config.CACHE_DIR
-    # A folder that the user chose for numba's cache (NUMBA_CACHE_DIR) takes precedence.
-    folder = before or _cache_folder()
-    numba.config.CACHE_DIR = str(folder or "")
-    try:
-        yield bool(folder)
-    finally:
-        numba.config.CACHE_DIR = before
+class _Inner:
+    """A function that numba compiles where a compiled function calls it."""
+
+    def __init__(self, load: Callable[[], Callable[..., Any]], **options: bool) -> None:
+        self._load, self._options = load, options
+
+    @cached_property
+    def _dispatcher(self) -> Any:
+        import numba
+
+        return numba.njit(**_OPTIONS, **self._options)(self._load())
+
+    @property
+    def _numba_type_(self) -> Any:
+        """The type of this function for numba, which reads this name from each object in compiled code."""
+        return self._dispatcher._numba_type_
 
 
-@cache
-def _cache_folder() -> Path | None:
-    """Return the first folder for machine code that nobody else can write, or None.
+class _Compiled(_Inner):
+    """A function that is called from Python, with machine code for each kind of arguments."""
 
-    Whoever can write machine code into the folder can run programs as this user.
-    """
-    user = os.geteuid() if hasattr(os, "geteuid") else "cache"
-    folders = [Path(tempfile.gettempdir()) / f"offaxis-{user}"]
-    caches = os.environ.get("XDG_CACHE_HOME")
-    # A user without a home folder has only the folder of temporary files.
-    with suppress(RuntimeError):
-        folders.insert(0, Path(caches or Path("~/.cache").expanduser()) / "offaxis")
-    private = next((folder for folder in folders if folder.is_absolute() and _make_private(folder)), None)
-    return None if private is None else private / cache_key(_PACKAGE)
+    def __init__(self, load: Callable[[], Callable[..., Any]], source: Path, name: str) -> None:
+        super().__init__(load)
+        self._source, self._name = source, name
+        self._ready: dict[Kind, MachineCode] = {}
+
+    def __call__(self, *arguments: Any) -> None:
+        kind, parts = take_apart(arguments)
+        code = self._ready.get(kind) or self._find(kind, arguments)
+        code(parts)
+
+    def _find(self, kind: Kind, arguments: tuple[Any, ...]) -> MachineCode:
+        """Return the machine code for arguments of this kind: from its file, or newly compiled."""
+        with _lock:
+            if kind not in self._ready:
+                file = code_cache.file_of(self._source, self._name, kind)
+                images = file and code_cache.read(file)
+                if not images:
+                    _say_once(file)
+                    images = self._compile(kind, arguments)
+                    if file is not None:
+                        code_cache.write(file, images)
+                self._ready[kind] = MachineCode(images, kind)
+            return self._ready[kind]
+
+    def _compile(self, kind: Kind, arguments: tuple[Any, ...]) -> list[bytes]:
+        """Return the object files for arguments of this kind, such as `arguments`."""
+        import numba
+
+        from dic.correlation.kernel.entry import entry_of
+
+        types = tuple(numba.typeof(argument) for argument in arguments)
+        self._dispatcher.compile(types)
+        result = self._dispatcher.overloads[types]
+        if result.signature.return_type != numba.types.none:
+            raise TypeError(f"{self._name} is compiled and must return nothing")
+        *_, (image, _) = result.library.serialize_using_object_code()
+        return [image, entry_of(result.fndesc.llvm_func_name, kind)]
 
 
-def _make_private(folder: Path) -> bool:
-    """Create a folder for this user alone, and return whether it is one."""
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if not hasattr(os, "geteuid"):  # Windows' own folder of temporary files is private
-            return True
-        found = folder.lstat()
-        if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid():
-            return False
-        if stat.S_IMODE(found.st_mode) & 0o022:
-            # Another user may have put machine code into it already.
-            return False
-        if stat.S_IMODE(found.st_mode) & 0o055:
-            folder.chmod(0o700)
-        return os.access(folder, os.W_OK | os.X_OK)
-    except OSError:
-        return False
+def _say_once(file: Path | None) -> None:
+    """Tell the user of the first compilation in this process, which takes seconds."""
+    if not _said:
+        later = "at every start, as no folder for machine code is private"
+        if file is not None:
+            later = f"which takes some seconds; later calls use the machine code in {file.parent}"
+        _log.info("compiling for this processor, %s", later)
+    _said.add(str(file))

@@ -2,6 +2,15 @@
 
 from typing import NamedTuple
 
+NOT_LAID = -1
+"""Status of a point whose first guess is too close to the end of the rows that are laid."""
+
+ROOM_PX = 32
+"""Number of rows that must be laid on either side of the first guess.
+
+In an image that is laid in bands, a point that moves farther during its iterations has not converged.
+"""
+
 Taps = tuple[float, ...]
 """A tuple that is used only for its length: 4 for a cubic spline, 6 for a quintic spline.
 

@@ -12,12 +12,13 @@ from the subset's centre are x and y. Images are flat arrays of float32 (`dic.co
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dic.correlation.kernel import sums as m
 from dic.correlation.kernel.bspline_weights import weights, weights_in_two_cells
 from dic.correlation.kernel.jit import inlined, inner
 from dic.correlation.kernel.layout import Deformed, Flat, KernelReference
 from dic.correlation.kernel.method import Shape, Subset, Taps
+from dic.correlation.kernel.sums import StripRows
 from dic.correlation.kernel.unrolled import add_moments, add_powers, interpolate, zeros
 from dic.correlation.kernel.vectors import (
     Vector,
@@ -30,31 +31,6 @@ from dic.correlation.kernel.vectors import (
     splat,
     total,
 )
-
-# Indices of the moments of the reference. PRODUCTS: the sums ∑fx fx m, ∑fx fy m and ∑fy fy m, for each of the
-# fifteen monomials m = 1; x, y; x², xy, y²; … up to the fourth degree. FX_F, FY_F, FX, FY: the sums ∑fx f m,
-# ∑fy f m, ∑fx m and ∑fy m, for each of the six monomials m up to the second degree. F, FF: the sums ∑f and
-# ∑f².
-PRODUCTS, FX_F, FY_F, FX, FY, F, FF = 0, 45, 51, 57, 63, 69, 70
-REFERENCE_MOMENTS = 71
-# Indices of the moments with the deformed image. FX_G, FY_G: the sums ∑fx g m and ∑fy g m, for each of the
-# six monomials m. G, GG, FG: the sums ∑g, ∑g² and ∑f g.
-FX_G, FY_G, G, GG, FG = 0, 6, 12, 13, 14
-MOMENTS = 15
-
-
-class StripRows(NamedTuple):
-    """The positions of a strip's rows in the deformed image. A strip is a group of columns of a subset."""
-
-    shift: Flat
-    """Shape (2, rows). The part of the displacement along x and y that is the same for all pixels of a row,
-    minus the whole pixels that are kept in `place`.
-    """
-    place: NDArray[np.int64]
-    """Shape (2, rows). ``place[0]`` is the whole-pixel part of the displacement of each row of the strip, as
-    a number of array elements. ``place[1]`` is 1 if the row of the strip reaches into the next cell between
-    pixels, to the right or below, and otherwise 0.
-    """
 
 
 class Strip(NamedTuple):
@@ -69,7 +45,7 @@ class Strip(NamedTuple):
 @inner
 def reference_moments(image: KernelReference, shape: Shape, subset: Subset, Q: Flat) -> None:
     """Compute the moments (sums over the pixels) of a subset of the reference, and write them into `Q`."""
-    for k in range(REFERENCE_MOMENTS):
+    for k in range(m.REFERENCE_MOMENTS):
         Q[k] = 0.0
     r = subset.radius
     corner = image.origin + (subset.y - r) * image.pitch + subset.x
@@ -112,15 +88,15 @@ def _add_reference_strip(
         fxf, fyf = add_powers(fxf, fx * f, y), add_powers(fyf, fy * f, y)
         fx1, fy1 = add_powers(fx1, fx, y), add_powers(fy1, fy, y)
         f1, ff = f1 + f, fma(f, f, ff)
-    add_moments(Q, PRODUCTS, fxfx, x, inside)
-    add_moments(Q, PRODUCTS + 15, fxfy, x, inside)
-    add_moments(Q, PRODUCTS + 30, fyfy, x, inside)
-    add_moments(Q, FX_F, fxf, x, inside)
-    add_moments(Q, FY_F, fyf, x, inside)
-    add_moments(Q, FX, fx1, x, inside)
-    add_moments(Q, FY, fy1, x, inside)
-    Q[F] += total(f1 * inside)
-    Q[FF] += total(ff * inside)
+    add_moments(Q, m.PRODUCTS, fxfx, x, inside)
+    add_moments(Q, m.PRODUCTS + 15, fxfy, x, inside)
+    add_moments(Q, m.PRODUCTS + 30, fyfy, x, inside)
+    add_moments(Q, m.FX_F, fxf, x, inside)
+    add_moments(Q, m.FY_F, fyf, x, inside)
+    add_moments(Q, m.FX, fx1, x, inside)
+    add_moments(Q, m.FY, fy1, x, inside)
+    Q[m.F] += total(f1 * inside)
+    Q[m.FF] += total(ff * inside)
 
 
 @inlined
@@ -148,7 +124,7 @@ def moments_with_image(
     columns that are summed together) are 8 or 16 pixels wide. If `smooth` is False, each strip is one column
     of pixels. `rows` is scratch memory.
     """
-    for k in range(MOMENTS):
+    for k in range(m.MOMENTS):
         S[k] = 0.0
     left = -subset.radius
     while left <= subset.radius:
@@ -242,8 +218,8 @@ def _add_strip(
         fyg = add_powers(fyg, load(x, image.fy, here) * g, y)
         g1, gg, fg = g1 + g, fma(g, g, gg), fma(load(x, image.f, here), g, fg)
         here, row_there = here + image.pitch, row_there + pitch
-    add_moments(S, FX_G, fxg, x, inside)
-    add_moments(S, FY_G, fyg, x, inside)
-    S[G] += total(g1 * inside)
-    S[GG] += total(gg * inside)
-    S[FG] += total(fg * inside)
+    add_moments(S, m.FX_G, fxg, x, inside)
+    add_moments(S, m.FY_G, fyg, x, inside)
+    S[m.G] += total(g1 * inside)
+    S[m.GG] += total(gg * inside)
+    S[m.FG] += total(fg * inside)

@@ -4,53 +4,27 @@ B. Pan, K. Li, W. Tong, "Fast, robust and accurate digital image correlation cal
 computations", Experimental Mechanics 53 (2013) 1277-1289. docs/kernel.md derives the Hessian.
 """
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
-from dic.correlation.kernel import cholesky, moments as m
+from dic.correlation.kernel import cholesky, sums as m
 from dic.correlation.kernel.jit import inner
 from dic.correlation.kernel.layout import Flat, KernelReference
 from dic.correlation.kernel.method import Shape, Subset
+from dic.correlation.kernel.moments import reference_moments
+from dic.correlation.kernel.records import FACTORS, FX_FX, FY_FY, MEAN, NORM2
 from dic.correlation.kernel.warps import FACTOR, POWER_X, POWER_Y, SIDE, monomial
 from dic.correlation.kernel.workspace import Workspace
 from dic.typing import Float
 
-# Indices in the record of a point; the vectors s and t and the Cholesky factor begin at FACTORS.
-MEAN, NORM2, FX_FX, FY_FY, FACTORS = 0, 1, 2, 3, 4
-
 _EPSILON = 2.0**-23
 """Relative distance of neighbouring float32 numbers; moments are summed in float32."""
-
-
-class Prepared(NamedTuple):
-    """Prepared data of the reference's subsets, with one record for each point of a grid."""
-
-    known: NDArray[np.bool_]
-    """Shape (rows, columns). True for points whose record is filled."""
-    records: NDArray[np.float32]
-    """Shape (rows, columns, n). One record for each point. A record contains the mean of the subset's grey
-    levels f, and the sum |f̃|² of squared differences between grey levels and mean (NaN without texture). The
-    record also contains ∑fx², ∑fy², the vectors s and t, and the Cholesky factor of the Hessian H.
-    """
-
-    @classmethod
-    def empty(cls, shape: tuple[int, int], parameters: int) -> "Prepared":
-        """Return empty records for the points of a grid; they take memory only when they are filled."""
-        return cls(np.zeros(shape, np.bool_), np.empty((*shape, record_length(parameters)), np.float32))
-
-
-def record_length(parameters: int) -> int:
-    """Return the number of values in the record of a point."""
-    return FACTORS + 2 * parameters + parameters * (parameters + 1) // 2
 
 
 @inner
 def prepare(image: KernelReference, shape: Shape, subset: Subset, work: Workspace, record: Flat) -> None:
     """Compute the data that IC-GN needs of a subset of the reference, and write them into `record`."""
     Q, H, s, t = work.Q, work.H, work.s, work.t
-    m.reference_moments(image, shape, subset, Q)
+    reference_moments(image, shape, subset, Q)
     mean, norm2 = _normal_matrix(Q, subset.pixels, H, s, t)
     flat = max(image.flat_variance * subset.pixels, rounding_share(subset.radius) * Q[m.FF])
     has_texture = norm2 > flat and cholesky.factorise(H)

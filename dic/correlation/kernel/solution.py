@@ -74,3 +74,14 @@ class Solution(NamedTuple):
     def converged(self) -> Mask:
         """A mask that is True for converged points."""
         return np.asarray(self.status == Status.CONVERGED)
+
+
+class Task(NamedTuple):
+    """The points of a grid that are to be solved."""
+
+    seeds: Indices
+    """Shape (n, 2). Row and column of points that start from their own warps."""
+    propagates: bool
+    """True to continue from the converged points to their neighbours."""
+    pending: Mask
+    """Shape (rows, columns). True for points that are still to be solved."""

@@ -10,7 +10,7 @@ import numpy as np
 from dic.correlation.kernel.jit import inner
 from dic.correlation.kernel.layout import Flat
 from dic.correlation.kernel.method import Method, Subset
-from dic.correlation.kernel.prepared import FX_FX, NORM2
+from dic.correlation.kernel.records import FX_FX, NORM2
 from dic.typing import Float
 
 _WIDEST = 5.0

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dic.correlation.kernel.layout import Flat
-from dic.correlation.kernel.moments import MOMENTS, REFERENCE_MOMENTS, StripRows
+from dic.correlation.kernel.sums import MOMENTS, REFERENCE_MOMENTS, StripRows
 from dic.typing import Float
 
 
