@@ -80,11 +80,13 @@ def _with_far_principals(calibrations: tuple[Calibration, ...]) -> tuple[Calibra
     found = []
     for calibration, share in zip(calibrations, shares, strict=True):
         to = calibration.fitted_to
-        if to is None or to.known not in (None, KnownCamera()) or share == farthest:
+        known = KnownCamera() if to is None or to.known is None else to.known
+        stated = known.principal_px is not None or known.principal_std_px is not None
+        if to is None or stated or share == farthest:
             found.append(calibration)
             continue
-        known = KnownCamera(principal_std_px=_WIDER * farthest * to.image_shape[1])
-        again = calibration.fitted_again(known=known)
+        wider = replace(known, principal_std_px=_WIDER * farthest * to.image_shape[1])
+        again = calibration.fitted_again(known=wider)
         found.append(behind(again, calibration.plate_mm) if calibration.plate_mm else again)
     return tuple(found)
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from dic.calibration import Calibration, GridAccuracy
+from dic.calibration import Calibration, GridAccuracy, KnownCamera
 from dic.calibration.one_grid import of_one_grid
 from dic.calibration.turned import in_axes_of_first
 from dic.errors import CalibrationError
@@ -76,6 +76,18 @@ def test_a_far_principal_point_of_one_camera_is_possible_for_the_other():
     after = together[1].pinhole
     assert (np.abs(after.centre_mm + pose.T @ [0.4, -0.2, 40.0]) < 3 * after.centre_std_mm).all()
     assert together[1].fitted_to.known.principal_std_px > 50
+
+
+def test_a_stated_principal_point_stays_beside_a_far_one():
+    rng = np.random.default_rng(4)
+    flat = PrintedGrid(0.0, 0.0, (0.0, 0.0, 0.0))
+    far, near = (seen(rng, *pose, grid=flat) for pose in (POSES[0], (0.0, 0.0)))
+    stated = KnownCamera(principal_px=np.array([(SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2]))
+    alone = (
+        Calibration.fit(replace(far, uv_px=far.uv_px + 60.0), SHAPE, accuracy=GridAccuracy()),
+        Calibration.fit(near, SHAPE, known=stated, accuracy=GridAccuracy()),
+    )
+    assert of_one_grid(alone)[1].fitted_to.known is stated
 
 
 def test_a_calibration_is_fitted_again_for_another_accuracy():

