@@ -11,7 +11,8 @@ from dic.pictures.contact_sheet import shortened
 from dic.pictures.frames import draw_axes, draw_bar, draw_title
 from dic.pictures.layout import MARGIN_MM, PanelLayout
 from dic.pictures.maps import cut_ends
-from dic.pictures.page import Page, Text
+from dic.pictures.marks import Text
+from dic.pictures.page import Page
 from dic.pictures.painting import Painter
 from dic.pictures.panels import Maps, Scale, common_name, finished, in_readable_unit, maps_of, widened
 from dic.pictures.settings import MapSettings
@@ -130,7 +131,7 @@ def _draw(shown: Sequence[_Shown], reference: Background, settings: MapSettings,
                 continue
             place = place.fitted(background.aspect, dpi)
             if unit is not None:
-                draw_axes(page, place, background.extent, unit, layout, index)
+                draw_axes(page, place, background.extent, unit, layout.is_outer(index))
             painter.begin(maps.places, background, [panels[column]], place)
             painter.draw(page, place, panels[column], scale)
     power = ""

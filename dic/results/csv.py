@@ -23,6 +23,7 @@ from dic.typing import PathLike
 _MILLIMETRES = ["X_mm", "Y_mm", "U_mm", "V_mm"]
 _OTHERS = {"u_px", "v_px", "zncc", "status", *_MILLIMETRES, "std_u_px", "std_v_px", "valid"}
 """Names of the values that are not strains."""
+_END = b"\r\n"
 _BLOCK = 2048
 """Number of lines that are written at once, so that their bytes stay in the processor's cache."""
 
@@ -132,25 +133,27 @@ def write_points(points: PointValues, path: PathLike, *, decimal_comma: bool = F
     names, columns = zip(*_columns(points), strict=True)
     shown = np.flatnonzero(points.active)
     with replacing(path) as partial, partial.open("wb") as file:
-        file.write(_lines([list(chain(*names))], decimal_comma=decimal_comma))
+        file.write(_line(list(chain(*names)), decimal_comma=decimal_comma))
         for start in range(0, len(shown), _BLOCK):
             block = shown[start : start + _BLOCK]
             lines = FixedLines(len(block), *((";", ",") if decimal_comma else (",", ".")))
             for column in columns:
                 column.add(lines, block)
+            written = lines.joined()
             if lines.doubtful.any():
-                cells = ([cell for column in columns for cell in column.cells(k)] for k in block.tolist())
-                file.write(_lines(cells, decimal_comma=decimal_comma))
-            else:
-                file.write(lines.joined())
+                each = written.split(_END)
+                for n in np.flatnonzero(lines.doubtful).tolist():
+                    cells = [cell for column in columns for cell in column.cells(int(block[n]))]
+                    each[n] = _line(cells, decimal_comma=decimal_comma).removesuffix(_END)
+                written = _END.join(each)
+            file.write(written)
 
 
-def _lines(lines: Iterable[Sequence[tuple[float, int] | str]], *, decimal_comma: bool) -> bytes:
-    """Return lines of texts and of numbers with their numbers of decimals."""
+def _line(cells: Sequence[tuple[float, int] | str], *, decimal_comma: bool) -> bytes:
+    """Return a line of texts and of numbers with their numbers of decimals."""
     text = StringIO(newline="")
     table = CsvTable(text, decimal_comma=decimal_comma)
-    for line in lines:
-        table.write(cell if isinstance(cell, str) else table.number(*cell) for cell in line)
+    table.write(cell if isinstance(cell, str) else table.number(*cell) for cell in cells)
     return text.getvalue().encode()
 
 
