@@ -111,8 +111,8 @@ class Measuring:
         if self._at_once:
             self._new_corrector(planned)
             known, correlated = all(camera.known for camera in self._cameras), self._correlated()
-            # Two steps of large images, or a step and a correlation, would need too much memory. The images of
-            # a series may come one by one, and its caller may stop it after any of them.
+            # Two steps of large images, or a step and a correlation, would need too much memory. Images of a
+            # series may come one by one, and its caller may stop it after any of them.
             if not (known or self._large) and any(planned.values()):
                 correlated = one_ahead(correlated)
             steps = map(self._evaluated, count(), correlated)

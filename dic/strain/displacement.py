@@ -143,10 +143,11 @@ def calibrated_displacement(
     shape = (*field.status.shape, 2)
     before = field.points
     after = before + np.stack([field.u_px, field.v_px], axis=-1).reshape(-1, 2)
-    position, moved = calibration.map(before), calibration.map(after)
-    inside = calibration.inside(before) & calibration.inside(after)
+    position, inside = calibration.on_points(field.x_px, field.y_px)
+    moved, there = calibration.map_and_jacobian(after)
     here = calibration.jacobian(before).reshape(*shape, 2) if gradients else None
-    gradient, noise = _in_axes(field, here, calibration.jacobian(after).reshape(*shape, 2))
+    gradient, noise = _in_axes(field, here, there.reshape(*shape, 2))
+    inside = inside & calibration.inside(after)
     return Displacement(
         position.reshape(shape),
         (moved - position).reshape(shape),
