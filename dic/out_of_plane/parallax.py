@@ -148,8 +148,8 @@ def _seen_by(calibration: Calibration, points_mm: Float) -> Float:
         raise ValueError("this calibration knows no camera centre")
     px = calibration.pinhole.project(points_mm)
     for _ in range(3):
-        wrong = points_mm - calibration.map(px)
-        px = px + np.linalg.solve(calibration.jacobian(px), wrong[:, :, None])[:, :, 0]
+        seen_mm, jacobian = calibration.map_and_jacobian(px)
+        px = px + np.linalg.solve(jacobian, (points_mm - seen_mm)[:, :, None])[:, :, 0]
     return np.asarray(px)
 
 

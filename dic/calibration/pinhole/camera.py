@@ -1,6 +1,7 @@
 """A pinhole camera with lens distortion, and its pose relative to the grid."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -220,8 +221,8 @@ class Pinhole:
         """
         # An error that moves a grid point's image by s moves the mapped point by −J·s, where J is the
         # Jacobian of `map`.
-        moved = self._slopes_by_parameters(self.map(px)) @ self._parameter_factors()
-        return np.asarray(-self.jacobian(px) @ moved)
+        hit, jacobian = self.map_and_jacobian(px)
+        return np.asarray(-jacobian @ (self._slopes_by_parameters(hit) @ self._parameter_factors))
 
     def centre_factors(self) -> Float:
         """Return a matrix F, shape (3, q), mm; F Fᵀ is the error covariance of `centre_mm`.
@@ -230,7 +231,7 @@ class Pinhole:
         `error_factors` and `centre_factors` together also give the correlation between errors of mapped
         points and errors of `centre_mm`.
         """
-        return self._parameter_factors()[10:13]
+        return self._parameter_factors[10:13]
 
     def on_grid(self, deviations: Float, covariance: Float) -> "Pinhole":
         """Return the camera if the grid has these deviations (5,), known with this covariance (5, 5)."""
@@ -263,6 +264,7 @@ class Pinhole:
         """Covariance of the parameters for a grid with known deviations, of the shape of `covariance`."""
         return self.covariance - self.by_deviations @ self.deviation_covariance @ self.by_deviations.T
 
+    @cached_property
     def _parameter_factors(self) -> Float:
         """Return a matrix F, shape (13 + m, q), for which F Fᵀ is `covariance`.
 
