@@ -17,12 +17,16 @@ from dic.calibration.pinhole.prior import KnownCamera
 from dic.calibration.residuals import PlaneMap, Residuals
 from dic.errors import CalibrationError
 from dic.targets.points import GridPoints
-from dic.typing import Float, Mask
+from dic.typing import Float, Indices, Mask
 
 Model = Literal["bicubic", "pinhole"]
 
 _CLEARLY_BETTER = 0.95
 _NEGLIGIBLE_PX = 1e-4
+
+
+_KEPT_POINTS = 100_000
+"""Largest number of points whose calibrated positions in the reference are kept for the next image."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +192,12 @@ class Calibration:
                 f"none, because {self.pinhole_problem}",
                 "use --model bicubic, or calibrate again with more lines or more images of the grid",
             )
-        return replace(self, model=model)
+        if model == self.model:
+            return self
+        if model not in self._others:
+            # What is kept of it serves the next image, too.
+            self._others[model] = replace(self, model=model)
+        return self._others[model]
 
     @property
     def recommended(self) -> Model:
@@ -227,6 +236,12 @@ class Calibration:
         """Return the Jacobian ``∂(X, Y)/∂(x, y)`` in mm/px at image points (n, 2), shape (n, 2, 2)."""
         return self._in_use.jacobian(px)
 
+    def map_and_jacobian(self, px: Float) -> tuple[Float, Float]:
+        """Return the results of `map` and `jacobian`."""
+        if isinstance(self._in_use, Pinhole):
+            return self._in_use.map_and_jacobian(px)
+        return self.map(px), self.jacobian(px)
+
     def error_factors(self, px: Float) -> Float:
         """Return a matrix F for each image point (n, 2); F Fᵀ is the error covariance of the mapped point.
 
@@ -260,6 +275,29 @@ class Calibration:
         inside = np.zeros(len(points), bool)
         inside[order] = odd
         return inside
+
+    def on_points(self, x_px: Indices, y_px: Indices) -> tuple[Float, Mask]:
+        """Return `map` and `inside` of a grid of points with the given columns and rows.
+
+        They are kept until other points are asked for, because all images of a series have the same points.
+        """
+        key, last = (x_px.tobytes(), y_px.tobytes()), self._last_points.get("last")
+        if last is not None and last[0] == key:
+            return last[1]
+        x, y = np.meshgrid(x_px, y_px)
+        px = np.column_stack([x.ravel(), y.ravel()]).astype(np.float64)
+        found = self.map(px), self.inside(px)
+        if len(px) <= _KEPT_POINTS:
+            self._last_points["last"] = key, found
+        return found
+
+    @cached_property
+    def _last_points(self) -> dict[str, tuple[tuple[bytes, bytes], tuple[Float, Mask]]]:
+        return {}
+
+    @cached_property
+    def _others(self) -> dict[str, "Calibration"]:
+        return {}
 
     @cached_property
     def outline_px(self) -> Float:

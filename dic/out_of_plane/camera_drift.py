@@ -10,12 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dic.calibration.calibration import Calibration
 from dic.calibration.one_grid import pinhole_of
 from dic.out_of_plane.correction import by_centre
 from dic.out_of_plane.joint_solution import JointSystem
 from dic.out_of_plane.moved_camera import CameraMotion
+from dic.out_of_plane.nodes import Nodes
 from dic.out_of_plane.parallax import Heights
-from dic.out_of_plane.uncertainty import Points, weighted_sums
+from dic.out_of_plane.uncertainty import sums_of, weighted_sums
 from dic.strain.still import orthogonal_polynomials
 from dic.typing import Float
 
@@ -37,7 +39,7 @@ def drift_reason(system: JointSystem) -> str | None:
     pairs, centres_mm = system.pairs, system.centres_mm
     if not (pairs.first.determine(3) and pairs.second.determine(3)):
         return None
-    heights = Heights.of(pairs, centres_mm)
+    heights = Heights.of(pairs.seen, centres_mm)
     length = np.linalg.norm(heights.parallax, axis=1, keepdims=True)
     across = heights.parallax[:, ::-1] * [-1.0, 1.0] / length
     basis = orthogonal_polynomials(heights.position_mm)
@@ -47,9 +49,10 @@ def drift_reason(system: JointSystem) -> str | None:
     to_second = -(pairs.partner.T @ weights.reshape(len(weights), -1)).reshape(-1, *weights.shape[1:])
     noise, of_maps, of_centres = system.noise_and_calibrations((to_first, to_second))
 
+    nodes = Nodes.of(pairs.seen.start_mm, basis / len(basis))
+
     def seen(first_mm: Float, second_mm: Float) -> Float:
-        off_mm = Heights.of(pairs, (first_mm, second_mm)).across_mm
-        return np.asarray(basis.T @ off_mm / len(basis))
+        return np.asarray(nodes.weights.T @ Heights.of(pairs.smooth, (first_mm, second_mm)).across_mm)
 
     one, other = centres_mm
     of_centre = np.hstack(
@@ -63,9 +66,12 @@ def drift_reason(system: JointSystem) -> str | None:
     to_white = np.linalg.inv(np.linalg.cholesky(covariance))
     camera = pairs.second
     motion = CameraMotion.unknown(camera.calibration, one)
-    by_motion = to_white @ weighted_sums(to_second, motion.factors(camera.px[1])[0])
-    by_growth = to_white @ weighted_sums(to_second, _by_growth(camera))
-    found = to_white @ seen(one, other)
+
+    def moves(px: Float) -> Float:
+        return np.concatenate([motion.factors(px)[0], _by_growth(camera.calibration, px)], axis=2)
+
+    by_motion, by_growth = np.split(to_white @ sums_of(moves, camera.px[1], to_second), [-1], axis=1)
+    found = to_white @ basis.T @ heights.across_mm / len(basis)
     turn, growth = _Cause.of(by_motion, found), _Cause.of(by_growth, found)
     if growth.is_clear and growth.explained > turn.explained - _UNLIKE:
         return (
@@ -77,11 +83,10 @@ def drift_reason(system: JointSystem) -> str | None:
     return None
 
 
-def _by_growth(points: Points) -> Float:
-    """Return the motion of points (n, 2, 1) if the camera magnifies more by `_GROWTH`, mm."""
-    px, pinhole = points.px[1], pinhole_of(points.calibration)
-    grown = _GROWTH * (px - pinhole.principal_px)
-    return np.asarray(points.calibration.jacobian(px) @ grown[:, :, None])
+def _by_growth(calibration: Calibration, px: Float) -> Float:
+    """Return the motion of image points (n, 2) if the camera magnifies more by `_GROWTH`, (n, 2, 1), mm."""
+    grown = _GROWTH * (px - pinhole_of(calibration).principal_px)
+    return np.asarray(calibration.jacobian(px) @ grown[:, :, None])
 
 
 @dataclass(frozen=True)

@@ -185,7 +185,8 @@ def points_of(
     calibration.
     """
     best, field = calibration.using(_mapped_by(calibration)), measurement.field
-    displacement = calibrated_displacement(field, best)
+    gradients = measurement.strain_settings.source == "shape"
+    displacement = calibrated_displacement(field, best, gradients=gradients)
     use = displacement.valid
     before = field.points.reshape(*use.shape, 2)[use]
     moved = np.stack([field.u_px, field.v_px], axis=-1)[use]

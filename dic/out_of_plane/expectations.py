@@ -8,6 +8,7 @@ there are several levels, from nearly zero to large. Each combination of levels 
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -59,31 +60,7 @@ class Expectations:
     @classmethod
     def of(cls, shift_std_mm: float, half_width_mm: float) -> "Expectations":
         """Return the expectations for a strain of 1, for a field of points with the given half width."""
-        at, rows, logs, curved, graded = places(), [], [], [], []
-        levels = product(_TILTS, _BENDINGS_PER_MM, _CURVATURES_PER_MM, _GRADIENTS, (0.0, _TAPER_SHARE))
-        for tilt, bending, curvature, gradient, taper in levels:
-            if taper and not gradient:
-                continue
-            std = np.zeros(sum(SIZES.values()))
-            std[at["affine"]] = np.inf
-            per_mm = gradient / half_width_mm
-            own = {
-                "bending": bending,
-                "tilt": tilt,
-                "mounted tilt": TILT_STD,
-                "gap": GAP_STD_MM,
-                "shift": shift_std_mm,
-                "curvature": curvature,
-                "gradient": per_mm,
-                "taper": taper * per_mm,
-            }
-            for name, value in own.items():
-                std[at[name]] = value
-            rows.append(std)
-            logs.append(np.log(_TILTS[tilt]) + _log_prior(curvature, gradient))
-            curved.append(curvature > 0)
-            graded.append(gradient > 0)
-        return cls(np.array(rows), np.array(logs), np.array(curved), np.array(graded))
+        return _of_unit_width(shift_std_mm).scaled(1.0 / half_width_mm)
 
     def scaled(self, strain: float) -> "Expectations":
         """Return the expectations for a given strain; the gradients are proportional to this strain."""
@@ -107,6 +84,35 @@ class Expectations:
     def kind(self, model: int) -> tuple[bool, bool]:
         """Return whether a model has curvature, and whether it has a gradient."""
         return bool(self.curved[model]), bool(self.graded[model])
+
+
+@lru_cache(maxsize=16)
+def _of_unit_width(shift_std_mm: float) -> Expectations:
+    """Return the expectations for a strain of 1, for a field with a half width of 1 mm."""
+    at, rows, logs, curved, graded = places(), [], [], [], []
+    levels = product(_TILTS, _BENDINGS_PER_MM, _CURVATURES_PER_MM, _GRADIENTS, (0.0, _TAPER_SHARE))
+    for tilt, bending, curvature, gradient, taper in levels:
+        if taper and not gradient:
+            continue
+        std = np.zeros(sum(SIZES.values()))
+        std[at["affine"]] = np.inf
+        own = {
+            "bending": bending,
+            "tilt": tilt,
+            "mounted tilt": TILT_STD,
+            "gap": GAP_STD_MM,
+            "shift": shift_std_mm,
+            "curvature": curvature,
+            "gradient": gradient,
+            "taper": taper * gradient,
+        }
+        for name, value in own.items():
+            std[at[name]] = value
+        rows.append(std)
+        logs.append(np.log(_TILTS[tilt]) + _log_prior(curvature, gradient))
+        curved.append(curvature > 0)
+        graded.append(gradient > 0)
+    return Expectations(np.array(rows), np.array(logs), np.array(curved), np.array(graded))
 
 
 def _log_prior(curvature: float, gradient: float) -> float:

@@ -6,9 +6,9 @@ import numpy as np
 
 from dic.calibration.one_grid import shared_factors
 from dic.out_of_plane.correction import by_centre
-from dic.out_of_plane.parallax import Bulge, Heights, Pairs
+from dic.out_of_plane.parallax import Bulge, Heights, Pairs, Seen
 from dic.out_of_plane.uncertainty import block_diagonal, weighted_sums
-from dic.strain.fit import gradient_weights, slopes_of
+from dic.strain.fit import gradient_weights
 from dic.typing import Float
 
 _SYSTEMATIC = 2e-6
@@ -42,46 +42,38 @@ class JointSystem:
         """Return the system before the adjustment, with the camera centres from the calibrations."""
         return cls(pairs, (pairs.first.centre_mm, pairs.second.centre_mm))
 
-    def estimates(self, centres_mm: tuple[Float, Float]) -> Float:
-        """Return the eleven estimates, shape (11,), for the given camera centres."""
-        heights = Heights.of(self.pairs, centres_mm)
-        (plane, _), bulge = heights.plane(), Bulge.of(heights.position_mm)
-        start = self.pairs.first.before_mm[self.pairs.chosen]
-        gradients = [
-            slopes_of(start, plane.within(after_mm, centre_mm) - start)
-            for after_mm, centre_mm in zip(self.pairs.positions_mm(), centres_mm, strict=True)
-        ]
-        flat = np.ravel(gradients) - self._by_curvatures(bulge, centres_mm) @ (bulge.weights @ heights.z_mm)
-        return np.array([*flat, plane.slope_x, plane.slope_y, plane.shift_mm])
+    def estimates(self, centres_mm: tuple[Float, Float], seen: Seen | None = None) -> Float:
+        """Return the eleven estimates, shape (11,), for the given camera centres.
 
-    def _by_curvatures(self, bulge: Bulge, centres_mm: tuple[Float, Float]) -> Float:
-        """Return the false gradients of both cameras for unit curvatures of the surface, shape (8, 3).
-
-        A height above the plane displaces a point along the camera's ray.
+        `seen`: places that stand for the pairs. Default: those of all pairs.
         """
-        start = self.pairs.first.before_mm[self.pairs.chosen]
-        return np.vstack(
-            [
-                np.stack([slopes_of(start, term[:, None] * ray).ravel() for term in bulge.fitted.T], axis=1)
-                for ray in self.pairs.rises(centres_mm)
-            ]
-        )
+        seen = seen or self.pairs.seen
+        heights = Heights.of(seen, centres_mm)
+        plane, bulge = heights.plane(), Bulge.of(heights)
+        gradients = [
+            seen.gradient(plane.within(after_mm, centre_mm) - seen.start_mm)
+            for after_mm, centre_mm in zip((seen.first_mm, seen.second_mm), centres_mm, strict=True)
+        ]
+        curvatures = bulge.weights @ heights.z_mm
+        flat = np.ravel(gradients) - _by_curvatures(bulge, seen, centres_mm) @ curvatures
+        return np.array([*flat, plane.slope_x, plane.slope_y, plane.shift_mm])
 
     def weights(self) -> tuple[Float, Float]:
         """Return the weight of each measured displacement in the eleven estimates, for each camera.
 
         The docstring of the class names the estimates. Both arrays have the shape (points, 2, 11).
         """
-        heights = Heights.of(self.pairs, self.centres_mm)
-        (plane, of_plane), bulge = heights.plane(), Bulge.of(heights.position_mm)
-        weights = gradient_weights(self.pairs.first.before_mm[self.pairs.chosen])
+        seen = self.pairs.seen
+        heights = Heights.of(seen, self.centres_mm)
+        plane, bulge = heights.plane(), Bulge.of(heights)
+        weights = gradient_weights(seen.start_mm)
         of_places = [
             weighted_sums(weights, plane.derivatives(after_mm, centre_mm))
-            for after_mm, centre_mm in zip(self.pairs.positions_mm(), self.centres_mm, strict=True)
+            for after_mm, centre_mm in zip((seen.first_mm, seen.second_mm), self.centres_mm, strict=True)
         ]
-        through_plane = of_plane @ np.vstack([*of_places, np.eye(3)]).T
+        through_plane = heights.plane_weights() @ np.vstack([*of_places, np.eye(3)]).T
         along = heights.parallax / (heights.parallax**2).sum(axis=1, keepdims=True)
-        through_bulge = (self._by_curvatures(bulge, self.centres_mm) @ bulge.weights).T
+        through_bulge = (_by_curvatures(bulge, seen, self.centres_mm) @ bulge.weights).T
         through_plane[:, :, :8] -= along[:, :, None] * through_bulge[:, None, :]
         to_first = np.zeros((len(self.pairs.first.before_mm), 2, 11))
         to_first[self.pairs.chosen] = through_plane
@@ -94,10 +86,11 @@ class JointSystem:
     def by_centres(self) -> Float:
         """Return the changes (11, 6) of the eleven estimates per mm of change of both camera centres."""
         first, second = self.centres_mm
+        smooth = self.pairs.smooth
         return np.hstack(
             [
-                by_centre(lambda centre: self.estimates((centre, second)), first),
-                by_centre(lambda centre: self.estimates((first, centre)), second),
+                by_centre(lambda centre: self.estimates((centre, second), smooth), first),
+                by_centre(lambda centre: self.estimates((first, centre), smooth), second),
             ]
         )
 
@@ -165,6 +158,16 @@ class JointSystem:
         direct, still_open = np.eye(11) - gain @ apart, by_shift @ left
         total = direct @ noise @ direct.T + still_open @ still_open.T + _SYSTEMATIC**2 * gain @ gain.T
         return JointSolution(current, estimates, np.asarray(total), float(np.linalg.norm(shift)))
+
+
+def _by_curvatures(bulge: Bulge, seen: Seen, centres_mm: tuple[Float, Float]) -> Float:
+    """Return the false gradients of both cameras for unit curvatures of the surface, shape (8, 3).
+
+    A height above the plane displaces a point along the camera's ray.
+    """
+    rays = np.hstack(seen.rises(centres_mm))
+    by_term = seen.gradient(bulge.fitted[:, :, None] * rays[:, None, :])
+    return np.asarray(by_term.reshape(3, 8).T)
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,17 @@ import numpy as np
 
 from dic.calibration.calibration import Calibration
 from dic.correlation.field import Field
+from dic.out_of_plane.nodes import Nodes
 from dic.out_of_plane.plane import Plane
+from dic.out_of_plane.polynomial import polynomial_terms
 from dic.out_of_plane.uncertainty import Points
 from dic.typing import Float, Indices
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
+
+_RANK = 1e-12
+"""Combinations of terms whose normal equations are smaller than this share of the largest are left out."""
 
 
 @dataclass(frozen=True)
@@ -72,24 +77,61 @@ class Pairs:
         entries = (weights[chosen].ravel(), (np.repeat(np.arange(len(chosen)), 4), corners[chosen].ravel()))
         return cls(first, second, chosen, csr_array(entries, shape=(len(chosen), int(number.max()) + 1)))
 
-    def positions_mm(self) -> tuple[Float, Float]:
-        """Return the points' calibrated positions in the deformed images, shape (n, 2), for each camera."""
-        return self._positions_mm
+    @cached_property
+    def seen(self) -> "Seen":
+        """The places of the chosen points."""
+        start, count = self.first.before_mm[self.chosen], len(self.chosen)
+        moved = self.second.after_mm - self.second.before_mm
+        places = start, self.first.after_mm[self.chosen], start + self.partner @ moved
+        return Seen(*places, np.full(count, 1.0 / count))
 
     @cached_property
-    def _positions_mm(self) -> tuple[Float, Float]:
-        start = self.first.before_mm[self.chosen]
-        moved = self.second.after_mm - self.second.before_mm
-        return self.first.after_mm[self.chosen], start + self.partner @ moved
+    def smooth(self) -> "Seen":
+        """A few places that stand for the chosen points, on the polynomials that fit their displacements.
+
+        Derivatives of estimates hardly depend on the rest of the displacements, so these places give them.
+        """
+        return self.seen.at_nodes()
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The places of material points as both cameras see them."""
+
+    start_mm: Float
+    """Shape (n, 2). Positions in the reference."""
+    first_mm: Float
+    second_mm: Float
+    """Shape (n, 2). Calibrated positions in the deformed images, for each camera."""
+    share: Float
+    """Shape (n,). Weight of each place in a mean over all points."""
+
+    def at_nodes(self) -> "Seen":
+        """Return the places at nodes instead of the points."""
+        nodes, terms = Nodes.of(self.start_mm, self.share), polynomial_terms(self.start_mm)
+        moved = np.hstack([self.first_mm - self.start_mm, self.second_mm - self.start_mm])
+        inverse = np.linalg.pinv(terms.T @ terms, _RANK, hermitian=True)
+        fitted = polynomial_terms(nodes.at, self.start_mm) @ (inverse @ (terms.T @ moved))
+        return Seen(nodes.at, nodes.at + fitted[:, :2], nodes.at + fitted[:, 2:], nodes.weights)
 
     def rises(self, centres_mm: tuple[Float, Float]) -> tuple[Float, Float]:
         """Return the shift of the calibrated positions by a height of 1 mm, shape (n, 2), for each camera.
 
         The difference between both cameras' shifts is the parallax vector e.
         """
-        first, second = self.positions_mm()
         of_first, of_second = centres_mm
-        return (first - of_first[:2]) / of_first[2], (second - of_second[:2]) / of_second[2]
+        return (self.first_mm - of_first[:2]) / of_first[2], (self.second_mm - of_second[:2]) / of_second[2]
+
+    def gradient(self, values: Float) -> Float:
+        """Return the mean gradients (…, 2) of fields (n, …) of the points."""
+        flat = self._slopes.T @ values.reshape(len(values), -1)
+        return np.asarray(np.moveaxis(flat.reshape(2, *values.shape[1:]), 0, -1))
+
+    @cached_property
+    def _slopes(self) -> Float:
+        """Weights (n, 2) of the values at the points in their mean gradient."""
+        weighted = self.share[:, None] * (self.start_mm - self.share @ self.start_mm)
+        return np.asarray(np.linalg.solve(weighted.T @ self.start_mm, weighted.T).T)
 
 
 def _pitch(places_px: Indices) -> float:
@@ -111,8 +153,8 @@ def _seen_by(calibration: Calibration, points_mm: Float) -> Float:
         raise ValueError("this calibration knows no camera centre")
     px = calibration.pinhole.project(points_mm)
     for _ in range(3):
-        wrong = points_mm - calibration.map(px)
-        px = px + np.linalg.solve(calibration.jacobian(px), wrong[:, :, None])[:, :, 0]
+        seen_mm, jacobian = calibration.map_and_jacobian(px)
+        px = px + np.linalg.solve(jacobian, (points_mm - seen_mm)[:, :, None])[:, :, 0]
     return np.asarray(px)
 
 
@@ -126,23 +168,27 @@ class Bulge:
     """
     planes: Float
     """Shape (3, 3). Slope x, slope y and height of the three planes, in the columns."""
+    share: Float
+    """Shape (n,). Weight of each point in a mean over all points."""
 
     @classmethod
-    def of(cls, position_mm: Float) -> "Bulge":
-        """Return the three quadratic terms at n points; `position_mm` has the shape (n, 2)."""
-        flat, quadratic = _terms(position_mm)
-        planes = np.linalg.lstsq(flat, quadratic, rcond=None)[0]
-        return cls(np.asarray(quadratic - flat @ planes), np.asarray(planes, np.float64))
+    def of(cls, heights: "Heights") -> "Bulge":
+        """Return the three quadratic terms at the points with these heights."""
+        flat, quadratic = _terms(heights.position_mm)
+        weighted = (heights.share[:, None] * flat).T
+        planes = np.asarray(np.linalg.solve(weighted @ flat, weighted @ quadratic))
+        return cls(np.asarray(quadratic - flat @ planes), planes, heights.share)
 
     def at(self, position_mm: Float) -> Float:
         """Return the three terms at other points (m, 2), shape (m, 3)."""
         flat, quadratic = _terms(position_mm)
         return np.asarray(quadratic - flat @ self.planes)
 
-    @property
+    @cached_property
     def weights(self) -> Float:
         """Weights with which the heights enter the three curvatures, shape (3, n)."""
-        return np.asarray(np.linalg.pinv(self.fitted))
+        weighted = (self.share[:, None] * self.fitted).T
+        return np.asarray(np.linalg.pinv(weighted @ self.fitted, _RANK, hermitian=True) @ weighted)
 
 
 def _terms(position_mm: Float) -> tuple[Float, Float]:
@@ -164,32 +210,38 @@ class Heights:
     """
     parallax: Float
     """Shape (n, 2). The parallax vector e of each point."""
+    share: Float
+    """Shape (n,). Weight of each point in a mean over all points."""
 
     @classmethod
-    def of(cls, pairs: Pairs, centres_mm: tuple[Float, Float]) -> "Heights":
+    def of(cls, seen: Seen, centres_mm: tuple[Float, Float]) -> "Heights":
         """Compute the heights of points that both cameras see; the cameras' centres must differ."""
-        first, second = pairs.positions_mm()
-        rise, other = pairs.rises(centres_mm)
-        e, apart = rise - other, first - second
+        rise, other = seen.rises(centres_mm)
+        e, apart = rise - other, seen.first_mm - seen.second_mm
         square = (e**2).sum(axis=1)
         z = (apart * e).sum(axis=1) / square
         across = (apart[:, 1] * e[:, 0] - apart[:, 0] * e[:, 1]) / np.sqrt(square)
-        return cls(first - rise * z[:, None], z, across, e)
+        return cls(seen.first_mm - rise * z[:, None], z, across, e, seen.share)
 
-    def plane(self) -> tuple[Plane, Float]:
-        """Fit a plane to the heights by least squares.
+    def plane(self) -> Plane:
+        """Fit a plane to the heights by least squares."""
+        weighted = self._weighted
+        slope_x, slope_y, shift_mm = np.linalg.solve(weighted @ self._flat, weighted @ self.z_mm)
+        return Plane(float(slope_x), float(slope_y), float(shift_mm))
 
-        Returns
-        -------
-        plane : Plane
-        weights : ndarray, shape (n, 2, 3)
-            Weights with which the differences m₁ - m₂ of the calibrated positions enter the plane's slope x,
-            slope y and shift (mm).
+    def plane_weights(self) -> Float:
+        """Return the weights with which the differences m₁ - m₂ of the calibrated positions enter `plane`.
+
+        The result has the shape (n, 2, 3); the plane is given by slope x, slope y and shift (mm).
         """
-        terms = np.column_stack([self.position_mm, np.ones(len(self.z_mm))])
-        design = (self.parallax[:, :, None] * terms[:, None, :]).reshape(-1, 3)
-        inverse = np.linalg.solve(design.T @ design, design.T)
-        apart = (self.parallax * self.z_mm[:, None]).ravel()
-        slope_x, slope_y, shift_mm = inverse @ apart
-        plane = Plane(float(slope_x), float(slope_y), float(shift_mm))
-        return plane, np.asarray(inverse.T.reshape(len(self.z_mm), 2, 3))
+        inverse = np.linalg.inv(self._weighted @ self._flat)
+        of_square = (self.share[:, None] * self._flat) @ inverse
+        return np.asarray(self.parallax[:, :, None] * of_square[:, None, :])
+
+    @cached_property
+    def _flat(self) -> Float:
+        return np.column_stack([self.position_mm, np.ones(len(self.z_mm))])
+
+    @property
+    def _weighted(self) -> Float:
+        return np.asarray((self.share * (self.parallax**2).sum(axis=1))[:, None] * self._flat).T

@@ -8,6 +8,7 @@ point, C + t ((m, 0) - C), with
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -40,13 +41,13 @@ class Plane:
         slope_x, slope_y = -normal[0] / normal[2], -normal[1] / normal[2]
         return cls(slope_x, slope_y, float(point_mm[2] - slope_x * point_mm[0] - slope_y * point_mm[1]))
 
-    @property
+    @cached_property
     def normal(self) -> Float:
         """Normal of the plane towards the camera, a unit vector (3,)."""
         normal = np.array([-self.slope_x, -self.slope_y, 1.0])
         return np.asarray(normal / np.linalg.norm(normal))
 
-    @property
+    @cached_property
     def axes(self) -> Float:
         """Axes within the plane, unit vectors (2, 3): X and Y after the smallest rotation into the plane."""
         normal = self.normal

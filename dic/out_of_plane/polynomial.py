@@ -91,9 +91,13 @@ class Polynomial:
         return np.asarray(moved_mm - self.terms @ self.sight.moved(plane)[COEFFICIENTS].reshape(2, 10).T)
 
 
-def polynomial_terms(position_mm: Float) -> Float:
-    """Return the ten terms of a polynomial of third degree at `position_mm` (n, 2), shape (n, 10)."""
-    centred = position_mm - position_mm.mean(axis=0)
-    x, y = (centred / np.abs(centred).max()).T
+def polynomial_terms(position_mm: Float, among_mm: Float | None = None) -> Float:
+    """Return the ten terms of a polynomial of third degree at `position_mm` (n, 2), shape (n, 10).
+
+    The terms are 1 at the outermost of the positions `among_mm`. Default: of `position_mm`.
+    """
+    among_mm = position_mm if among_mm is None else among_mm
+    middle_mm = among_mm.mean(axis=0)
+    x, y = ((position_mm - middle_mm) / np.abs(among_mm - middle_mm).max()).T
     powers = [(degree - k, k) for degree in range(_DEGREE + 1) for k in range(degree + 1)]
     return np.stack([x**i * y**j for i, j in powers], axis=1)

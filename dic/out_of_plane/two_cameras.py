@@ -139,7 +139,7 @@ def _points(
 
 def _too_close(pairs: Pairs, centres_mm: tuple[Float, Float]) -> str | None:
     # Do not compute heights before this check, because two cameras at the same place cannot measure heights.
-    rise, other = pairs.rises(centres_mm)
+    rise, other = pairs.seen.rises(centres_mm)
     parallax = float(np.linalg.norm(rise - other, axis=1).mean())
     if parallax < _LEAST_PARALLAX:
         degrees = np.degrees(np.arctan(parallax))
@@ -153,7 +153,7 @@ def _disagreement(pairs: Pairs, joint: JointSolution, mm_per_px: float) -> str |
             f"the cameras measure the same strain only if their calibrations are {joint.shift_needed:.0f} "
             f"standard deviations off, at most {_IMPROBABLE:.0f} are accepted: was a camera moved?"
         )
-    rms_mm = float(np.sqrt((Heights.of(pairs, joint.system.centres_mm).across_mm ** 2).mean()))
+    rms_mm = float(np.sqrt((Heights.of(pairs.seen, joint.system.centres_mm).across_mm ** 2).mean()))
     noise_mm = np.hypot(_noise_mm(pairs.first), _noise_mm(pairs.second))
     limit_mm = _AGREE * noise_mm + _AGREE_PX * mm_per_px
     if rms_mm > limit_mm:
@@ -169,7 +169,7 @@ def _apart_px(pairs: Pairs, mm_per_px: float) -> float:
     system = JointSystem.of(pairs)
     gradients = system.estimates(system.centres_mm)[:8].reshape(2, 4)
     half_px = float(np.ptp(pairs.first.before_mm, axis=0).max()) / 2 / mm_per_px
-    across_mm = Heights.of(pairs, system.centres_mm).across_mm
+    across_mm = Heights.of(pairs.seen, system.centres_mm).across_mm
     rms_px = float(np.sqrt((across_mm**2).mean())) / mm_per_px
     return max(rms_px, float(np.abs(gradients[0] - gradients[1]).max()) * half_px)
 
@@ -185,7 +185,7 @@ def _noise_mm(points: Points) -> float:
 def _step(measurements: tuple[Measurement, Measurement], joint: JointSolution) -> TwoCameraStep:
     """Return the corrections of both cameras, the mean strain and the heights of one step."""
     system, estimates, covariance = joint.system, joint.estimates, joint.covariance
-    heights, plane = Heights.of(system.pairs, system.centres_mm), Plane(*map(float, estimates[8:]))
+    heights, plane = Heights.of(system.pairs.seen, system.centres_mm), Plane(*map(float, estimates[8:]))
     plane_std = np.sqrt(np.diag(covariance)[8:])
     settings, shared = measurements[0].strain_settings, len(system.pairs.chosen)
     corrections = []
@@ -205,7 +205,7 @@ def _step(measurements: tuple[Measurement, Measurement], joint: JointSolution) -
 
 def _flattened(moved: Displacement, points: Points, centre_mm: Float, heights: Heights) -> Displacement:
     """Return the displacements without those that the curvature of the surface causes."""
-    bulge = Bulge.of(heights.position_mm)
+    bulge = Bulge.of(heights)
     rise_mm = bulge.at(points.after_mm) @ (bulge.weights @ heights.z_mm)
     vector = moved.vector.copy()
     vector[points.use] -= rise_mm[:, None] * (points.after_mm - centre_mm[:2]) / centre_mm[2]

@@ -6,7 +6,7 @@ correlated errors to points whose subsets overlap. Interpolation gives errors th
 The errors of the calibration are common to all points.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -190,27 +190,28 @@ class Points:
         # With the deformation gradient F, an error dx of the reference position changes the expected deformed
         # position by F dx.
         F = self.mean_gradient + np.eye(2)
-        before, after = (
-            self._sums(px, weights, turn) for px, turn in zip(self.px, (F, np.eye(2)), strict=True)
+        errors_of = self.calibration.error_factors
+        of_map = sums_of(errors_of, self.px[1], weights) - sums_of(
+            lambda px: F @ errors_of(px), self.px[0], weights
         )
-        of_map = after - before
         of_map, of_centre = in_order(of_map, self.calibration), self.calibration.pinhole.centre_factors()
         more = of_map.shape[1] - of_centre.shape[1]
         return of_map, np.pad(of_centre, ((0, 0), (more, 0)))
 
-    def _sums(self, px: Float, weights: Float, turn: Float) -> Float:
-        """Return weighted sums (p, q) of errors of the map at image points (n, 2), turned by `turn`."""
-        nodes = Nodes.of(px, weights)
-        errors = turn @ self.calibration.error_factors(nodes.at)
-        if np.isfinite(errors).all():
-            return weighted_sums(of_both_components(nodes.weights), errors)
-        # A corner of the area lies outside the image of the lens.
-        parts = bands_of(len(weights), _SOME_POINTS)
-        errors_of = self.calibration.error_factors
-        sums = [
-            weighted_sums(of_both_components(weights[some]), turn @ errors_of(px[some])) for some in parts
-        ]
-        return np.asarray(np.sum(sums, axis=0))
+
+def sums_of(function: Callable[[Float], Float], position: Float, weights: Float) -> Float:
+    """Return weighted sums (p, …) of a smooth function over points at `position` (n, 2).
+
+    `function`: returns vectors (k, 2, …) at k positions. `weights`: as for `of_both_components`.
+    """
+    nodes = Nodes.of(position, weights)
+    values = function(nodes.at)
+    if np.isfinite(values).all():
+        return weighted_sums(of_both_components(nodes.weights), values)
+    # A corner of the area lies outside the image of the lens.
+    parts = bands_of(len(weights), _SOME_POINTS)
+    sums = [weighted_sums(of_both_components(weights[some]), function(position[some])) for some in parts]
+    return np.asarray(np.sum(sums, axis=0))
 
 
 def of_both_components(weights: Float) -> Float:

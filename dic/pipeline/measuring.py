@@ -10,6 +10,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
+from itertools import count
 from typing import Any
 
 from dic.files.lazy import Computed
@@ -109,10 +110,13 @@ class Measuring:
             self._at_once = False
         if self._at_once:
             self._new_corrector(planned)
-            steps = map(self._evaluated, self._correlated())
-            # Two steps of large images, or a step and a correlation, would need too much memory.
-            alone = self._large or not all(camera.known for camera in self._cameras)
-            yield from map(self._written, steps if alone else one_ahead(steps))
+            known, correlated = all(camera.known for camera in self._cameras), self._correlated()
+            # Two steps of large images, or a step and a correlation, would need too much memory. Images of a
+            # series may come one by one, and its caller may stop it after any of them.
+            if not (known or self._large) and any(planned.values()):
+                correlated = one_ahead(correlated)
+            steps = map(self._evaluated, count(), correlated)
+            yield from map(self._written, one_ahead(steps) if known and not self._large else steps)
         else:
             # Run through all images, and keep none.
             deque(self._correlated(), maxlen=0)
@@ -169,10 +173,9 @@ class Measuring:
         writer = self._writer
         return None if writer is None else partial(writer.fields_of_row, camera)
 
-    def _evaluated(self, found: Mapping[str, FinishedImage]) -> MeasuredStep:
+    def _evaluated(self, number: int, found: Mapping[str, FinishedImage]) -> MeasuredStep:
         """Return the measured step of images that have just been correlated."""
         images = {camera.camera: self._image(camera, found[camera.camera]) for camera in self._cameras}
-        number = len(next(iter(self.outcomes.values()))) - 1
         return self._corrected(number, images, {})
 
     def _corrected(

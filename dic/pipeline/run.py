@@ -11,6 +11,7 @@ from typing import Any
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import require_kind
+from dic.image.stored import is_large
 from dic.keywords import takes_settings
 from dic.pipeline.correction_settings import CorrectionSettings
 from dic.pipeline.correlated import FIRST_GUESSES
@@ -49,8 +50,9 @@ def process_run(
     """Calibrate and correlate all cameras of a run in parallel.
 
     Every image is correlated, written to the disk and removed from memory, so a long run need not fit into
-    memory. The corrections are computed at the end from the written data. The fields of the result are read
-    from the result file when they are used.
+    memory. The corrections of a step are computed while the next step is correlated; those of rotations and
+    of large images are computed at the end from the written data. The fields of the result are read from the
+    result file when they are used.
 
     Parameters
     ----------
@@ -134,7 +136,8 @@ def _measure(
     for camera in cameras:
         camera.before, camera.known = earlier.images.get(camera.camera, ()), earlier.known
     # The corrections of all cameras need the memory that the correlation of large images frees at its end.
-    how = {"at_once": earlier.known, "on_image": on_image}
+    large = any(is_large(camera.reference.shape) for camera in cameras)
+    how = {"at_once": earlier.known or not large, "on_image": on_image}
     with measuring_into(place, cameras, set_up, origin, earlier.images_before, **how) as measuring:
         deque(measuring.steps(), maxlen=0)
     return {camera.camera: camera.specimen for camera in cameras}

@@ -126,7 +126,7 @@ def raw_displacement(field: Field, *, gradients: bool = True) -> Displacement:
     vector = np.stack([field.u_px, -field.v_px], axis=-1)
     position = (field.points * np.array([1.0, -1.0])).reshape(shape)
     everywhere = np.broadcast_to(_UPWARDS, (*shape, 2))
-    gradient, noise = _in_axes(field, everywhere, everywhere, gradients=gradients)
+    gradient, noise = _in_axes(field, everywhere if gradients else None, everywhere)
     return Displacement(position, vector, field.converged, "px", gradient, noise, sight_of(field))
 
 
@@ -143,10 +143,11 @@ def calibrated_displacement(
     shape = (*field.status.shape, 2)
     before = field.points
     after = before + np.stack([field.u_px, field.v_px], axis=-1).reshape(-1, 2)
-    position, moved = calibration.map(before), calibration.map(after)
-    inside = calibration.inside(before) & calibration.inside(after)
-    here, there = (calibration.jacobian(at).reshape(*shape, 2) for at in (before, after))
-    gradient, noise = _in_axes(field, here, there, gradients=gradients)
+    position, inside = calibration.on_points(field.x_px, field.y_px)
+    moved, there = calibration.map_and_jacobian(after)
+    here = calibration.jacobian(before).reshape(*shape, 2) if gradients else None
+    gradient, noise = _in_axes(field, here, there.reshape(*shape, 2))
+    inside = inside & calibration.inside(after)
     return Displacement(
         position.reshape(shape),
         (moved - position).reshape(shape),
@@ -189,15 +190,15 @@ def sight_of(field: Field) -> Sight | None:
     return sight if is_large(field.region.shape) or field.region.flags.writeable else shared_sight(sight)
 
 
-def _in_axes(field: Field, here: Float, there: Float, *, gradients: bool) -> tuple[Float | None, Noise]:
+def _in_axes(field: Field, here: Float | None, there: Float) -> tuple[Float | None, Noise]:
     """Return the displacement gradient and the errors of a correlated image in new coordinates.
 
     The arrays `here` and `there`, shape (rows, columns, 2, 2), are the derivatives of the new coordinates
     with respect to the image coordinates, before and after the motion. In the new coordinates the deformation
-    gradient F becomes ``there · F · here⁻¹``. If `gradients` is False, there is no gradient, and its
-    covariances are NaN.
+    gradient F becomes ``there · F · here⁻¹``. If `here` is None, there is no gradient, and its covariances
+    are NaN.
     """
-    if not gradients:
+    if here is None:
         return None, displacement_noise(field, there)
     shape = field.status.shape
     back = _inverse(here)

@@ -1,6 +1,7 @@
 """A pinhole camera with lens distortion, and its pose relative to the grid."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -159,23 +160,38 @@ class Pinhole:
         The result is NaN if an image coordinate is NaN, if the ray misses the grid's plane, or if no ray
         through the distorting lens reaches the image point.
         """
-        direction = self._directions(self._ideal(px))
+        return self._hit(self._ideal(px))
+
+    def jacobian(self, px: Float) -> Float:
+        """Return ``∂(X, Y)/∂(x, y)`` of `map` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
+        return self._jacobian(self._ideal(px))
+
+    def map_and_jacobian(self, px: Float) -> tuple[Float, Float]:
+        """Return the results of `map` and `jacobian`, which share most of their work."""
+        ideal = self._ideal(px)
+        return self._hit(ideal), self._jacobian(ideal)
+
+    def _hit(self, ideal: Float) -> Float:
+        direction = self._directions(ideal)
         depth = np.where(direction[:, 2:] < 0, direction[:, 2:], np.nan)
         hit: Float = self.centre_mm[:2] - self.centre_mm[2] * direction[:, :2] / depth
         return hit
 
-    def jacobian(self, px: Float) -> Float:
-        """Return ``∂(X, Y)/∂(x, y)`` of `map` in mm/px at image points (n, 2), as an array (n, 2, 2)."""
-        ideal = self._ideal(px)
+    def _jacobian(self, ideal: Float) -> Float:
         direction = self._directions(ideal)
         across, depth = direction[:, :2, None], direction[:, 2, None, None]
         # These are the derivatives of the ray's direction (rows X, Y, Z) with respect to x and y of the
         # undistorted point.
         slopes = (self.rotation[:2] * np.array([[1.0], [-1.0]]) / self.focal_px).T
         by_ideal = -self.centre_mm[2] * (slopes[:2] * depth - across * slopes[2:]) / depth**2
-        with np.errstate(invalid="ignore"):
-            by_seen = np.linalg.inv(_identity_for_nan(distortion_jacobian(ideal, self.distortion)))
-        jacobian: Float = by_ideal @ by_seen
+        (a, b), (c, d) = np.moveaxis(distortion_jacobian(ideal, self.distortion), 0, -1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            determinant = (a * d - b * c)[:, None]
+            columns = (
+                (by_ideal[:, :, 0] * d[:, None] - by_ideal[:, :, 1] * c[:, None]) / determinant,
+                (by_ideal[:, :, 1] * a[:, None] - by_ideal[:, :, 0] * b[:, None]) / determinant,
+            )
+        jacobian: Float = np.stack(columns, axis=-1)
         jacobian[~np.isfinite(ideal).all(axis=1)] = np.nan
         return jacobian
 
@@ -205,8 +221,8 @@ class Pinhole:
         """
         # An error that moves a grid point's image by s moves the mapped point by −J·s, where J is the
         # Jacobian of `map`.
-        moved = self._slopes_by_parameters(self.map(px)) @ self._parameter_factors()
-        return np.asarray(-self.jacobian(px) @ moved)
+        hit, jacobian = self.map_and_jacobian(px)
+        return np.asarray(-jacobian @ (self._slopes_by_parameters(hit) @ self._parameter_factors))
 
     def centre_factors(self) -> Float:
         """Return a matrix F, shape (3, q), mm; F Fᵀ is the error covariance of `centre_mm`.
@@ -215,7 +231,7 @@ class Pinhole:
         `error_factors` and `centre_factors` together also give the correlation between errors of mapped
         points and errors of `centre_mm`.
         """
-        return self._parameter_factors()[10:13]
+        return self._parameter_factors[10:13]
 
     def on_grid(self, deviations: Float, covariance: Float) -> "Pinhole":
         """Return the camera if the grid has these deviations (5,), known with this covariance (5, 5)."""
@@ -248,6 +264,7 @@ class Pinhole:
         """Covariance of the parameters for a grid with known deviations, of the shape of `covariance`."""
         return self.covariance - self.by_deviations @ self.deviation_covariance @ self.by_deviations.T
 
+    @cached_property
     def _parameter_factors(self) -> Float:
         """Return a matrix F, shape (13 + m, q), for which F Fᵀ is `covariance`.
 
@@ -306,7 +323,3 @@ def root(covariance: Float) -> Float:
 
 def _crossed(axis: Float, vectors: Float) -> Float:
     return np.asarray(np.cross(axis, vectors), np.float64)
-
-
-def _identity_for_nan(matrices: Float) -> Float:
-    return np.where(np.isfinite(matrices), matrices, np.eye(2))

@@ -35,6 +35,18 @@ def test_the_jacobian_is_that_of_differences(sloped):
     np.testing.assert_allclose(plane.jacobian(POINTS, CENTRE), np.stack(differences, -1), atol=1e-9)
 
 
+@pytest.mark.parametrize("sloped", SLOPED)
+def test_the_derivatives_are_those_of_differences(sloped):
+    plane, step = plane_of(*sloped), 1e-5
+    values = np.array([plane.slope_x, plane.slope_y, plane.shift_mm])
+    differences = [
+        (Plane(*(values + d)).within(POINTS, CENTRE) - Plane(*(values - d)).within(POINTS, CENTRE))
+        / (2 * step)
+        for d in step * np.eye(3)
+    ]
+    np.testing.assert_allclose(plane.derivatives(POINTS, CENTRE), np.stack(differences, -1), atol=1e-8)
+
+
 def test_a_plane_across_a_direction_contains_its_point():
     plane = Plane.across(np.array([0.1, -0.2, 2.0]), np.array([3.0, 1.0, 0.5]))
     np.testing.assert_allclose(np.cross(plane.normal, [0.1, -0.2, 2.0]), 0, atol=1e-15)

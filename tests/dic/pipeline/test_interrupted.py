@@ -185,7 +185,6 @@ def test_interrupted_run_goes_on_with_the_same_bits(run_file, tmp_path, correlat
     # The disk is full while the strains are written.
     monkeypatch.setattr(MeasurementWriter, "add_step", full)
     assert "No space left on device" in refusal(*words)
-    assert len(correlated) == 1
     assert "interrupted before its strains were computed" in refusal("report", result, "-o", "r.html")
     monkeypatch.setattr(MeasurementWriter, "add_step", add)
     assert run_dic(*words).status == 0

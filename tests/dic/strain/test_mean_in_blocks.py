@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dic.strain.displacement import Displacement, Noise
-from dic.strain.fit import mean_gradient
+from dic.strain.fit import gradient_weights, mean_gradient
 from dic.strain.mean_in_blocks import mean_gradient_in_blocks
 
 ROWS, COLUMNS = 23, 17
@@ -29,6 +29,23 @@ def displaced(seed: int) -> Displacement:
 @pytest.fixture(params=[1, 3, 10, 100])
 def rows_at_a_time(request, monkeypatch):
     monkeypatch.setattr("dic.strain.mean_in_blocks._BLOCK_POINTS", request.param * COLUMNS)
+
+
+def test_the_covariance_is_that_of_all_pairs_of_points(monkeypatch):
+    """A Fourier transform sums errors that reach far, and a direct sum those that do not."""
+    displacement = displaced(5)
+    use, noise = displacement.valid, displacement.noise
+    weights = np.zeros((*use.shape, 2, 4))
+    weights[use] = gradient_weights(displacement.position[use])
+    parts = np.einsum("rcia,rcip->rcpa", np.nan_to_num(noise.factors), weights).reshape(-1, 4, 2)
+    row, column = (np.abs(each.ravel()[:, None] - each.ravel()) for each in np.indices(use.shape))
+    shared = np.pad(noise.overlap, [(0, n) for n in use.shape])[row, column]
+    expected = np.einsum("npa,nm,mqa->pq", parts, shared, parts, optimize=True)
+    unbiased = replace(displacement, noise=replace(noise, bias=None))
+    for near in (12, 0):
+        monkeypatch.setattr("dic.strain.fit._NEAR", near)
+        found = mean_gradient(unbiased, use).covariance
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
 @pytest.mark.usefixtures("rows_at_a_time")
