@@ -4,6 +4,7 @@ import shlex
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
@@ -44,6 +45,7 @@ class Provenance:
         return cls(shlex.join([Path(program).name, *arguments]), versions(), digests, job)
 
 
+@cache
 def versions() -> str:
     """Return the versions of this program and of the libraries that it computes with, as one line of text."""
     return ", ".join(f"{name} {version(name)}" for name in _PACKAGES)

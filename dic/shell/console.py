@@ -1,5 +1,6 @@
 """Messages and exit status of commands. For an error, the command prints one sentence and no traceback."""
 
+import logging
 import os
 import re
 import signal
@@ -41,7 +42,7 @@ def run(command: click.Command, foreseen: tuple[type[Exception], ...], prefix: s
     """
     _prepare_streams()
     _unprinted.clear()
-    with _warnings_as_lines():
+    with _warnings_as_lines(), _notes_as_lines():
         status = _status(command, foreseen, prefix)
     sys.exit(_flushed(status, prefix))
 
@@ -124,6 +125,25 @@ def _warnings_as_lines() -> Iterator[None]:
         yield
     finally:
         warnings.showwarning = shown
+
+
+@contextmanager
+def _notes_as_lines() -> Iterator[None]:
+    """Print what this package logs as lines, such as the note that code is compiled, which takes a while."""
+
+    class Lines(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            say(record.getMessage(), err=True)
+
+    log, lines = logging.getLogger("dic"), Lines()
+    before = log.level
+    log.addHandler(lines)
+    log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.removeHandler(lines)
+        log.setLevel(before)
 
 
 def _prepare_streams() -> None:

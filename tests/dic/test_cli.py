@@ -4,6 +4,7 @@ import sys
 import pytest
 
 from tests.command_line import run_dic
+from tests.image_files import write_image
 
 HEAVY = ("scipy", "cv2", "numba", "h5py", "matplotlib", "rich")
 PROGRAM = f"""
@@ -21,6 +22,20 @@ def test_help_loads_nothing_heavier_than_numpy() -> None:
     done = subprocess.run([sys.executable, "-c", PROGRAM, "--help"], capture_output=True, text=True)
     assert "correlate" in done.stdout
     assert done.stderr == "[]\n"
+
+
+def test_a_plain_correlation_loads_neither_scipy_nor_numba_nor_h5py(speckle, tmp_path) -> None:
+    """Numba only compiles, once for each version and processor."""
+    pattern = speckle(seed=3, shape=(130, 130))
+    write_image(tmp_path / "a.png", pattern.draw())
+    write_image(tmp_path / "b.png", pattern.draw(lambda x, y: (x - 0.3, y)))
+    command = [sys.executable, "-c", PROGRAM, "correlate", "a.png", "b.png"]
+    for _ in range(2):
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        if "compiling for this processor" not in done.stderr:
+            break
+    assert "b.png" in done.stdout
+    assert done.stderr.splitlines()[-1] == "['cv2']"
 
 
 @pytest.mark.parametrize(

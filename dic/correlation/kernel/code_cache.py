@@ -32,6 +32,9 @@ COMPILED_IN = (
 
 _PACKAGE = Path(__file__).parents[2]
 
+_NO_EFFECT = {"NUMBA_CACHE_DIR", "NUMBA_NUM_THREADS"}
+"""Settings of numba that leave the machine code as it is."""
+
 _VERSIONS = 16
 """Number of versions whose machine code is kept; the folders of those that were used longest ago go."""
 
@@ -51,7 +54,8 @@ def cache_key(package: Path) -> str:
         content.update(f"{source.name}\0{len(code)}\0".encode() + code)
     numpy = np.__version__.rpartition(".")[0]
     compiler = [version("numba"), llvmlite.__version__, numpy, sys.implementation.cache_tag, processor()]
-    settings = [f"{name}={value}" for name, value in os.environ.items() if name.startswith("NUMBA_")]
+    names = {name for name in os.environ if name.startswith("NUMBA_")} - _NO_EFFECT
+    settings = [f"{name}={os.environ[name]}" for name in names]
     content.update("\0".join([*compiler, *sorted(settings)]).encode())
     return content.hexdigest()[:16]
 
@@ -89,9 +93,12 @@ def write(file: Path, images: list[bytes]) -> None:
         if not file.parent.is_dir():
             file.parent.mkdir(mode=0o700, exist_ok=True)
             _prune(file.parent)
-        with tempfile.NamedTemporaryFile(dir=file.parent, delete=False) as part:
-            part.write(hashlib.sha256(content).digest() + content)
-        Path(part.name).replace(file)
+        part = file.with_name(f"{file.name}.{os.getpid()}")
+        try:
+            part.write_bytes(hashlib.sha256(content).digest() + content)
+            part.replace(file)
+        finally:
+            part.unlink(missing_ok=True)
 
 
 def _prune(folder: Path) -> None:

@@ -44,6 +44,8 @@ def entry_of(symbol: str, kind: Kind) -> bytes:
             "}",
         ]
     )
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
     target = llvm.Target.from_triple(llvm.get_process_triple())
     machine = target.create_target_machine(opt=2, reloc="static", codemodel="large", jit=True)
     image: bytes = machine.emit_object(llvm.parse_assembly(code))

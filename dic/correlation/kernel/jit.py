@@ -7,7 +7,7 @@ processes.
 
 import logging
 from collections.abc import Callable
-from functools import cached_property, update_wrapper
+from functools import cache, cached_property, update_wrapper
 from importlib import import_module
 from pathlib import Path
 from threading import RLock
@@ -26,8 +26,7 @@ _OPTIONS = {
     "no_cfunc_wrapper": True,
 }
 
-_log = logging.getLogger("dic.compiler")
-_said: set[str] = set()
+_log = logging.getLogger("dic")
 _lock = RLock()
 
 
@@ -37,8 +36,11 @@ def compiled(function: Function) -> Function:
     The function returns nothing. Its machine code runs without Python's global lock. Division by zero gives
     infinity or NaN as in NumPy. The order of the terms in a sum stays as it is written.
     """
-    source = Path(function.__code__.co_filename)
-    return _in_place_of(function, _Compiled(lambda: function, source, function.__name__))
+    code = function.__code__
+    if code.co_freevars:
+        raise TypeError(f"{function.__name__} is compiled and must not use variables of a function around it")
+    name = f"{function.__name__}-{code.co_firstlineno}"
+    return _in_place_of(function, _Compiled(lambda: function, Path(code.co_filename), name))
 
 
 def compiled_in(module: str, name: str) -> Callable[..., None]:
@@ -99,11 +101,11 @@ class _Compiled(_Inner):
                 file = code_cache.file_of(self._source, self._name, kind)
                 images = file and code_cache.read(file)
                 if not images:
-                    _say_once(file)
+                    _say(file and file.parent)
                     images = self._compile(kind, arguments)
                     if file is not None:
                         code_cache.write(file, images)
-                self._ready[kind] = MachineCode(images, kind)
+                self._ready[kind] = _loaded(images, kind)
             return self._ready[kind]
 
     def _compile(self, kind: Kind, arguments: tuple[Any, ...]) -> list[bytes]:
@@ -121,11 +123,20 @@ class _Compiled(_Inner):
         return [image, entry_of(result.fndesc.llvm_func_name, kind)]
 
 
-def _say_once(file: Path | None) -> None:
+def _loaded(images: list[bytes], kind: Kind) -> MachineCode:
+    try:
+        return MachineCode(images, kind)
+    except RuntimeError:
+        # The machine code calls a library that numba loads, such as Intel's vector mathematics.
+        import numba  # noqa: F401
+
+        return MachineCode(images, kind)
+
+
+@cache
+def _say(folder: Path | None) -> None:
     """Tell the user of the first compilation in this process, which takes seconds."""
-    if not _said:
-        later = "at every start, as no folder for machine code is private"
-        if file is not None:
-            later = f"which takes some seconds; later calls use the machine code in {file.parent}"
-        _log.info("compiling for this processor, %s", later)
-    _said.add(str(file))
+    later = "at every start, as there is no folder of this user alone for the machine code"
+    if folder is not None:
+        later = f"which takes some seconds; later calls find the machine code in {folder}"
+    _log.info("compiling for this processor, %s", later)

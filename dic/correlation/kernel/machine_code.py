@@ -111,7 +111,7 @@ def _linker() -> Any:
     """Return LLVM's linker for this process."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    return llvm.create_lljit_compiler()
+    return llvm.create_lljit_compiler(suppress_errors=True)
 
 
 @cache

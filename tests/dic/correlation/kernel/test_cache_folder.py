@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dic.correlation.kernel import jit
+from dic.correlation.kernel import code_cache
 
 
 @pytest.fixture
@@ -15,16 +15,16 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
     def of(home: str | None, caches: str | None = None) -> Path | None:
-        for name, value in (("HOME", home), ("XDG_CACHE_HOME", caches)):
+        for name, value in (("HOME", home), ("XDG_CACHE_HOME", caches), ("NUMBA_CACHE_DIR", None)):
             monkeypatch.delenv(name, raising=False)
             if value is not None:
                 monkeypatch.setenv(name, value)
-        monkeypatch.setattr(jit.tempfile, "tempdir", str(tmp_path / "temporary"))
-        jit._cache_folder.cache_clear()
-        return jit._cache_folder()
+        monkeypatch.setattr(code_cache.tempfile, "tempdir", str(tmp_path / "temporary"))
+        code_cache.cache_folder.cache_clear()
+        return code_cache.cache_folder()
 
     yield of
-    jit._cache_folder.cache_clear()
+    code_cache.cache_folder.cache_clear()
 
 
 def test_home_folder_is_used_and_made_private(folder, tmp_path):
@@ -69,7 +69,14 @@ def test_folder_of_another_user_or_a_link_is_not_used(folder, tmp_path, monkeypa
     assert folder("~") is None
 
 
-def test_without_a_folder_the_machine_code_is_only_in_memory(monkeypatch):
-    monkeypatch.setattr(jit, "_cache_folder", lambda: None)
-    monkeypatch.setattr(jit.numba.config, "CACHE_DIR", "")
-    assert jit.compiled(lambda a: a + 1.0)(2.0) == 3.0
+def test_folders_of_versions_that_were_used_longest_ago_are_removed(tmp_path):
+    """The folders of other programs, and the folder that is just written, stay."""
+    for age in range(20):
+        place = tmp_path / f"{age:016x}"
+        place.mkdir()
+        os.utime(place, (1e9 - age, 1e9 - age))
+    (tmp_path / "others").mkdir()
+    os.utime(tmp_path / "others", (0, 0))
+    code_cache.write(tmp_path / ("f" * 16) / "one.o", [b"a", b"b"])
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {"f" * 16, "others", *(f"{age:016x}" for age in range(15))}

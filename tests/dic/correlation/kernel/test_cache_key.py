@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import dic
-from dic.correlation.kernel.jit import COMPILED_IN, cache_key
+from dic.correlation.kernel.code_cache import COMPILED_IN, cache_key
 
 PACKAGE = Path(dic.__file__).parent
 KERNEL = PACKAGE / "correlation" / "kernel"

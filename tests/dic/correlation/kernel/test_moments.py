@@ -9,10 +9,11 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from dic.correlation import kernel
-from dic.correlation.kernel import icgn, moments, warps
+from dic.correlation.kernel import icgn, moments, sums, warps
 from dic.correlation.kernel.jit import compiled
 from dic.correlation.kernel.method import Subset
-from dic.correlation.kernel.prepared import FACTORS, FX_FX, MEAN, NORM2, prepare, recall, record_length
+from dic.correlation.kernel.prepared import prepare, recall
+from dic.correlation.kernel.records import FACTORS, FX_FX, MEAN, NORM2, record_length
 from dic.correlation.kernel.uncertainty import write_std
 from dic.correlation.kernel.workspace import Workspace
 from dic.correlation.settings import CorrelationSettings
@@ -45,7 +46,7 @@ def tables(heading):
 
 MONOMIALS = [(int(a), int(b)) for a, b in zip(*(row[1:] for row in tables("k")[0]), strict=True)]
 PARAMETERS = [(row[2], int(row[3]), int(row[4]), float(Fraction(row[5]))) for row in tables("i")[0]]
-OF_REFERENCE, WITH_IMAGE = tables("name in `moments.py`")
+OF_REFERENCE, WITH_IMAGE = tables("name in `sums.py`")
 
 
 @pytest.fixture(
@@ -106,17 +107,16 @@ def run_prepare(image, shape, subset, work, record):
 
 
 @compiled
-def run_moments_with_image(image, deformed, method, subset, p, work):
-    smooth = warps.is_smooth(p, subset.radius)
+def run_moments_with_image(image, deformed, method, subset, p, work, smooth):
+    smooth[0] = warps.is_smooth(p, subset.radius)
     moments.moments_with_image(
-        image, deformed, method.taps, method.shape, subset, p, smooth, work.rows, work.S
+        image, deformed, method.taps, method.shape, subset, p, smooth[0], work.rows, work.S
     )
-    return smooth
 
 
 @compiled
-def run_compare(record, subset, work):
-    return icgn._compare(record, subset, work)
+def run_compare(record, subset, work, found):
+    found[0], found[1] = icgn._compare(record, subset, work)
 
 
 @compiled
@@ -136,7 +136,7 @@ def places(row):
     """Return first index, last k and factors from a row of a table of moments in docs/kernel.md."""
     name, offset = re.fullmatch(r"`(\w+)`(?: \+ (\d+))?", row[0]).groups()
     first = int(row[1].removesuffix("+ k"))
-    assert getattr(moments, name) + int(offset or 0) == first
+    assert getattr(sums, name) + int(offset or 0) == first
     return first, int(row[2]), row[3].removeprefix("∑ ").split()
 
 
@@ -183,10 +183,11 @@ def test_moments_of_the_reference_are_the_sums_of_the_table(pixels, point):
 def test_moments_with_the_deformed_image_are_the_sums_of_the_table(pixels, point, turn, is_smooth):
     p = point.p.copy()
     p[[2, 4]] += turn, -turn
-    smooth = run_moments_with_image(
-        pixels.image, pixels.deformed, point.method, pixels.subset, p.astype(np.float32), point.work
+    smooth = np.empty(1, np.bool_)
+    run_moments_with_image(
+        pixels.image, pixels.deformed, point.method, pixels.subset, p.astype(np.float32), point.work, smooth
     )
-    assert smooth == is_smooth
+    assert smooth[0] == is_smooth
     values = vars(pixels) | {"g": seen(pixels, p)}
     # Positions are rounded to float32, too.
     check_moments(point.work.S, WITH_IMAGE, values, degree_of(point), tolerance=1e-5)
@@ -216,8 +217,12 @@ def test_the_record_of_a_point_holds_what_the_page_says(pixels, point):
 
 def test_the_right_hand_side_and_the_zncc_are_those_of_the_page(pixels, point):
     J, f, p = point.J, point.f_centred, point.p.astype(np.float32)
-    run_moments_with_image(pixels.image, pixels.deformed, point.method, pixels.subset, p, point.work)
-    has_contrast, zncc = run_compare(point.record, pixels.subset, point.work)
+    run_moments_with_image(
+        pixels.image, pixels.deformed, point.method, pixels.subset, p, point.work, np.empty(1, np.bool_)
+    )
+    found = np.empty(2)
+    run_compare(point.record, pixels.subset, point.work, found)
+    has_contrast, zncc = found
     g = seen(pixels, point.p)
     g = g - g.mean()
     gain = np.linalg.norm(f) / np.linalg.norm(g)
