@@ -138,7 +138,7 @@ def _create_pixels(group: Any, shape: tuple[int, int], dtype: np.dtype[Any]) -> 
 
 
 def _write_all(descriptor: int, image: NDArray[Any], offset: int) -> None:
-    left = memoryview(image).cast("B")
+    left = image.data.cast("B")
     while left:
         count = os.pwrite(descriptor, left, offset)
         left, offset = left[count:], offset + count
