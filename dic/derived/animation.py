@@ -10,7 +10,7 @@ import numpy as np
 from dic.derived.deformed_images import deformed_image
 from dic.derived.export import ExportSource, sources_of
 from dic.errors import CorrelationError
-from dic.pictures.animation import Frame, animation_writer, colours_of
+from dic.pictures.animation import animation_writer, colours_of
 from dic.pictures.background import view_of
 from dic.pictures.contact_sheet import shortened
 from dic.pictures.maps import draw_maps
@@ -115,8 +115,7 @@ def _write(results: Loaded, path: PathLike, camera: str | None, how: _How) -> An
                 failures.append(f"{image.failure}")
             else:
                 grey, maps = image_of(k), maps_of(image.measurement, settings, image.correction)
-            figure = draw_maps(whole.framed(maps), grey, title, settings, whole.scale)
-            add(_frame(figure, settings.dpi))
+            add(draw_maps(whole.framed(maps), grey, title, settings, whole.scale).pixels())
             how.on_image(total)
     return Animation(len(source.images), failures)
 
@@ -202,13 +201,3 @@ def _title(k: int, source: ExportSource, image: MeasuredImage) -> str:
         if value is not None and np.isfinite(value) and not wrong:
             parts.append(f"{value:z.{digits}f} {unit}")
     return " · ".join(parts)
-
-
-def _frame(figure: Any, dpi: float) -> Frame:
-    """Return the colours of a drawn figure."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    figure.set_dpi(dpi)
-    canvas: Any = FigureCanvasAgg(figure)
-    canvas.draw()
-    return np.array(np.asarray(canvas.buffer_rgba())[..., :3], np.uint8)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from dic.errors import MeasurementError
 from dic.files.lazy import Spool
-from dic.files.writing import write_figure
 from dic.image.read import read_image
 from dic.out_of_plane.correction import Correction
 from dic.pictures.contact_sheet import draw_contact_sheet, shown_of
@@ -124,9 +123,9 @@ class SeriesMaps:
     def _draw_maps(self, waiting: _Waiting, scale: Scale) -> None:
         settings = self._settings
         image = self._reference if settings.on == "reference" else read_image(waiting.label)
-        figure = draw_maps(waiting.maps, image, waiting.title, settings, scale)
-        write_figure(figure, self._files.maps[waiting.number], dpi=settings.dpi)
+        page = draw_maps(waiting.maps, image, waiting.title, settings, scale)
+        page.write(self._files.maps[waiting.number])
 
     def _draw_sheet(self, path: Path, images: Sequence[tuple[str, Maps]], scale: Scale) -> None:
-        figure = draw_contact_sheet(images, self._reference, len(self._waiting), self._small, scale)
-        write_figure(figure, path, dpi=self._settings.dpi)
+        page = draw_contact_sheet(images, self._reference, len(self._waiting), self._small, scale)
+        page.write(path)

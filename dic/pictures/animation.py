@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.errors import OutputError
 from dic.files.writing import replacing
-from dic.pictures.settings import COLOURS, MapSettings, require_format
+from dic.pictures.colours import blended, colour_table
+from dic.pictures.frames import UNDER
+from dic.pictures.page import Frame
+from dic.pictures.settings import MapSettings, require_format
 from dic.typing import PathLike
 
 FORMATS = ("gif", "mp4")
@@ -21,12 +23,9 @@ LEAST_PER_S, MOST_PER_S = 0.01, 50.0
 that last less than 2/100 s.
 """
 
-Frame = NDArray[np.uint8]
-"""One frame: red, green and blue of each pixel, shape (height, width, 3)."""
-
-_SHADES, _UNDER = 48, (0.15, 0.4, 0.65, 1.0)
-"""Number of map colours in a GIF file, repeated over each of these grey levels of the image below; the last
-level is the white below the colour bar.
+_SHADES, _UNDER = 48, (0.5, 0.65, UNDER, 0.95)
+"""Number of map colours in a GIF file, repeated over each of these grey levels of the image and of the colour
+bar below.
 """
 _HEADER_BYTES = 13
 _LOOP = b"\x21\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"
@@ -70,12 +69,10 @@ def animation_writer(path: PathLike, per_s: float, colours: Frame) -> Iterator[C
 
 def colours_of(settings: MapSettings) -> Frame:
     """Return the 256 colours of maps, shape (1, 256, 3): the colours over several grey levels, and grey."""
-    from matplotlib import colormaps
-
-    shades = colormaps[COLOURS[settings.colours]](np.linspace(0.0, 1.0, _SHADES))[:, :3]
-    over = [settings.opacity * shades + (1.0 - settings.opacity) * under for under in _UNDER]
-    greys = np.repeat(np.linspace(0.0, 1.0, 256 - len(_UNDER) * _SHADES)[:, None], 3, axis=1)
-    return np.round(255.0 * np.concatenate([*over, greys])).astype(np.uint8)[None]
+    shades = colour_table(settings.colours)[np.linspace(0, 255, _SHADES).round().astype(int)]
+    over = [blended(shades, settings.opacity, under) for under in _UNDER]
+    greys = np.linspace(0, 255, 256 - len(_UNDER) * _SHADES).round().astype(np.uint8)
+    return np.concatenate([*over, np.repeat(greys[:, None], 3, axis=1)])[None]
 
 
 class _Gif:

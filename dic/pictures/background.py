@@ -6,11 +6,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.pictures.page import Frame
 from dic.pictures.places import PointCells, mapped
 from dic.typing import Float
 
+_RESIZABLE = (np.uint8, np.uint16, np.float32)
 _MOST_PX = 1200
 """Longer side of the image that is drawn. More pixels make a picture slow and large, not clearer."""
+
+_GREY_PERCENTILES = (1.0, 99.5)
+_DARKEST, _LIGHTEST = 0.5, 0.95
+"""Grey levels between which the image is drawn, so that the colours over it can be read."""
 
 _MARGIN = 0.05
 """Free space around the points on a picture, as a fraction of the extent of the points."""
@@ -33,6 +39,19 @@ class Background:
         left, right, lower, upper = self.extent
         return abs(upper - lower) / abs(right - left)
 
+    def shown(self, size: tuple[int, int]) -> Frame:
+        """Return the image pale and of little contrast, with the given width and height in px."""
+        import cv2
+
+        grey = self.grey if self.grey.dtype in _RESIZABLE else self.grey.astype(np.float32)
+        smaller = size[0] < grey.shape[1]
+        small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR)
+        known = np.isfinite(small)
+        low, high = np.percentile(small[known], _GREY_PERCENTILES) if known.any() else (0.0, 1.0)
+        level = ((small - low) / max(high - low, 1e-6)).clip(0.0, 1.0)
+        pale = np.where(known, _DARKEST + (_LIGHTEST - _DARKEST) * level, 1.0)
+        return np.asarray(cv2.cvtColor(np.rint(255.0 * pale).astype(np.uint8), cv2.COLOR_GRAY2RGB))
+
 
 def background_of(image: NDArray[Any], places: PointCells) -> Background:
     """Return the image under a map, in the axes of the places."""
@@ -53,7 +72,7 @@ def background_of(image: NDArray[Any], places: PointCells) -> Background:
     # Therefore shrink the image first.
     small, to_whole = _shrunk(image, _magnification(to_drawn, places.corners))
     seen = cv2.warpPerspective(
-        small,
+        small.astype(np.float32),
         to_drawn @ to_whole,
         (columns, rows),
         flags=cv2.INTER_LINEAR,
@@ -85,7 +104,7 @@ def _magnification(homography: Float, points: Float) -> tuple[float, float]:
     return float(across.max()), float(down.max())
 
 
-def _shrunk(image: NDArray[Any], shares: tuple[float, float]) -> tuple[NDArray[np.float32], Float]:
+def _shrunk(image: NDArray[Any], shares: tuple[float, float]) -> tuple[NDArray[Any], Float]:
     """Return an image with fewer, averaged pixels, and the matrix (3, 3) from its pixels to the image's.
 
     The new width and height are the given shares of the old ones. A share above 1 counts as 1.
@@ -94,11 +113,12 @@ def _shrunk(image: NDArray[Any], shares: tuple[float, float]) -> tuple[NDArray[n
 
     whole = image.shape[::-1]
     size = tuple(max(1, round(side * min(1.0, share))) for side, share in zip(whole, shares, strict=True))
-    small = cv2.resize(image.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    known = image if image.dtype in _RESIZABLE else image.astype(np.float32)
+    small = cv2.resize(known, size, interpolation=cv2.INTER_AREA)
     right, down = (side / kept for side, kept in zip(whole, size, strict=True))
     # The centres of pixels have integer coordinates, so the left edge is at -0.5 in both images.
     to_whole = np.array([[right, 0.0, (right - 1) / 2], [0.0, down, (down - 1) / 2], [0.0, 0.0, 1.0]])
-    return np.asarray(small, np.float32), to_whole
+    return np.asarray(small), to_whole
 
 
 def view_of(corners: Float) -> tuple[float, float, float, float]:

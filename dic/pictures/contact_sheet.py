@@ -3,16 +3,17 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import PurePath
-from typing import Any
 
 from dic.errors import CorrelationError
-from dic.files.writing import write_figure
 from dic.image.given import grey_image
 from dic.out_of_plane.correction import Correction
 from dic.pictures.background import background_of
-from dic.pictures.layout import FONT_PT, PanelLayout
-from dic.pictures.maps import cut_ends, draw_background, draw_bar, draw_panel
-from dic.pictures.panels import Maps, Scale, common_name, in_readable_unit, map_scale, maps_of
+from dic.pictures.frames import draw_bar, draw_title
+from dic.pictures.layout import MARGIN_MM, PanelLayout
+from dic.pictures.maps import cut_ends
+from dic.pictures.page import FONT_PT, Page
+from dic.pictures.painting import Painter
+from dic.pictures.panels import Maps, Panel, Scale, common_name, in_readable_unit, map_scale, maps_of
 from dic.pictures.settings import MapSettings
 from dic.strain.measurement import Measurement
 from dic.typing import Grey, ImageLike, PathLike
@@ -77,14 +78,13 @@ def write_contact_sheet(
     scale = map_scale(measurements, settings, given)
     chosen = [(measurements[k], given[k]) for k in shown_of(len(measurements))]
     images = [(each.label, maps_of(each, settings, correction)) for each, correction in chosen]
-    figure = draw_contact_sheet(images, grey, len(measurements), settings, scale)
-    write_figure(figure, path, dpi=settings.dpi)
+    draw_contact_sheet(images, grey, len(measurements), settings, scale).write(path)
 
 
 def draw_contact_sheet(
     images: Sequence[tuple[str, Maps]], reference: Grey, number: int, settings: MapSettings, scale: Scale
-) -> Any:
-    """Return a matplotlib figure with a map of each image, all on one scale.
+) -> Page:
+    """Return a page with a map of each image, all on one scale.
 
     `images`: name of each image that is shown, and its map. `number`: number of all images of the series.
     `scale`: lower and upper end of the colour scale of each quantity.
@@ -94,26 +94,25 @@ def draw_contact_sheet(
     panels, scale = in_readable_unit([maps.panels[0] for _, maps in images], scale)
     background = background_of(reference, images[0][1].places)
     layout = PanelLayout.fitting(
-        len(images), settings.width_mm, background.aspect, ticks=False, title=True, bars=False
+        len(images), settings.width_mm, settings.dpi, background.aspect, ticks=False, title=True, bars=False
     )
-    figure = layout.new_figure()
-    share = "" if len(images) == number else f", {len(images)} of {number} images"
+    page = layout.new_page()
     common, mixed = common_name(panels)
-    title = f"{common}, {panels[0].unit}{share}"
-    figure.suptitle(title, fontsize=FONT_PT + 2, y=1 - 1.0 / layout.height_mm, va="top")
-    meshes = []
+    known: list[Panel] = []
     for index, (name, maps) in enumerate(images):
-        axis = layout.add_axes(figure, index)
-        draw_background(axis, background)
-        kind = f", {panels[index].kind}" if mixed else ""
+        panel, place = panels[index], layout.panel(index)
+        if Painter(maps.places, background, [panel], place, settings).draw(page, place, panel, scale):
+            known.append(panel)
+        kind = f", {panel.kind}" if mixed else ""
         text = shortened(name, beside=kind, most=layout.letters)
-        axis.set_title(text, fontsize=FONT_PT - 1, pad=1.5, y=1.0, loc="left")
-        meshes.append(draw_panel(axis, panels[index], maps.places.drawn_corners(), settings, scale))
-    drawn = [mesh for mesh in meshes if mesh is not None]
-    if drawn:
-        known = [panel for panel, mesh in zip(panels, meshes, strict=True) if mesh is not None]
-        draw_bar(figure, drawn[0], layout.add_bar(figure, 0), cut_ends(known, scale))
-    return figure
+        draw_title(page, layout, index, text, FONT_PT - 1)
+    power = ""
+    if known:
+        ends, cut = scale[panels[0].quantity], cut_ends(known, scale)
+        power = draw_bar(page, layout.bar(), ends, cut, settings)
+    share = "" if len(images) == number else f", {len(images)} of {number} images"
+    page.add_title(f"{common}, {power}{panels[0].unit}{share}", MARGIN_MM)
+    return page
 
 
 def shortened(name: str, beside: str = "", most: int = _LONGEST_NAME) -> str:

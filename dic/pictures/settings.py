@@ -13,14 +13,8 @@ from dic.settings import Names, Number, names_of, one_of, setting, settings_clas
 QUANTITIES = ("u", "v", "exx", "eyy", "exy")
 """The quantities that a map can show: displacement to the right and upwards, and three strains."""
 
-COLOURS = {
-    "viridis": "viridis",
-    "cividis": "cividis",
-    "inferno": "inferno",
-    "grey": "gray",
-    "diverging": "RdBu_r",
-}
-"""The name of each colour map, and matplotlib's name for it.
+COLOURS = ("viridis", "cividis", "inferno", "grey", "diverging")
+"""Names of colour maps.
 
 Colour-blind people can read all these colour maps. In the first four, the lightness grows evenly with the
 value. "diverging" is white at zero.
