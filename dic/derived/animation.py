@@ -13,7 +13,7 @@ from dic.errors import CorrelationError
 from dic.pictures.animation import animation_writer, colours_of
 from dic.pictures.background import view_of
 from dic.pictures.contact_sheet import shortened
-from dic.pictures.maps import draw_maps
+from dic.pictures.maps import MapDrawer
 from dic.pictures.panels import Maps, Scale, finished, maps_of, widened
 from dic.pictures.settings import MapSettings
 from dic.pipeline.measured_images import CameraView, MeasuredImage, only_camera
@@ -107,7 +107,7 @@ def _write(results: Loaded, path: PathLike, camera: str | None, how: _How) -> An
     total = 2 * len(source.images)
     with animation_writer(path, how.per_s, colours_of(settings)) as add:
         whole = _whole(source, settings, lambda: how.on_image(total))
-        failures = []
+        failures, drawer = list[str](), MapDrawer(settings)
         for k, image in enumerate(source.images):
             title, grey, maps = _title(k, source, image), reference, whole.without_values()
             if image.measurement is None:
@@ -115,7 +115,7 @@ def _write(results: Loaded, path: PathLike, camera: str | None, how: _How) -> An
                 failures.append(f"{image.failure}")
             else:
                 grey, maps = image_of(k), maps_of(image.measurement, settings, image.correction)
-            add(draw_maps(whole.framed(maps), grey, title, settings, whole.scale).pixels())
+            add(drawer.draw(whole.framed(maps), grey, title, whole.scale).pixels())
             how.on_image(total)
     return Animation(len(source.images), failures)
 

@@ -9,7 +9,7 @@ from dic.files.lazy import Spool
 from dic.image.read import read_image
 from dic.out_of_plane.correction import Correction
 from dic.pictures.contact_sheet import draw_contact_sheet, shown_of
-from dic.pictures.maps import draw_maps
+from dic.pictures.maps import MapDrawer
 from dic.pictures.panels import Maps, Scale, finished, maps_of, scale_of, widened
 from dic.pictures.settings import MapSettings
 from dic.strain.measurement import Measurement
@@ -56,6 +56,7 @@ class SeriesMaps:
     def __init__(self, reference: Grey, files: MapFiles, settings: MapSettings) -> None:
         self._reference, self._files, self._settings = reference, files, settings
         self._small = replace(settings, quantities=tuple(files.sheets) or ("eyy",), on="reference")
+        self._drawer = MapDrawer(settings)
         self._at_once = bool(files.maps) and settings.scale == "image"
         self._waiting = Spool[_Waiting]()
         self._failed: dict[int, MeasurementError | OSError] = {}
@@ -123,7 +124,7 @@ class SeriesMaps:
     def _draw_maps(self, waiting: _Waiting, scale: Scale) -> None:
         settings = self._settings
         image = self._reference if settings.on == "reference" else read_image(waiting.label)
-        page = draw_maps(waiting.maps, image, waiting.title, settings, scale)
+        page = self._drawer.draw(waiting.maps, image, waiting.title, scale)
         page.write(self._files.maps[waiting.number])
 
     def _draw_sheet(self, path: Path, images: Sequence[tuple[str, Maps]], scale: Scale) -> None:

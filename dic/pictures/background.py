@@ -1,6 +1,7 @@
 """The part of an image under a map: as the camera saw it, or as if the specimen were seen straight on."""
 
 from dataclasses import dataclass
+from math import ceil, log2
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from dic.typing import Float
 
 _RESIZABLE = (np.uint8, np.uint16, np.float32)
 _MOST_PX = 1200
-"""Longer side of the image that is drawn. More pixels make a picture slow and large, not clearer."""
+"""Longer side of an image that is rectified. More pixels make a picture slow, not clearer."""
 
 _GREY_PERCENTILES = (1.0, 99.5)
 _DARKEST, _LIGHTEST = 0.5, 0.95
@@ -24,12 +25,12 @@ _AROUND_PX = 20
 """Further space on a picture in px, so that a single point, too, is shown on its part of the image."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Background:
     """Grey levels under a map."""
 
     grey: NDArray[Any]
-    """Shape (height, width). Grey levels to draw; NaN outside the image."""
+    """Shape (height, width). Grey levels of the image, or of fewer pixels; NaN outside the image."""
     extent: tuple[float, float, float, float]
     """Left, right, lower and upper limit of the axes."""
 
@@ -43,9 +44,7 @@ class Background:
         """Return the image pale and of little contrast, with the given width and height in px."""
         import cv2
 
-        grey = self.grey if self.grey.dtype in _RESIZABLE else self.grey.astype(np.float32)
-        smaller = size[0] < grey.shape[1]
-        small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR)
+        small = _resized(self.grey, size)
         known = np.isfinite(small)
         low, high = np.percentile(small[known], _GREY_PERCENTILES) if known.any() else (0.0, 1.0)
         level = ((small - low) / max(high - low, 1e-6)).clip(0.0, 1.0)
@@ -92,7 +91,7 @@ def _part_of(image: NDArray[Any], view: tuple[float, float, float, float]) -> Ba
     part = image[top:bottom, left:right]
     if not part.size:
         part, (left, right, top, bottom) = image, (0, width, 0, height)
-    share = min(1.0, _MOST_PX / max(part.shape))
+    share = 0.5 ** max(0, ceil(log2(max(part.shape) / (2 * _MOST_PX))))
     small, _ = _shrunk(part, (share, share))
     return Background(small, (left - 0.5, right - 0.5, bottom - 0.5, top - 0.5))
 
@@ -109,16 +108,28 @@ def _shrunk(image: NDArray[Any], shares: tuple[float, float]) -> tuple[NDArray[A
 
     The new width and height are the given shares of the old ones. A share above 1 counts as 1.
     """
-    import cv2
-
     whole = image.shape[::-1]
     size = tuple(max(1, round(side * min(1.0, share))) for side, share in zip(whole, shares, strict=True))
-    known = image if image.dtype in _RESIZABLE else image.astype(np.float32)
-    small = cv2.resize(known, size, interpolation=cv2.INTER_AREA)
+    small = _resized(image, size)
     right, down = (side / kept for side, kept in zip(whole, size, strict=True))
     # The centres of pixels have integer coordinates, so the left edge is at -0.5 in both images.
     to_whole = np.array([[right, 0.0, (right - 1) / 2], [0.0, down, (down - 1) / 2], [0.0, 0.0, 1.0]])
-    return np.asarray(small), to_whole
+    return small, to_whole
+
+
+def _resized(image: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
+    """Return an image with the given width and height; pixels of a smaller image are means."""
+    import cv2
+
+    if image.dtype not in _RESIZABLE:
+        image = image.astype(np.float32)
+    while image.shape[1] // 2 >= size[0] and image.shape[0] // 2 >= size[1]:
+        half = image.shape[1] // 2, image.shape[0] // 2
+        # Halves are much faster to compute than other shares.
+        image = np.asarray(cv2.resize(image, half, interpolation=cv2.INTER_AREA))
+    smaller = size[0] < image.shape[1]
+    way = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(image, size, interpolation=way))
 
 
 def view_of(corners: Float) -> tuple[float, float, float, float]:

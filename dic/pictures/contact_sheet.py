@@ -98,10 +98,11 @@ def draw_contact_sheet(
     )
     page = layout.new_page()
     common, mixed = common_name(panels)
-    known: list[Panel] = []
+    painter, known = Painter(settings), list[Panel]()
     for index, (name, maps) in enumerate(images):
         panel, place = panels[index], layout.panel(index)
-        if Painter(maps.places, background, [panel], place, settings).draw(page, place, panel, scale):
+        painter.begin(maps.places, background, [panel], place)
+        if painter.draw(page, place, panel, scale):
             known.append(panel)
         kind = f", {panel.kind}" if mixed else ""
         text = shortened(name, beside=kind, most=layout.letters)

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 from dic.errors import MEASURE_FIRST, require_kind
 from dic.image.given import grey_image
 from dic.out_of_plane.correction import Correction
-from dic.pictures.background import background_of
+from dic.pictures.background import Background, background_of
 from dic.pictures.frames import draw_axes, draw_bar, draw_title
 from dic.pictures.layout import MARGIN_MM, PanelLayout
 from dic.pictures.page import Page
-from dic.pictures.painting import Painter
+from dic.pictures.painting import Latest, Painter
 from dic.pictures.panels import Maps, Panel, Scale, in_readable_unit, maps_of, scale_of
 from dic.pictures.settings import MapSettings
 from dic.strain.measurement import Measurement
@@ -60,37 +60,49 @@ def write_maps(
     maps = maps_of(measurement, settings, correction)
     scale = scale_of([maps], settings) if scale is None else scale
     title = measurement.label if title is None else title
-    draw_maps(maps, grey, title, settings, scale).write(path)
+    MapDrawer(settings).draw(maps, grey, title, scale).write(path)
 
 
-def draw_maps(maps: Maps, image: NDArray[Any], title: str, settings: MapSettings, scale: Scale) -> Page:
-    """Return a page with all maps of one image, laid out by the shape of the specimen."""
-    background = background_of(image, maps.places)
-    panels, scale = in_readable_unit(maps.panels, scale)
-    unit = maps.places.unit
-    layout = PanelLayout.fitting(
-        len(panels),
-        settings.width_mm,
-        settings.dpi,
-        background.aspect,
-        ticks=unit is not None,
-        title=bool(title),
-    )
-    page = layout.new_page()
-    if title:
-        page.add_title(title, MARGIN_MM)
-    painter = Painter(maps.places, background, panels, layout.panel(0), settings)
-    for index, panel in enumerate(panels):
-        place = layout.panel(index)
-        if unit is not None:
-            draw_axes(page, place, background.extent, unit, layout, index)
-        drawn = painter.draw(page, place, panel, scale)
-        power = ""
-        if drawn:
-            ends, cut = scale[panel.quantity], cut_ends([panel], scale)
-            power = draw_bar(page, layout.bar(index), ends, cut, settings)
-        draw_title(page, layout, index, f"{panel.name}, {power}{panel.unit}")
-    return page
+class MapDrawer:
+    """Draws the maps of images, one after the other; what images share is computed once.
+
+    Parameters
+    ----------
+    settings : MapSettings
+    """
+
+    def __init__(self, settings: MapSettings) -> None:
+        self._settings = settings
+        self._painter = Painter(settings)
+        self._background = Latest[Background]()
+
+    def draw(self, maps: Maps, image: NDArray[Any], title: str, scale: Scale) -> Page:
+        """Return a page with all maps of one image, laid out by the shape of the specimen."""
+        places, settings = maps.places, self._settings
+        inputs = image, places.corners, places.to_axes, places.unit, places.view
+        background = self._background.of(inputs, lambda: background_of(image, places))
+        panels, scale = in_readable_unit(maps.panels, scale)
+        layout = PanelLayout.fitting(
+            len(panels),
+            settings.width_mm,
+            settings.dpi,
+            background.aspect,
+            ticks=places.unit is not None,
+            title=bool(title),
+        )
+        page = layout.new_page()
+        if title:
+            page.add_title(title, MARGIN_MM)
+        self._painter.begin(places, background, panels, layout.panel(0))
+        for index, panel in enumerate(panels):
+            place, power = layout.panel(index), ""
+            if places.unit is not None:
+                draw_axes(page, place, background.extent, places.unit, layout, index)
+            if self._painter.draw(page, place, panel, scale):
+                ends, cut = scale[panel.quantity], cut_ends([panel], scale)
+                power = draw_bar(page, layout.bar(index), ends, cut, settings)
+            draw_title(page, layout, index, f"{panel.name}, {power}{panel.unit}")
+        return page
 
 
 def cut_ends(panels: list[Panel], scale: Scale) -> str:

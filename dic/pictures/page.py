@@ -5,6 +5,7 @@ import zlib
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -49,6 +50,17 @@ class Rect:
     def on_pixels(self, dpi: float) -> "Rect":
         """Return the rectangle with its edges between pixels."""
         return Rect(*(side * MM_PER_IN / dpi for side in self.px(dpi)))
+
+    def fitted(self, aspect: float, dpi: float) -> "Rect":
+        """Return the largest rectangle of an aspect (height over width) in the middle of this one."""
+        width = min(self.width, self.height / aspect)
+        left, top = self.left + (self.width - width) / 2, self.top + (self.height - width * aspect) / 2
+        return Rect(left, top, width, width * aspect).on_pixels(dpi)
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """The middle of the rectangle."""
+        return self.left + self.width / 2, self.top + self.height / 2
 
     def outline(self) -> Float:
         """Return the corners, shape (5, 2); the last is the first."""
@@ -143,9 +155,8 @@ def png_of(pixels: Frame, dpi: float) -> bytes:
     """Return pixels as a PNG file that states its resolution."""
     import cv2
 
-    # Noise of the images hardly compresses, so the fast way costs little space and saves most of the time.
-    fast = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
-    _, content = cv2.imencode(".png", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), fast)
+    # OpenCV's own choice for PNG is the fast one; noise hardly compresses anyway.
+    _, content = cv2.imencode(".png", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR))
     file, per_m = content.tobytes(), round(1000.0 * dpi / MM_PER_IN)
     resolution = b"pHYs" + struct.pack(">IIB", per_m, per_m, 1)
     chunk = struct.pack(">I", 9) + resolution + struct.pack(">I", zlib.crc32(resolution))
@@ -184,7 +195,7 @@ def _draw_line(drawn: Frame, corners: Float, thickness: int) -> None:
     """Draw lines between corners (n, 2) in px: sharp along rows and columns of pixels, otherwise smooth."""
     import cv2
 
-    for start, end in zip(corners[:-1], corners[1:], strict=True):
+    for start, end in pairwise(corners):
         if (start == end).any():
             least, most = np.minimum(start, end), np.maximum(start, end)
             (x0, y0), (x1, y1) = (np.floor(each - thickness / 2 + 0.5) for each in (least, most))

@@ -8,7 +8,7 @@ from typing import Any
 from dic.errors import RunFileError, require_kind
 from dic.files.writing import write_text
 from dic.keywords import takes_settings
-from dic.pictures.maps import draw_maps
+from dic.pictures.maps import MapDrawer
 from dic.pictures.panels import maps_of, scale_of
 from dic.pictures.settings import MapSettings
 from dic.pipeline.result import RunResult
@@ -21,7 +21,7 @@ from dic.report.series import Run, number_runs
 from dic.report.setup import camera_rows, findings, remaining
 from dic.report.setup_figures import harmonics_figure, height_figure, height_step, motion_figure
 from dic.report.steps import StepTable, camera_tables, pair_table
-from dic.report.style import PICTURE_DPI, PICTURE_WIDTH_MM, Kind, plot_style, png_uri, watermark_uri
+from dic.report.style import PICTURE_WIDTH_MM, Kind, pixels_uri, plot_style, watermark_uri
 from dic.report.tables import Remarks, calibration_rows, problems, recommendations, settings_rows
 from dic.report.templating import page_templates
 from dic.report.tensile_page import tensile_view
@@ -203,8 +203,8 @@ def field_pictures(run: Run) -> list[FieldPicture]:
                 correction = run.result.corrections.best(series.camera, step.index, at)
                 maps = maps_of(series.measurements[at], _MAPS, correction)
                 scale = scale_of([maps], _MAPS)
-                figure = draw_maps(maps, series.result.reference, "", _MAPS, scale)
-                pictures.append(FieldPicture(series.label, step, words, png_uri(figure, dpi=PICTURE_DPI)))
+                page = MapDrawer(_MAPS).draw(maps, series.result.reference, "", scale)
+                pictures.append(FieldPicture(series.label, step, words, pixels_uri(page.pixels())))
     return pictures
 
 

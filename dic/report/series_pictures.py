@@ -7,7 +7,7 @@ import numpy as np
 from dic.gauges.plot import draw_gauges
 from dic.gauges.series import GaugeSeries
 from dic.pictures.contact_sheet import draw_contact_sheet, shown_of
-from dic.pictures.maps import draw_maps
+from dic.pictures.maps import MapDrawer
 from dic.pictures.panels import Maps, maps_of, scale_of
 from dic.pictures.plots import draw_banded, plot_style as gauge_style
 from dic.pictures.settings import MapSettings, PlotSettings
@@ -17,11 +17,10 @@ from dic.report.strains import COMPONENTS
 from dic.report.style import (
     MARKERS,
     OFF_AXIS_COLOURS,
-    PICTURE_DPI,
     PICTURE_WIDTH_MM,
     legend_below,
     new_figure,
-    png_uri,
+    pixels_uri,
     svg_uri,
 )
 
@@ -37,8 +36,8 @@ def maps_picture(series: MeasuredSeries, index: int, quantities: tuple[str, ...]
     width_mm = PICTURE_WIDTH_MM * min(1.0, len(quantities) / len(STRAINS))
     settings = replace(_MAPS, quantities=quantities, width_mm=width_mm)
     maps = _maps(series, index, settings)
-    figure = draw_maps(maps, series.reference, "", settings, scale_of([maps], settings))
-    return png_uri(figure, dpi=PICTURE_DPI)
+    page = MapDrawer(settings).draw(maps, series.reference, "", scale_of([maps], settings))
+    return pixels_uri(page.pixels())
 
 
 def sheet_picture(series: MeasuredSeries, means: SeriesMeans, quantity: str) -> str:
@@ -47,8 +46,8 @@ def sheet_picture(series: MeasuredSeries, means: SeriesMeans, quantity: str) -> 
     shown = [means.measured[k] for k in shown_of(len(means.measured))]
     images = [(f"{k + 1}: {means.name(k)}", _maps(series, k, settings)) for k in shown]
     scale = scale_of([maps for _, maps in images], settings)
-    figure = draw_contact_sheet(images, series.reference, len(means.measured), settings, scale)
-    return png_uri(figure, dpi=PICTURE_DPI)
+    page = draw_contact_sheet(images, series.reference, len(means.measured), settings, scale)
+    return pixels_uri(page.pixels())
 
 
 def mean_picture(means: SeriesMeans) -> str:

@@ -2,21 +2,23 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from dic.errors import MeasurementError
 from dic.pictures.background import Background, background_of
 from dic.pictures.contact_sheet import shortened
-from dic.pictures.layout import FONT_PT, PanelLayout
-from dic.pictures.maps import cut_ends, draw_background, draw_bar, draw_numbers, draw_panel
+from dic.pictures.frames import draw_axes, draw_bar, draw_title
+from dic.pictures.layout import MARGIN_MM, PanelLayout
+from dic.pictures.maps import cut_ends
+from dic.pictures.page import Page, Text
+from dic.pictures.painting import Painter
 from dic.pictures.panels import Maps, Scale, common_name, finished, in_readable_unit, maps_of, widened
 from dic.pictures.settings import MapSettings
 from dic.report.camera_images import ReportedImages
 from dic.report.numbers import fixed
 from dic.report.states import HALF, CurvePoint
-from dic.report.style import png_uri
+from dic.report.style import pixels_uri
 
 _ALONG_Y_DEG = 45.0
 _WIDTHS_MM = {3: 190.0, 4: 230.0}
@@ -71,7 +73,7 @@ def state_picture(images: ReportedImages, states: Sequence[CurvePoint], quantity
     missing: list[str] = []
     scale: Scale = {}
     width_mm = _WIDTHS_MM.get(max(len(states), _LEAST_COLUMNS), _WIDEST_MM)
-    on_reference = MapSettings(width_mm=width_mm, quantities=(quantity,))
+    on_reference = MapSettings(width_mm=width_mm, quantities=(quantity,), dpi=_DPI)
     on_deformed = replace(on_reference, on="deformed")
     for state in states:
         place = images.place(state.label)
@@ -101,46 +103,43 @@ def state_picture(images: ReportedImages, states: Sequence[CurvePoint], quantity
         ]
     # The points are the same in all images, so all maps have the same place on the reference image.
     background = background_of(images.series.reference, shown[0].reference.places)
-    figure = _draw(shown, background, on_reference, finished(scale, on_reference))
-    return StatePicture(images.camera, name, png_uri(figure, dpi=_DPI, all_colours=True), missing)
+    page = _draw(shown, background, on_reference, finished(scale, on_reference))
+    return StatePicture(images.camera, name, pixels_uri(page.pixels(), all_colours=True), missing)
 
 
-def _draw(shown: Sequence[_Shown], reference: Background, settings: MapSettings, scale: Scale) -> Any:
-    """Return a figure with a column for each point, on the reference and on the deformed image."""
+def _draw(shown: Sequence[_Shown], reference: Background, settings: MapSettings, scale: Scale) -> Page:
+    """Return a page with a column for each point, on the reference and on the deformed image."""
     rows: list[list[tuple[Maps, Background | None]]] = [[(one.reference, reference) for one in shown]]
     under: list[Background | None] = [one.background for one in shown]
     if any(under):
         rows.append([(one.deformed, one.background) for one in shown])
     aspect = max(background.aspect for background in (reference, *under) if background is not None)
     unit, columns = shown[0].reference.places.unit, max(len(shown), _LEAST_COLUMNS)
-    cells = len(rows) * columns
-    layout = PanelLayout(cells, columns, settings.width_mm, aspect, unit is not None, True, bars=False)
-    figure = layout.new_figure()
+    cells, width_mm, dpi = len(rows) * columns, settings.width_mm, settings.dpi
+    layout = PanelLayout(cells, columns, width_mm, dpi, aspect, unit is not None, True, bars=False)
+    page, painter = layout.new_page(), Painter(settings)
     panels, scale = in_readable_unit([one.reference.panels[0] for one in shown], scale)
     common, mixed = common_name(panels)
-    figure.suptitle(
-        f"{common}, {panels[0].unit}", fontsize=FONT_PT + 2, y=1 - 1.0 / layout.height_mm, va="top"
-    )
-    mesh = None
     for row, cells_of_row in enumerate(rows):
         for column, (maps, background) in enumerate(cells_of_row):
-            axis = layout.add_axes(figure, row * columns + column)
-            kind = f", {panels[column].kind}" if mixed else ""
-            axis.set_title(_title(shown[column].state, row, kind), fontsize=FONT_PT, pad=2.5, y=1.0)
+            index, kind = row * columns + column, f", {panels[column].kind}" if mixed else ""
+            draw_title(page, layout, index, _title(shown[column].state, row, kind))
+            place = layout.panel(index)
             if background is None:
-                axis.text(0.5, 0.5, "no image", transform=axis.transAxes, ha="center", fontsize=FONT_PT)
-                axis.set_axis_off()
+                page.texts.append(Text(*place.middle, "no image", align="center"))
                 continue
-            draw_background(axis, background)
+            place = place.fitted(background.aspect, dpi)
             if unit is not None:
-                draw_numbers(axis, unit, layout, row * columns + column)
-            axis.set_aspect("equal")
-            drawn = draw_panel(axis, panels[column], maps.places.drawn_corners(), settings, scale)
-            mesh = drawn if mesh is None else mesh
+                draw_axes(page, place, background.extent, unit, layout, index)
+            painter.begin(maps.places, background, [panels[column]], place)
+            painter.draw(page, place, panels[column], scale)
+    power = ""
     known = [panel for panel in panels if np.isfinite(panel.values).any()]
-    if mesh is not None:
-        draw_bar(figure, mesh, layout.add_bar(figure, 0), cut_ends(known, scale))
-    return figure
+    if known:
+        cut = cut_ends(known, scale)
+        power = draw_bar(page, layout.bar(), scale[panels[0].quantity], cut, settings)
+    page.add_title(f"{common}, {power}{panels[0].unit}", MARGIN_MM)
+    return page
 
 
 def _title(state: CurvePoint, row: int, kind: str) -> str:

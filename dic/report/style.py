@@ -5,6 +5,7 @@ from io import BytesIO
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dic.report.series import CameraSeries
 from dic.typing import Float
@@ -171,18 +172,23 @@ def svg_uri(figure: Any) -> str:
     return "data:image/svg+xml;base64," + b64encode(buffer.getvalue()).decode()
 
 
-def png_uri(figure: Any, dpi: int = 100, *, all_colours: bool = False) -> str:
-    """Return a figure as a data URI in PNG format, for figures with images or many marks.
-
-    The picture has narrow margins, and 256 colours unless `all_colours` is true.
-    """
+def png_uri(figure: Any, dpi: int = 100) -> str:
+    """Return a figure as a data URI in PNG format, for figures with images or many marks."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from PIL import Image
 
     figure.set_dpi(dpi)
     canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
-    pixels = np.asarray(canvas.buffer_rgba())[..., :3]
+    return pixels_uri(np.asarray(canvas.buffer_rgba())[..., :3])
+
+
+def pixels_uri(pixels: NDArray[np.uint8], *, all_colours: bool = False) -> str:
+    """Return a picture (height, width, 3) as a data URI in PNG format.
+
+    The picture has narrow margins, and 256 colours unless `all_colours` is true.
+    """
+    from PIL import Image
+
     marked = (pixels != 255).any(axis=2)
     rows, columns = np.flatnonzero(marked.any(axis=1)), np.flatnonzero(marked.any(axis=0))
     top, left = max(0, rows[0] - _MARGIN_PX), max(0, columns[0] - _MARGIN_PX)
