@@ -23,7 +23,7 @@ LEAST_PER_S, MOST_PER_S = 0.01, 50.0
 that last less than 2/100 s.
 """
 
-_SHADES, _UNDER = 48, (0.5, 0.65, UNDER, 0.95)
+_SHADES, _UNDER = 48, (0.62, 0.71, UNDER, 0.95)
 """Number of map colours in a GIF file, repeated over each of these grey levels of the image and of the colour
 bar below.
 """

@@ -16,7 +16,7 @@ _MOST_PX = 1200
 """Longer side of an image that is rectified. More pixels make a picture slow, not clearer."""
 
 _GREY_PERCENTILES = (1.0, 99.5)
-_DARKEST, _LIGHTEST = 0.5, 0.95
+_DARKEST, _LIGHTEST = 0.62, 0.95
 """Grey levels between which the image is drawn, so that the colours over it can be read."""
 
 _MARGIN = 0.05

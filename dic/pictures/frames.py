@@ -3,10 +3,10 @@
 import numpy as np
 
 from dic.pictures.colours import blended, colour_table
-from dic.pictures.layout import PanelLayout, bar_numbers
+from dic.pictures.layout import PanelLayout
 from dic.pictures.page import CAPITAL_MM, FONT_PT, Page, Rect, Text, fitting_pt
 from dic.pictures.settings import MapSettings
-from dic.pictures.ticks import round_ticks
+from dic.pictures.ticks import fitting_ticks
 
 _SMALL_PT = FONT_PT - 1
 _TICK_MM = 0.7
@@ -35,16 +35,15 @@ def draw_axes(
     page.lines.append(place.outline())
     left, right, lower, upper = extent
     below, beside = layout.is_outer(index)
-    most_across, most_up = layout.most_numbers
     x, y = ("X", "Y") if unit == "mm" else ("x", "y")
     bottom, half = place.top + place.height, CAPITAL_MM * _SMALL_PT / 2
-    across = round_ticks(left, right, most_across)
+    across = fitting_ticks(left, right, place.width, _SMALL_PT)
     for value, text in zip(across.values, across.texts, strict=True):
         at = place.left + (value - left) / (right - left) * place.width
         page.lines.append(np.array([(at, bottom), (at, bottom + _TICK_MM)]))
         if below:
             page.texts.append(Text(at, bottom + _TICK_MM + 0.6 + 2 * half, text, _SMALL_PT, "center"))
-    up = round_ticks(lower, upper, most_up)
+    up = fitting_ticks(lower, upper, place.height, _SMALL_PT, beside=True)
     for value, text in zip(up.values, up.texts, strict=True):
         at = place.top + (value - upper) / (lower - upper) * place.height
         page.lines.append(np.array([(place.left - _TICK_MM, at), (place.left, at)]))
@@ -95,7 +94,7 @@ def draw_bar(page: Page, place: Rect, ends: tuple[float, float], extend: str, se
         (first, top),
     ]
     page.lines.append(np.array(corners))
-    ticks = round_ticks(*ends, bar_numbers(last - first))
+    ticks = fitting_ticks(*ends, last - first, _SMALL_PT)
     for value, text in zip(ticks.values, ticks.texts, strict=True):
         at = first + (value - ends[0]) / (ends[1] - ends[0]) * (last - first)
         page.lines.append(np.array([(at, bottom), (at, bottom + _TICK_MM)]))

@@ -17,9 +17,8 @@ would be narrower may be higher.
 """
 _LETTER_MM = 1.25
 """Width of a letter of 6 pt."""
-_NUMBER_MM = 9.0
-"""Width of an axis for each number below it."""
-_MOST_NUMBERS = 5
+_NEARLY = 0.9
+"""Of layouts whose panels have at least this share of the largest width, the lowest is chosen."""
 _HEIGHTS = (0.9, 1.4)
 """Largest heights of a picture as shares of its width: first the usual one, then that of narrow specimens."""
 _COMMON_BAR_MM = 90.0
@@ -66,11 +65,13 @@ class PanelLayout:
         """
         least = max(_LEAST_AXES_MM, _LEAST_SHARE * width_mm) if bars else 0.0
         for highest in _HEIGHTS:
-            each = (
+            each = [
                 cls(number, columns, width_mm, dpi, aspect, ticks, title, bars, highest)
                 for columns in range(1, number + 1)
-            )
-            best = max(each, key=lambda one: (round(one.axes_mm[0], 3), -one.columns))
+            ]
+            widest = max(one.axes_mm[0] for one in each)
+            large = (one for one in each if one.axes_mm[0] >= _NEARLY * widest)
+            best = min(large, key=lambda one: one.height_mm)
             if best.axes_mm[0] >= least:
                 break
         return best
@@ -78,12 +79,6 @@ class PanelLayout:
     def new_page(self) -> Page:
         """Return an empty page of the picture's size."""
         return Page(self.width_mm, self.height_mm, self.dpi)
-
-    @property
-    def most_numbers(self) -> tuple[int, int]:
-        """Largest number of numbers at the horizontal and at the vertical axis of a panel."""
-        across, up = (min(_MOST_NUMBERS, int(side // _NUMBER_MM)) for side in self.axes_mm)
-        return max(2, across), max(2, up)
 
     def is_outer(self, index: int) -> tuple[bool, bool]:
         """Return whether a panel has numbers below it and at its left, because no other panel is there."""
@@ -162,8 +157,3 @@ class PanelLayout:
     def title_top(self, index: int) -> float:
         """Return the upper end of a panel's title, mm from the top of the page."""
         return self.panel(index).top - self._head_mm
-
-
-def bar_numbers(width_mm: float) -> int:
-    """Return the largest number of numbers below a colour bar."""
-    return max(2, int(width_mm // _NUMBER_MM))

@@ -5,6 +5,11 @@ from math import ceil, floor, log10
 
 _LEAST_STEP, _MOST = 1e-4, 1e6
 """Numbers with a smaller step, and larger numbers, are written with a power of ten beside the unit."""
+_MOST_NUMBERS = 8
+_LETTER_MM = 0.225
+"""Width of a digit of 1 pt."""
+_FREE_LETTERS, _UPRIGHT_LETTERS = 1.5, 6
+"""Space between numbers side by side, and of numbers above one another, in widths of a digit."""
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -16,6 +21,24 @@ class Ticks:
     texts: list[str]
     power: str = ""
     """The power of ten that all texts lack, such as "10⁻⁶ "; "" for none."""
+
+
+def fitting_ticks(
+    low: float, high: float, length_mm: float, size_pt: float, *, beside: bool = False
+) -> Ticks:
+    """Return round numbers that have room at an axis of a given length, in letters of a given size.
+
+    `beside`: True for numbers beside an upright axis, whose width does not matter.
+    """
+    for most in range(_MOST_NUMBERS, 1, -1):
+        ticks = round_ticks(low, high, most)
+        letters = _UPRIGHT_LETTERS if beside else max(map(len, ticks.texts), default=0) + _FREE_LETTERS
+        needed = letters * _LETTER_MM * size_pt
+        if len(ticks.texts) < 2 or needed <= length_mm * abs(
+            (ticks.values[1] - ticks.values[0]) / (high - low)
+        ):
+            break
+    return ticks
 
 
 def round_ticks(low: float, high: float, most: int) -> Ticks:
