@@ -3,22 +3,28 @@
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+from io import StringIO
+from itertools import chain, groupby
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dic.correlation.status import Status
 from dic.errors import MEASURE_FIRST, require_kind
 from dic.files.writing import replacing
 from dic.out_of_plane.correction import Correction
+from dic.results.fixed_text import FixedLines
 from dic.results.points import CORRECTED, PointValues
-from dic.strain.measurement import Measurement
+from dic.strain.measurement import STRAIN_REASONS, Measurement
 from dic.typing import PathLike
 
-_PIXELS = ["x_px", "y_px", "u_px", "v_px", "zncc", "status"]
 _MILLIMETRES = ["X_mm", "Y_mm", "U_mm", "V_mm"]
-_OTHERS = {*_PIXELS, *_MILLIMETRES, "std_u_px", "std_v_px", "valid"}
-"""Names of the columns that are not strains."""
+_OTHERS = {"u_px", "v_px", "zncc", "status", *_MILLIMETRES, "std_u_px", "std_v_px", "valid"}
+"""Names of the values that are not strains."""
+_BLOCK = 2048
+"""Number of lines that are written at once, so that their bytes stay in the processor's cache."""
 
 
 class CsvTable:
@@ -123,30 +129,85 @@ def write_csv(
 
 def write_points(points: PointValues, path: PathLike, *, decimal_comma: bool = False) -> None:
     """Write the points of interest of an image as `write_csv` describes."""
+    names, columns = zip(*_columns(points), strict=True)
+    shown = np.flatnonzero(points.active)
+    with replacing(path) as partial, partial.open("wb") as file:
+        file.write(_lines([list(chain(*names))], decimal_comma=decimal_comma))
+        for start in range(0, len(shown), _BLOCK):
+            block = shown[start : start + _BLOCK]
+            lines = FixedLines(len(block), *((";", ",") if decimal_comma else (",", ".")))
+            for column in columns:
+                column.add(lines, block)
+            if lines.doubtful.any():
+                cells = ([cell for column in columns for cell in column.cells(k)] for k in block.tolist())
+                file.write(_lines(cells, decimal_comma=decimal_comma))
+            else:
+                file.write(lines.joined())
+
+
+def _lines(lines: Iterable[Sequence[tuple[float, int] | str]], *, decimal_comma: bool) -> bytes:
+    """Return lines of texts and of numbers with their numbers of decimals."""
+    text = StringIO(newline="")
+    table = CsvTable(text, decimal_comma=decimal_comma)
+    for line in lines:
+        table.write(cell if isinstance(cell, str) else table.number(*cell) for cell in line)
+    return text.getvalue().encode()
+
+
+@dataclass(frozen=True)
+class _Texts:
+    """A column of texts, of which there are few: that of a point is `texts[index]`."""
+
+    texts: Sequence[str]
+    index: NDArray[Any]
+
+    def add(self, lines: FixedLines, block: NDArray[np.intp]) -> None:
+        lines.add_texts(self.texts, self.index[block])
+
+    def cells(self, k: int) -> list[str]:
+        return [self.texts[self.index[k]]]
+
+
+@dataclass(frozen=True)
+class _Numbers:
+    """Columns of numbers with the same number of decimals."""
+
+    values: Sequence[NDArray[Any]]
+    digits: int
+
+    def add(self, lines: FixedLines, block: NDArray[np.intp]) -> None:
+        values = np.stack([each[block] for each in self.values], axis=1)
+        lines.add_numbers(values.astype(np.float64, copy=False), self.digits)
+
+    def cells(self, k: int) -> list[tuple[float, int]]:
+        return [(float(each[k]), self.digits) for each in self.values]
+
+
+def _columns(points: PointValues) -> Iterator[tuple[list[str], _Texts | _Numbers]]:
+    """Yield the columns of the points of an image with their names, in their order."""
     values = {name: value.ravel() for name, value in points.values.items()}
-    calibrated = "X_mm" in values
+
+    def numbers(names: Iterable[str]) -> Iterator[tuple[list[str], _Numbers]]:
+        for digits, some in groupby(names, _digits):
+            chosen = list(some)
+            yield chosen, _Numbers([values[name] for name in chosen], digits)
+
+    rows, columns = (index.ravel() for index in np.indices(points.active.shape))
+    for name, along, index in (("x_px", points.x_px, columns), ("y_px", points.y_px, rows)):
+        yield [name], _Texts([f"{value:z.0f}" for value in along.tolist()], index)
+    yield from numbers(("u_px", "v_px", "zncc"))
+    yield ["status"], _Texts([status.text for status in Status], values["status"])
     strains = [name for name in values if name not in _OTHERS and not name.startswith(CORRECTED)]
     corrected = [name for name in values if name.startswith(CORRECTED)]
-    corrected_strains = [name for name in corrected if name.removeprefix(CORRECTED) not in _OTHERS]
-    last = ["std_u_px", "std_v_px", *(f"{CORRECTED}{name}" for name in _MILLIMETRES if corrected)]
-    digits = {name: _digits(name) for name in values}
-    columns = [*_PIXELS, *([*_MILLIMETRES, "calibration"] if calibrated else []), *strains, "local_strain"]
-    x, y = (along.ravel() for along in np.meshgrid(points.x_px, points.y_px))
-    status, reasons = values["status"], points.strain_reasons.ravel()
-    with new_table(path, decimal_comma=decimal_comma) as table:
-        table.write([*columns, *corrected_strains, *last])
-
-        def cells(names: Iterable[str], k: int) -> list[str]:
-            return [table.number(values[name][k], digits[name]) for name in names]
-
-        for k in np.flatnonzero(points.active).tolist():
-            line = [table.number(value, 0) for value in (x[k], y[k])] + cells(("u_px", "v_px", "zncc"), k)
-            line.append(Status(status[k]).text)
-            if calibrated:
-                line += cells(_MILLIMETRES, k)
-                outside = "outside" if status[k] == Status.CONVERGED else ""
-                line.append("inside" if values["valid"][k] else outside)
-            table.write([*line, *cells(strains, k), reasons[k], *cells([*corrected_strains, *last], k)])
+    if "X_mm" in values:
+        yield from numbers(_MILLIMETRES)
+        outside = 2 * (values["status"] == Status.CONVERGED)
+        yield ["calibration"], _Texts(["", "inside", "outside"], np.where(values["valid"], 1, outside))
+    yield from numbers(strains)
+    yield ["local_strain"], _Texts(STRAIN_REASONS, points.measurement.strain_reason_index.ravel())
+    yield from numbers(name for name in corrected if name.removeprefix(CORRECTED) not in _OTHERS)
+    yield from numbers(("std_u_px", "std_v_px"))
+    yield from numbers(f"{CORRECTED}{name}" for name in _MILLIMETRES if corrected)
 
 
 def _digits(name: str) -> int:

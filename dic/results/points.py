@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -72,11 +71,6 @@ class PointValues:
     def converged(self) -> Mask:
         """True for the points with a displacement, shape (rows, columns)."""
         return np.asarray(self.values["status"] == Status.CONVERGED) & self.active
-
-    @cached_property
-    def strain_reasons(self) -> NDArray[np.str_]:
-        """The reason why each point has no local strain, shape (rows, columns); "" if it has one."""
-        return self.measurement.strain_reasons
 
 
 def strain_values(strain: StrainField) -> dict[str, NDArray[Any]]:

@@ -31,6 +31,8 @@ from dic.strain.strain import (
 from dic.typing import Float
 
 _POINTS_OF_A_PLANE = 3
+STRAIN_REASONS = ("", "too few neighbours", "outside the calibration", "no displacement")
+"""Reasons why a point has no local strain; "" for a point that has one."""
 
 
 @dataclass(frozen=True)
@@ -179,12 +181,16 @@ class Measurement:
         extrapolated. "too few neighbours": fewer points than the window needs lie on the point's piece of the
         surface and have a displacement.
         """
+        return np.array(STRAIN_REASONS)[self.strain_reason_index]
+
+    @property
+    def strain_reason_index(self) -> NDArray[np.intp]:
+        """The index of `strain_reasons` in `STRAIN_REASONS`, shape (rows, columns)."""
         valid = (self.calibrated or self.raw).valid
-        reasons = np.full(valid.shape, "too few neighbours", dtype=object)
-        reasons[~valid] = "outside the calibration"
-        reasons[~self.field.converged] = "no displacement"
-        reasons[np.isfinite(self.strain.exx)] = ""
-        return reasons.astype(np.str_)
+        reasons = np.where(valid, 1, 2)
+        reasons[~self.field.converged] = 3
+        reasons[np.isfinite(self.strain.exx)] = 0
+        return reasons
 
     @property
     def good(self) -> bool:
