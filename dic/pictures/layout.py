@@ -11,7 +11,7 @@ _TICKS_LEFT_MM, _TICKS_BELOW_MM = 11.0, 8.5
 MARGIN_MM = 1.5
 _ACROSS_MM, _DOWN_MM = 3.0, 2.0
 """Space between panels."""
-_LEAST_AXES_MM, _LEAST_SHARE = 16.0, 0.16
+_LEAST_AXES_MM, _LEAST_SHARE = 20.0, 0.16
 """Least width of a panel with numbers: in mm, and as a share of the picture's width. A picture whose panels
 would be narrower may be higher.
 """

@@ -27,6 +27,8 @@ Frame = NDArray[np.uint8]
 _INK = 30
 """Grey level of lines and text."""
 _LINE_PT = 0.5
+_MARGIN_MM = 1.5
+_MARGIN_MM = 1.5
 _SUBPIXEL_BITS = 4
 _HEADER_BYTES = 33
 """Length of the signature and the first chunk of a PNG file."""
@@ -98,7 +100,7 @@ class Page:
 
     def add_title(self, title: str, top_mm: float, most_pt: float = FONT_PT + 2) -> None:
         """Add a title in the middle of the page, in smaller letters if it is long."""
-        size = fitting_pt(title, self.width_mm, most_pt)
+        size = fitting_pt(title, self.width_mm - 2 * _MARGIN_MM, most_pt)
         baseline = top_mm + CAPITAL_MM * most_pt
         self.texts.append(Text(self.width_mm / 2, baseline, title, size, "center"))
 

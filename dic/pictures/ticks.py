@@ -33,12 +33,12 @@ def fitting_ticks(
     for most in range(_MOST_NUMBERS, 1, -1):
         ticks = round_ticks(low, high, most)
         letters = _UPRIGHT_LETTERS if beside else max(map(len, ticks.texts), default=0) + _FREE_LETTERS
-        needed = letters * _LETTER_MM * size_pt
-        if len(ticks.texts) < 2 or needed <= length_mm * abs(
-            (ticks.values[1] - ticks.values[0]) / (high - low)
-        ):
-            break
-    return ticks
+        if len(ticks.values) < 2:
+            continue
+        spacing_mm = length_mm * abs((ticks.values[1] - ticks.values[0]) / (high - low))
+        if letters * _LETTER_MM * size_pt <= spacing_mm:
+            return ticks
+    return Ticks(ticks.values[:1], ticks.texts[:1], ticks.power)
 
 
 def round_ticks(low: float, high: float, most: int) -> Ticks:

@@ -55,7 +55,7 @@ def test_results_are_complete_although_no_picture_can_be_drawn(folder, tmp_path,
     def full(*_):
         raise OSError(28, "No space left on device", "picture")
 
-    monkeypatch.setattr("dic.derived.series_maps.draw_maps", full)
+    monkeypatch.setattr("dic.pictures.maps.MapDrawer.draw", full)
     words = refusal(
         "correlate", folder / "ref.png", folder / "moved.png", "--step", 40, "-o", tmp_path / "r.h5",
         "--json", tmp_path / "r.json", "--csv", tmp_path / "csv", "--maps", tmp_path / "maps",

@@ -13,6 +13,7 @@ import dic
 from dic.derived import animation
 from dic.files.lazy import Computed
 from dic.pictures.animation import animation_writer, colours_of
+from dic.pictures.maps import MapDrawer
 from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
 from tests.dic.pictures.fields import SHAPE, stretched
 from tests.dic.pipeline.rendered_run import slid, write_rendered_run
@@ -132,7 +133,7 @@ def test_every_image_is_a_frame_on_the_scale_of_the_series(tmp_path):
     done = dic.write_animation(series, tmp_path / "a.gif", settings=PLAIN, frames_per_s=2.0)
     assert (done.frames, done.failures) == (3, [])
     first, second, third = frames_of(tmp_path / "a.gif")
-    middle = tuple(side // 2 for side in first.shape[:2])
+    middle = (7 * first.shape[0] // 10, first.shape[1] // 2)
     assert (first[middle] == third[middle]).all()
     # the whole field has one strain: the lower end of viridis, and its upper end
     np.testing.assert_allclose(first[middle], (68, 1, 84), atol=12)
@@ -141,11 +142,14 @@ def test_every_image_is_a_frame_on_the_scale_of_the_series(tmp_path):
 
 def test_the_title_names_image_number_load_and_time(tmp_path, monkeypatch):
     titles = []
-    drawn = animation.draw_maps
+    drawn = MapDrawer.draw
     monkeypatch.setattr(
-        animation,
-        "draw_maps",
-        lambda maps, image, title, *rest: [titles.append(title), drawn(maps, image, title, *rest)][1],
+        MapDrawer,
+        "draw",
+        lambda self, maps, image, title, scale: [
+            titles.append(title),
+            drawn(self, maps, image, title, scale),
+        ][1],
     )
     series = series_of(0.001, None)
     source = animation.sources_of(series, None)
@@ -158,11 +162,14 @@ def test_the_title_names_image_number_load_and_time(tmp_path, monkeypatch):
 
 def test_given_loads_are_in_the_titles_but_not_the_times_of_files(tmp_path, monkeypatch):
     titles = []
-    drawn = animation.draw_maps
+    drawn = MapDrawer.draw
     monkeypatch.setattr(
-        animation,
-        "draw_maps",
-        lambda maps, image, title, *rest: [titles.append(title), drawn(maps, image, title, *rest)][1],
+        MapDrawer,
+        "draw",
+        lambda self, maps, image, title, scale: [
+            titles.append(title),
+            drawn(self, maps, image, title, scale),
+        ][1],
     )
     known = [{"load_n": 20.0, "time_s": 1.0, "time_source": "file"}, {"load_n": np.nan, "time_s": 3.0}]
     series = series_of(0.001, 0.002)
@@ -199,10 +206,12 @@ def test_on_the_deformed_image_the_view_holds_still_and_each_frame_has_its_image
     dic.write_animation(replace(series, images=images), tmp_path / "a.gif", settings=settings)
     first, second = frames_of(tmp_path / "a.gif")
     assert first.shape == second.shape
-    # at 5 % the points on the right are 4 px of the picture further to the right; the colour bar lies beyond
-    coloured = [np.ptp(frame[:, :95].astype(int), axis=2).max(axis=0) > 40 for frame in (first, second)]
+    # the colour bar lies above the maps
+    coloured = [np.ptp(frame[60:].astype(int), axis=2).max(axis=0) > 40 for frame in (first, second)]
     ends = [np.flatnonzero(columns)[[0, -1]] for columns in coloured]
-    assert ends[1][1] - ends[0][1] == pytest.approx(4, abs=1)
+    # the cells reach from 30 to 270 px; at 5 % they end 13.2 px further to the right than at 0.1 %
+    share = (ends[0][1] - ends[0][0] + 1) / (1.001 * 240)
+    assert ends[1][1] - ends[0][1] == pytest.approx(0.049 * 270 * share, abs=1)
 
 
 def test_the_view_in_mm_is_the_same_for_all_frames(tmp_path):
