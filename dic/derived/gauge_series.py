@@ -9,7 +9,6 @@ from typing import Any
 from dic.calibration.calibration import Calibration
 from dic.errors import GaugeError, RunFileError
 from dic.files.reading import opened
-from dic.files.writing import write_figure
 from dic.gauges.declared import Gauge
 from dic.gauges.picture import draw_gauges
 from dic.gauges.placed import PlacedGauges
@@ -21,7 +20,6 @@ from dic.pipeline.series_image import of_page
 from dic.results.job import ImageOutcome, content_of
 from dic.typing import PathLike
 
-_DPI = 130
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
@@ -132,7 +130,7 @@ def _draw(results: Loaded, gauges: Sequence[Gauge], path: PathLike, camera: str 
     if reader.placed is None or image.measurement is None:
         remedy = "measure at least one image"
         raise GaugeError("gauges", "draw", "an image that could be measured", "none", remedy)
-    write_figure(draw_gauges(reader.placed, image.measurement, view.series.reference), path, _DPI)
+    draw_gauges(reader.placed, image.measurement, view.series.reference).write(path)
 
 
 def is_results(path: PathLike) -> bool:

@@ -1,60 +1,80 @@
 """Draws the gauges and their measured points on the reference image, so that a person can check them."""
 
-from typing import Any
-
 import numpy as np
 
 from dic.gauges.placed import PlacedGauges
+from dic.pictures.background import Background
+from dic.pictures.frames import draw_axes
+from dic.pictures.page import CAPITAL_MM, FONT_PT, Dots, Line, Page, Rect, Text, fitting_pt
 from dic.pictures.places import mapped
 from dic.strain.measurement import Measurement
 from dic.typing import Float, Grey
 
-_COLOURS = ("#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7")
+_COLOURS = (
+    (230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66), (0, 114, 178), (213, 94, 0),
+    (204, 121, 167),
+)  # fmt: skip
 """Colours of gauges, chosen by Okabe and Ito so that colour-blind people can distinguish them."""
-_WIDTH_IN = 9.0
+_DPI = 130
+_WIDTH_MM, _HIGHEST_MM = 229.0, 400.0
+_MARGIN_MM, _LEFT_MM, _TOP_MM, _TICKS_MM = 2.0, 14.0, 8.0, 10.0
+_NAMES, _NAME_MM = 3, 4.5
+"""Number of names side by side, and height of each."""
 _MOST_POINTS = 4000
 _FEW_LINES = 5
 """If a gauge has more lines than this number, its lines are drawn thin."""
-_GREY_PERCENTILES = (1.0, 99.5)
+_LINE_PT, _DOT_PT, _CROSS_MM = 1.8, 1.5, 2.0
 
 
-def draw_gauges(placed: PlacedGauges, measurement: Measurement, reference: Grey) -> Any:
-    """Return a matplotlib figure of the reference image with the gauges, their names and their points.
+def draw_gauges(placed: PlacedGauges, measurement: Measurement, reference: Grey) -> Page:
+    """Return a page with the reference image, the gauges, their names and their points.
 
     `measurement`: the measurement of any image of the series.
     """
-    from matplotlib.figure import Figure
-
     height, width = reference.shape
-    figure = Figure(figsize=(_WIDTH_IN, min(2.0, height / width) * _WIDTH_IN + 0.6), layout="constrained")
-    axes = figure.subplots()
-    low, high = np.percentile(reference, _GREY_PERCENTILES)
-    axes.imshow(reference, cmap="gray", vmin=low, vmax=max(high, low + 1e-6))
+    side_mm = min(_WIDTH_MM - _LEFT_MM - _MARGIN_MM, _HIGHEST_MM * width / height)
+    place = Rect(_LEFT_MM, _TOP_MM, side_mm, side_mm * height / width).on_pixels(_DPI)
+    below_mm = place.top + place.height + _TICKS_MM
+    rows = -(-len(placed.gauges) // _NAMES)
+    page = Page(_WIDTH_MM, below_mm + rows * _NAME_MM + _MARGIN_MM, _DPI)
+    page.add_title("gauges and their points in the reference image", _MARGIN_MM)
+    extent = (-0.5, width - 0.5, height - 0.5, -0.5)
+    *_, width_px, height_px = place.px(_DPI)
+    page.pictures.append((place, Background(reference, extent).shown((width_px, height_px))))
+    draw_axes(page, place, extent, "px")
     homography = _to_px(measurement) if any(gauge.unit == "mm" for gauge in placed.gauges) else np.eye(3)
+    to_mm = place.width / width
     shown = zip(placed.gauges, placed.points_of(measurement), strict=True)
     for number, (gauge, points) in enumerate(shown):
-        lines = [_in_px(line, gauge.unit, homography) for line in gauge.drawn_lines()]
+        colour = _COLOURS[number % len(_COLOURS)]
         kept = points[:: 1 + len(points) // _MOST_POINTS]
-        _draw(axes, f"{gauge.name} ({gauge.kind})", lines, kept, _COLOURS[number % len(_COLOURS)])
-    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x, px", ylabel="y, px")
-    axes.set_title("gauges and their points in the reference image", fontsize=11)
-    figure.legend(loc="outside lower center", ncols=3, fontsize=9)
-    return figure
+        page.marks.append(Dots((kept + 0.5) * to_mm + (place.left, place.top), _DOT_PT, colour))
+        lines = [_in_px(line, gauge.unit, homography) for line in gauge.drawn_lines()]
+        _draw(page, [(line + 0.5) * to_mm + (place.left, place.top) for line in lines], colour)
+        # The names stand below the picture: beside gauges they would overlap, because gauges often overlap.
+        row, column = divmod(number, _NAMES)
+        room_mm = (_WIDTH_MM - _LEFT_MM) / _NAMES
+        left, middle = _LEFT_MM + column * room_mm, below_mm + row * _NAME_MM
+        page.marks.append(Line(np.array([(left, middle), (left + 6.0, middle)]), _LINE_PT + 1.0, colour))
+        name = f"{gauge.name} ({gauge.kind})"
+        size = fitting_pt(name, room_mm - 10.0, FONT_PT)
+        page.texts.append(Text(left + 7.5, middle + CAPITAL_MM * size / 2, name, size))
+    return page
 
 
-def _draw(axes: Any, name: str, lines: list[Float], points: Float, colour: str) -> None:
-    """Draw the lines and points of one gauge, and add the gauge's name to the legend."""
-    from matplotlib import patheffects
-
-    edge = [patheffects.withStroke(linewidth=3.0, foreground="black")]
+def _draw(page: Page, lines: list[Float], colour: tuple[int, int, int]) -> None:
+    """Draw the lines of one gauge, in mm on the page."""
     thin = len(lines) > _FEW_LINES
-    axes.plot(*points.T, "o", color=colour, markersize=3.0, markeredgecolor="black", markeredgewidth=0.4)
     for line in lines:
-        width, effects = (0.7, None) if thin else (1.8, edge)
-        marker = "+" if len(line) == 1 else None
-        axes.plot(*line.T, color=colour, linewidth=width, path_effects=effects, marker=marker, markersize=12)
-    # Write the names in the legend: names beside the gauges would overlap, because gauges often overlap.
-    axes.plot([], [], color=colour, linewidth=4.0, label=name)
+        if len(line) == 1:
+            arm = np.array([(_CROSS_MM, 0.0), (0.0, _CROSS_MM)])
+            strokes = [np.concatenate([line - reach, line + reach]) for reach in arm]
+        else:
+            strokes = [line]
+        for stroke in strokes:
+            if not thin:
+                page.marks.append(Line(stroke, _LINE_PT + 1.2, (0, 0, 0)))
+            page.marks.append(Line(stroke, 0.7 if thin else _LINE_PT, colour))
 
 
 def _in_px(line: Float, unit: str, homography: Float) -> Float:

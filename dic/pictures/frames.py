@@ -4,7 +4,7 @@ import numpy as np
 
 from dic.pictures.colours import blended, colour_table
 from dic.pictures.layout import PanelLayout
-from dic.pictures.page import CAPITAL_MM, FONT_PT, Page, Rect, Text, fitting_pt
+from dic.pictures.page import CAPITAL_MM, FONT_PT, Line, Page, Rect, Text, fitting_pt
 from dic.pictures.settings import MapSettings
 from dic.pictures.ticks import fitting_ticks
 
@@ -28,25 +28,24 @@ def draw_axes(
     place: Rect,
     extent: tuple[float, float, float, float],
     unit: str,
-    layout: PanelLayout,
-    index: int,
+    outer: tuple[bool, bool] = (True, True),
 ) -> None:
-    """Draw the frame of a panel, with numbers at its sides that no other panel adjoins."""
-    page.lines.append(place.outline())
+    """Draw the frame of a panel, with numbers below it and at its left if these sides are `outer`."""
+    page.marks.append(Line(place.outline()))
     left, right, lower, upper = extent
-    below, beside = layout.is_outer(index)
+    below, beside = outer
     x, y = ("X", "Y") if unit == "mm" else ("x", "y")
     bottom, half = place.top + place.height, CAPITAL_MM * _SMALL_PT / 2
     across = fitting_ticks(left, right, place.width, _SMALL_PT)
     for value, text in zip(across.values, across.texts, strict=True):
         at = place.left + (value - left) / (right - left) * place.width
-        page.lines.append(np.array([(at, bottom), (at, bottom + _TICK_MM)]))
+        page.marks.append(Line(np.array([(at, bottom), (at, bottom + _TICK_MM)])))
         if below:
             page.texts.append(Text(at, bottom + _TICK_MM + 0.6 + 2 * half, text, _SMALL_PT, "center"))
     up = fitting_ticks(lower, upper, place.height, _SMALL_PT, beside=True)
     for value, text in zip(up.values, up.texts, strict=True):
         at = place.top + (value - upper) / (lower - upper) * place.height
-        page.lines.append(np.array([(place.left - _TICK_MM, at), (place.left, at)]))
+        page.marks.append(Line(np.array([(place.left - _TICK_MM, at), (place.left, at)])))
         if beside:
             page.texts.append(Text(place.left - _TICK_MM - 0.5, at + half, text, _SMALL_PT, "right"))
     if below:
@@ -93,11 +92,11 @@ def draw_bar(page: Page, place: Rect, ends: tuple[float, float], extend: str, se
         *left_end,
         (first, top),
     ]
-    page.lines.append(np.array(corners))
+    page.marks.append(Line(np.array(corners)))
     ticks = fitting_ticks(*ends, last - first, _SMALL_PT)
     for value, text in zip(ticks.values, ticks.texts, strict=True):
         at = first + (value - ends[0]) / (ends[1] - ends[0]) * (last - first)
-        page.lines.append(np.array([(at, bottom), (at, bottom + _TICK_MM)]))
+        page.marks.append(Line(np.array([(at, bottom), (at, bottom + _TICK_MM)])))
         baseline = bottom + _TICK_MM + 0.5 + CAPITAL_MM * _SMALL_PT
         page.texts.append(Text(at, baseline, text, _SMALL_PT, "center"))
     return ticks.power

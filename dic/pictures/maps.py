@@ -97,7 +97,7 @@ class MapDrawer:
         for index, panel in enumerate(panels):
             place, power = layout.panel(index), ""
             if places.unit is not None:
-                draw_axes(page, place, background.extent, places.unit, layout, index)
+                draw_axes(page, place, background.extent, places.unit, layout.is_outer(index))
             if self._painter.draw(page, place, panel, scale):
                 ends, cut = scale[panel.quantity], cut_ends([panel], scale)
                 power = draw_bar(page, layout.bar(index), ends, cut, settings)

@@ -26,7 +26,6 @@ Frame = NDArray[np.uint8]
 
 _INK = 30
 """Grey level of lines and text."""
-_LINE_PT = 0.5
 _MARGIN_MM = 1.5
 _MARGIN_MM = 1.5
 _SUBPIXEL_BITS = 4
@@ -86,16 +85,33 @@ class Text:
     """True for a white box behind the text."""
 
 
+@dataclass(frozen=True)
+class Line:
+    """Straight lines between places (n, 2) in mm; the colour is red, green and blue."""
+
+    places: Float
+    width_pt: float = 0.5
+    colour: tuple[int, int, int] = (_INK, _INK, _INK)
+
+
+@dataclass(frozen=True)
+class Dots:
+    """Equal squares around places (n, 2) in mm."""
+
+    places: Float
+    width_pt: float
+    colour: tuple[int, int, int]
+
+
 @dataclass
 class Page:
-    """Pictures, then lines, then text, in mm from the upper left corner of the page."""
+    """Pictures, then dots and lines, then text, in mm from the upper left corner of the page."""
 
     width_mm: float
     height_mm: float
     dpi: float
     pictures: list[tuple[Rect, Frame]] = field(default_factory=list)
-    lines: list[Float] = field(default_factory=list)
-    """Corners of lines, each of shape (n, 2)."""
+    marks: list[Line | Dots] = field(default_factory=list)
     texts: list[Text] = field(default_factory=list)
 
     def add_title(self, title: str, top_mm: float, most_pt: float = FONT_PT + 2) -> None:
@@ -113,9 +129,10 @@ class Page:
         for place, picture in self.pictures:
             left, top, _, _ = place.px(self.dpi)
             drawn[top : top + picture.shape[0], left : left + picture.shape[1]] = picture
-        thickness = max(1, round(_LINE_PT / PT_PER_IN * self.dpi))
-        for line in self.lines:
-            _draw_line(drawn, line / MM_PER_IN * self.dpi, thickness)
+        for mark in self.marks:
+            places, width_px = mark.places / MM_PER_IN * self.dpi, mark.width_pt / PT_PER_IN * self.dpi
+            draw_mark = _draw_line if isinstance(mark, Line) else _draw_dots
+            draw_mark(drawn, places, max(1, round(width_px)), mark.colour)
         page = Image.fromarray(drawn)
         draw = ImageDraw.Draw(page)
         for text in self.texts:
@@ -133,8 +150,12 @@ class Page:
             ends = (place.left, place.left + place.width, place.top + place.height, place.top)
             axis.imshow(picture, extent=ends, aspect="auto", interpolation="none")
         ink = str(_INK / 255)
-        for line in self.lines:
-            axis.plot(*line.T, color=ink, linewidth=_LINE_PT, solid_capstyle="butt")
+        for mark in self.marks:
+            colour = "#" + bytes(mark.colour).hex()
+            if isinstance(mark, Line):
+                axis.plot(*mark.places.T, color=colour, linewidth=mark.width_pt, solid_capstyle="butt")
+            else:
+                axis.plot(*mark.places.T, "s", color=colour, markersize=mark.width_pt, markeredgewidth=0.0)
         box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
         for text in self.texts:
             axis.text(
@@ -193,20 +214,27 @@ def _font(size_px: float) -> Any:
     return ImageFont.truetype(str(file), size_px, layout_engine=ImageFont.Layout.BASIC)
 
 
-def _draw_line(drawn: Frame, corners: Float, thickness: int) -> None:
+def _draw_line(drawn: Frame, corners: Float, thickness: int, colour: tuple[int, int, int]) -> None:
     """Draw lines between corners (n, 2) in px: sharp along rows and columns of pixels, otherwise smooth."""
     import cv2
 
     for start, end in pairwise(corners):
         if (start == end).any():
             least, most = np.minimum(start, end), np.maximum(start, end)
-            (x0, y0), (x1, y1) = (np.floor(each - thickness / 2 + 0.5) for each in (least, most))
-            rows, columns = slice(int(max(y0, 0)), int(y1) + thickness), slice(int(max(x0, 0)), None)
-            drawn[rows, columns][:, : int(x1 - x0) + thickness] = _INK
+            (x0, y0), (x1, y1) = (np.floor(each - thickness / 2 + 0.5).astype(int) for each in (least, most))
+            drawn[max(y0, 0) : y1 + thickness, max(x0, 0) : x1 + thickness] = colour
         else:
             ends = np.round((np.stack([start, end]) - 0.5) * 2**_SUBPIXEL_BITS).astype(np.int32)
-            ink = (_INK, _INK, _INK)
-            cv2.polylines(drawn, [ends], False, ink, thickness, cv2.LINE_AA, _SUBPIXEL_BITS)
+            cv2.polylines(drawn, [ends], False, colour, thickness, cv2.LINE_AA, _SUBPIXEL_BITS)
+
+
+def _draw_dots(drawn: Frame, places: Float, width: int, colour: tuple[int, int, int]) -> None:
+    corners = np.floor(places - width / 2 + 0.5).astype(int)
+    for down in range(width):
+        for right in range(width):
+            x, y = corners.T + np.array([[right], [down]])
+            inside = (x >= 0) & (y >= 0) & (x < drawn.shape[1]) & (y < drawn.shape[0])
+            drawn[y[inside], x[inside]] = colour
 
 
 def _draw_text(page: Any, draw: Any, text: Text, dpi: float) -> None:

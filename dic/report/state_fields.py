@@ -130,7 +130,7 @@ def _draw(shown: Sequence[_Shown], reference: Background, settings: MapSettings,
                 continue
             place = place.fitted(background.aspect, dpi)
             if unit is not None:
-                draw_axes(page, place, background.extent, unit, layout, index)
+                draw_axes(page, place, background.extent, unit, layout.is_outer(index))
             painter.begin(maps.places, background, [panels[column]], place)
             painter.draw(page, place, panels[column], scale)
     power = ""
