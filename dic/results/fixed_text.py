@@ -42,13 +42,13 @@ class FixedLines:
 
     def add_numbers(self, values: Float, digits: int) -> None:
         """Add columns of numbers (lines, columns); NaN becomes an empty cell."""
-        scaled = np.abs(values) * 10.0**digits
-        empty = np.isnan(values)
-        # The product is wrong by at most 2⁻⁵³ of itself.
-        doubtful = np.abs(scaled - np.floor(scaled) - 0.5) <= scaled * 2.0**-52
-        doubtful |= scaled >= (_WHOLE_MAX - 1) * 10.0**digits
-        self.doubtful |= doubtful.any(axis=1)
+        with np.errstate(over="ignore"):
+            scaled = np.abs(values) * 10.0**digits
+        empty, doubtful = np.isnan(values), scaled >= (_WHOLE_MAX - 1) * 10.0**digits
         scaled[empty | doubtful] = 0.0
+        # The product is wrong by at most 2⁻⁵³ of itself.
+        doubtful |= np.abs(scaled - np.floor(scaled) - 0.5) <= scaled * 2.0**-52
+        self.doubtful |= doubtful.any(axis=1)
         units = np.rint(scaled).astype(np.int64)
         whole = units // 10**digits
         decimals = (units - whole * 10**digits).astype(np.uint32)

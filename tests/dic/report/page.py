@@ -71,8 +71,8 @@ def number(text: str) -> float:
 
 def leave_undrawn(patch: pytest.MonkeyPatch) -> None:
     """Let an empty picture stand for every picture in PNG format of a run's report."""
-    for module in ("page", "calibration", "setup_figures"):
-        patch.setattr(f"dic.report.{module}.png_uri", lambda figure, **how: UNDRAWN)
+    for name in ("page.pixels_uri", "calibration.png_uri", "setup_figures.png_uri"):
+        patch.setattr(f"dic.report.{name}", lambda drawn, **how: UNDRAWN)
 
 
 def written(tmp_path: Path, *results: RunResult, fields: bool = True, drawn: bool = True) -> str:
