@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from dic.comparison.difference import Comparison, Difference
-from dic.pictures.page import FONT_PT
+from dic.pictures.marks import FONT_PT
 from dic.typing import Float, Grey
 
 _NAMES = {"u_px": "u to the right", "v_px": "v downwards", "exx": "εxx", "eyy": "εyy", "exy": "εxy"}

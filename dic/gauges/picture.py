@@ -5,7 +5,9 @@ import numpy as np
 from dic.gauges.placed import PlacedGauges
 from dic.pictures.background import Background
 from dic.pictures.frames import draw_axes
-from dic.pictures.page import CAPITAL_MM, FONT_PT, Dots, Line, Page, Rect, Text, fitting_pt
+from dic.pictures.ink import fitting_pt
+from dic.pictures.marks import CAPITAL_MM, FONT_PT, Dots, Line, Rect, Text
+from dic.pictures.page import Page
 from dic.pictures.places import mapped
 from dic.strain.measurement import Measurement
 from dic.typing import Float, Grey

@@ -13,7 +13,7 @@ from dic.errors import OutputError
 from dic.files.writing import replacing
 from dic.pictures.colours import blended, colour_table
 from dic.pictures.frames import UNDER
-from dic.pictures.page import Frame
+from dic.pictures.marks import Frame
 from dic.pictures.settings import MapSettings, require_format
 from dic.typing import PathLike
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.pictures.page import Frame
+from dic.pictures.marks import Frame
 from dic.pictures.places import PointCells, mapped
 from dic.typing import Float
 

@@ -11,7 +11,8 @@ from dic.pictures.background import background_of
 from dic.pictures.frames import draw_bar, draw_title
 from dic.pictures.layout import MARGIN_MM, PanelLayout
 from dic.pictures.maps import cut_ends
-from dic.pictures.page import FONT_PT, Page
+from dic.pictures.marks import FONT_PT
+from dic.pictures.page import Page
 from dic.pictures.painting import Painter
 from dic.pictures.panels import Maps, Panel, Scale, common_name, in_readable_unit, map_scale, maps_of
 from dic.pictures.settings import MapSettings

@@ -3,8 +3,10 @@
 import numpy as np
 
 from dic.pictures.colours import blended, colour_table
+from dic.pictures.ink import fitting_pt
 from dic.pictures.layout import PanelLayout
-from dic.pictures.page import CAPITAL_MM, FONT_PT, Line, Page, Rect, Text, fitting_pt
+from dic.pictures.marks import CAPITAL_MM, FONT_PT, Line, Rect, Text
+from dic.pictures.page import Page
 from dic.pictures.settings import MapSettings
 from dic.pictures.ticks import fitting_ticks
 

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from dic.pictures.page import Page, Rect
+from dic.pictures.marks import Rect
+from dic.pictures.page import Page
 
 TITLE_MM = 5.5
 _PANEL_TITLE_MM = 4.2

@@ -3,104 +3,31 @@
 import struct
 import zlib
 from dataclasses import dataclass, field
-from functools import cache
-from importlib.util import find_spec
-from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dic.files.writing import replacing, write_figure
-from dic.typing import Float, PathLike
+from dic.pictures.ink import draw_dots, draw_line, draw_text, fitting_pt
+from dic.pictures.marks import (
+    CAPITAL_MM,
+    FONT_PT,
+    INK,
+    MM_PER_IN,
+    PT_PER_IN,
+    Colour,
+    Dots,
+    Frame,
+    Line,
+    Rect,
+    Text,
+)
+from dic.typing import PathLike
 
-MM_PER_IN = 25.4
-PT_PER_IN = 72.0
-FONT_PT = 7.0
-CAPITAL_MM = 0.257
-"""Height of a capital letter or a digit of 1 pt."""
-
-Frame = NDArray[np.uint8]
-"""Red, green and blue of each pixel, shape (height, width, 3)."""
-
-_INK = 30
-"""Grey level of lines and text."""
 _MARGIN_MM = 1.5
-_MARGIN_MM = 1.5
-_SUBPIXEL_BITS = 4
 _HEADER_BYTES = 33
 """Length of the signature and the first chunk of a PNG file."""
-
-
-@dataclass(frozen=True)
-class Rect:
-    """A rectangle of a page, in mm from the upper left corner."""
-
-    left: float
-    top: float
-    width: float
-    height: float
-
-    def px(self, dpi: float) -> tuple[int, int, int, int]:
-        """Return left, top, width and height in whole pixels."""
-        sides = (self.left, self.top, self.width, self.height)
-        left, top, width, height = (round(side / MM_PER_IN * dpi) for side in sides)
-        return left, top, max(1, width), max(1, height)
-
-    def on_pixels(self, dpi: float) -> "Rect":
-        """Return the rectangle with its edges between pixels."""
-        return Rect(*(side * MM_PER_IN / dpi for side in self.px(dpi)))
-
-    def fitted(self, aspect: float, dpi: float) -> "Rect":
-        """Return the largest rectangle of an aspect (height over width) in the middle of this one."""
-        width = min(self.width, self.height / aspect)
-        left, top = self.left + (self.width - width) / 2, self.top + (self.height - width * aspect) / 2
-        return Rect(left, top, width, width * aspect).on_pixels(dpi)
-
-    @property
-    def middle(self) -> tuple[float, float]:
-        """The middle of the rectangle."""
-        return self.left + self.width / 2, self.top + self.height / 2
-
-    def outline(self) -> Float:
-        """Return the corners, shape (5, 2); the last is the first."""
-        right, bottom = self.left + self.width, self.top + self.height
-        corners = [(self.left, self.top), (right, self.top), (right, bottom), (self.left, bottom)]
-        return np.array([*corners, corners[0]])
-
-
-@dataclass(frozen=True)
-class Text:
-    """A line of text: the place of its baseline's left end, middle or right end in mm, and its size."""
-
-    x: float
-    y: float
-    text: str
-    size_pt: float = FONT_PT
-    align: Literal["left", "center", "right"] = "left"
-    upright: bool = False
-    """True if the text reads from below to above."""
-    boxed: bool = False
-    """True for a white box behind the text."""
-
-
-@dataclass(frozen=True)
-class Line:
-    """Straight lines between places (n, 2) in mm; the colour is red, green and blue."""
-
-    places: Float
-    width_pt: float = 0.5
-    colour: tuple[int, int, int] = (_INK, _INK, _INK)
-
-
-@dataclass(frozen=True)
-class Dots:
-    """Equal squares around places (n, 2) in mm."""
-
-    places: Float
-    width_pt: float
-    colour: tuple[int, int, int]
 
 
 @dataclass
@@ -131,12 +58,12 @@ class Page:
             drawn[top : top + picture.shape[0], left : left + picture.shape[1]] = picture
         for mark in self.marks:
             places, width_px = mark.places / MM_PER_IN * self.dpi, mark.width_pt / PT_PER_IN * self.dpi
-            draw_mark = _draw_line if isinstance(mark, Line) else _draw_dots
+            draw_mark = draw_line if isinstance(mark, Line) else draw_dots
             draw_mark(drawn, places, max(1, round(width_px)), mark.colour)
         page = Image.fromarray(drawn)
         draw = ImageDraw.Draw(page)
         for text in self.texts:
-            _draw_text(page, draw, text, self.dpi)
+            draw_text(page, draw, text, self.dpi)
         return np.asarray(page)
 
     def figure(self) -> Any:
@@ -149,9 +76,9 @@ class Page:
         for place, picture in self.pictures:
             ends = (place.left, place.left + place.width, place.top + place.height, place.top)
             axis.imshow(picture, extent=ends, aspect="auto", interpolation="none")
-        ink = str(_INK / 255)
+        ink = _hex(INK)
         for mark in self.marks:
-            colour = "#" + bytes(mark.colour).hex()
+            colour = _hex(mark.colour)
             if isinstance(mark, Line):
                 axis.plot(*mark.places.T, color=colour, linewidth=mark.width_pt, solid_capstyle="butt")
             else:
@@ -174,6 +101,10 @@ class Page:
             write_figure(self.figure(), path, self.dpi)
 
 
+def _hex(colour: Colour) -> str:
+    return "#" + bytes(colour).hex()
+
+
 def png_of(pixels: Frame, dpi: float) -> bytes:
     """Return pixels as a PNG file that states its resolution."""
     import cv2
@@ -184,81 +115,3 @@ def png_of(pixels: Frame, dpi: float) -> bytes:
     resolution = b"pHYs" + struct.pack(">IIB", per_m, per_m, 1)
     chunk = struct.pack(">I", 9) + resolution + struct.pack(">I", zlib.crc32(resolution))
     return file[:_HEADER_BYTES] + chunk + file[_HEADER_BYTES:]
-
-
-def width_mm(text: str, size_pt: float) -> float:
-    """Return the width of a text."""
-    return float(_font(100).getlength(text)) / 100.0 * size_pt / PT_PER_IN * MM_PER_IN
-
-
-def fitting_pt(title: str, room_mm: float, most_pt: float, least_pt: float = 4.0) -> float:
-    """Return the size of a title's letters: `most_pt`, or less if the title would not fit into the room."""
-    needed = width_mm(title, most_pt)
-    return most_pt if needed <= room_mm else max(least_pt, most_pt * room_mm / needed)
-
-
-@cache
-def _font(size_px: float) -> Any:
-    """Return the letters that matplotlib draws, of any size; matplotlib itself is not imported for them."""
-    from PIL import ImageFont
-
-    spec = find_spec("matplotlib")
-    assert spec is not None
-    assert spec.origin is not None
-    file = Path(spec.origin).parent / "mpl-data/fonts/ttf/DejaVuSans.ttf"
-    if not file.exists():
-        # Some Linux distributions keep the data of matplotlib elsewhere.
-        import matplotlib as mpl
-
-        file = Path(mpl.get_data_path()) / "fonts/ttf/DejaVuSans.ttf"
-    return ImageFont.truetype(str(file), size_px, layout_engine=ImageFont.Layout.BASIC)
-
-
-def _draw_line(drawn: Frame, corners: Float, thickness: int, colour: tuple[int, int, int]) -> None:
-    """Draw lines between corners (n, 2) in px: sharp along rows and columns of pixels, otherwise smooth."""
-    import cv2
-
-    for start, end in pairwise(corners):
-        if (start == end).any():
-            least, most = np.minimum(start, end), np.maximum(start, end)
-            (x0, y0), (x1, y1) = (np.floor(each - thickness / 2 + 0.5).astype(int) for each in (least, most))
-            drawn[max(y0, 0) : y1 + thickness, max(x0, 0) : x1 + thickness] = colour
-        else:
-            ends = np.round((np.stack([start, end]) - 0.5) * 2**_SUBPIXEL_BITS).astype(np.int32)
-            cv2.polylines(drawn, [ends], False, colour, thickness, cv2.LINE_AA, _SUBPIXEL_BITS)
-
-
-def _draw_dots(drawn: Frame, places: Float, width: int, colour: tuple[int, int, int]) -> None:
-    corners = np.floor(places - width / 2 + 0.5).astype(int)
-    for down in range(width):
-        for right in range(width):
-            x, y = corners.T + np.array([[right], [down]])
-            inside = (x >= 0) & (y >= 0) & (x < drawn.shape[1]) & (y < drawn.shape[0])
-            drawn[y[inside], x[inside]] = colour
-
-
-def _draw_text(page: Any, draw: Any, text: Text, dpi: float) -> None:
-    font = _font(round(text.size_pt / PT_PER_IN * dpi, 1))
-    x, y = (round(at / MM_PER_IN * dpi) for at in (text.x, text.y))
-    ink = (_INK, _INK, _INK)
-    anchor = {"left": "ls", "center": "ms", "right": "rs"}[text.align]
-    if text.upright:
-        _draw_upright(page, text, (x, y), font)
-        return
-    if text.boxed:
-        left, top, right, bottom = draw.textbbox((x, y), text.text, font=font, anchor=anchor)
-        pad = round(1.5 / PT_PER_IN * dpi)
-        draw.rectangle((left - pad, top - pad, right + pad, bottom + pad), fill="white")
-    draw.text((x, y), text.text, fill=ink, font=font, anchor=anchor)
-
-
-def _draw_upright(page: Any, text: Text, at: tuple[int, int], font: Any) -> None:
-    from PIL import Image, ImageDraw
-
-    ascent, descent = font.getmetrics()
-    length = round(font.getlength(text.text))
-    letters = Image.new("L", (length + 2, ascent + descent))
-    ImageDraw.Draw(letters).text((0, ascent), text.text, fill=255, font=font, anchor="ls")
-    turned = letters.transpose(Image.Transpose.ROTATE_90)
-    above = {"left": length, "center": length // 2, "right": 0}[text.align]
-    page.paste((_INK, _INK, _INK), (at[0] - ascent, at[1] - above), turned)

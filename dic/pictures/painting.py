@@ -8,7 +8,8 @@ import numpy as np
 from dic.pictures.background import Background
 from dic.pictures.colours import colour_table
 from dic.pictures.fields import Sampling
-from dic.pictures.page import Frame, Page, Rect, Text
+from dic.pictures.marks import Frame, Rect, Text
+from dic.pictures.page import Page
 from dic.pictures.panels import Panel, Scale
 from dic.pictures.places import PointCells
 from dic.pictures.settings import MapSettings

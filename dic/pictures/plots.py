@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from dic.files.writing import write_figure
-from dic.pictures.page import MM_PER_IN
+from dic.pictures.marks import MM_PER_IN
 from dic.pictures.settings import PlotSettings, require_format
 from dic.typing import Float, PathLike
 

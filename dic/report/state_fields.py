@@ -11,7 +11,8 @@ from dic.pictures.contact_sheet import shortened
 from dic.pictures.frames import draw_axes, draw_bar, draw_title
 from dic.pictures.layout import MARGIN_MM, PanelLayout
 from dic.pictures.maps import cut_ends
-from dic.pictures.page import Page, Text
+from dic.pictures.marks import Text
+from dic.pictures.page import Page
 from dic.pictures.painting import Painter
 from dic.pictures.panels import Maps, Scale, common_name, finished, in_readable_unit, maps_of, widened
 from dic.pictures.settings import MapSettings
