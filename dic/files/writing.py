@@ -78,7 +78,10 @@ def write_figure(figure: Any, path: str | Path, dpi: float, image_format: str | 
     `image_format`: format of the file, such as "png". By default the suffix of `path` determines the format.
     """
     content = BytesIO()
-    figure.savefig(content, dpi=dpi, format=image_format or Path(path).suffix.lstrip(".") or "png")
+    image_format = image_format or Path(path).suffix.lstrip(".").lower() or "png"
+    # Compressing a PNG file as much as possible takes as long as drawing it, and saves little space.
+    quick = {"pil_kwargs": {"compress_level": 1}} if image_format == "png" else {}
+    figure.savefig(content, dpi=dpi, format=image_format, **quick)
     with replacing(path) as partial:
         # If Pillow itself writes a JPEG or TIFF file to a disk that becomes full, the end of the file is
         # missing without an error.

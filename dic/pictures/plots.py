@@ -20,6 +20,8 @@ HALF_BAND = 1.959964
 """Half width of the 95 % interval of a normal distribution, in standard deviations."""
 BAND_TEXT = "band: 95 % interval (± 1.96 standard deviations)"
 
+_LABELS_LEFT_MM, _LABELS_BELOW_MM, _TITLE_MM, _EDGE_MM, _LEGEND_LINE_MM = 17.0, 9.5, 6.0, 3.0, 4.0
+"""Space for an axis' name and numbers, for the title of a panel, at an edge, and for a line of the legend."""
 _MICRO_BELOW = 0.01
 """Strains are drawn in µε if all are below this bound, otherwise in %."""
 _RC: Any = {
@@ -52,11 +54,10 @@ def plot_style() -> Any:
 
 
 def new_plot(settings: PlotSettings, panels: int = 1) -> tuple[Any, Any]:
-    """Return a matplotlib figure, and the axes of its panels one below the other."""
+    """Return a matplotlib figure, and the axes of its panels one below the other, for `legend_below`."""
     from matplotlib.figure import Figure
 
-    size = settings.width_mm / MM_PER_IN, panels * settings.height_mm / MM_PER_IN
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=(settings.width_mm / MM_PER_IN, panels * settings.height_mm / MM_PER_IN))
     return figure, figure.subplots(panels, 1, squeeze=False)[:, 0]
 
 
@@ -93,18 +94,34 @@ def _has_neighbour(values: Float) -> Any:
 
 
 def legend_below(figure: Any, note: str) -> None:
-    """Draw one legend for all panels below them, with a note as its title."""
+    """Draw one legend for all panels below them, with a note as its title, and give all parts their places.
+
+    The distances for labels are fixed: a layout engine of matplotlib takes as long as drawing the figure.
+    """
     named: dict[str, Any] = {}
     for axis in figure.axes:
         named |= dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
     longest = max(map(len, named), default=1)
     width_in = figure.get_figwidth()
-    columns = max(1, min(len(named), int(width_in * 25.4 / (12.0 + 1.4 * longest))))
+    columns = max(1, min(len(named), int(width_in * MM_PER_IN / (12.0 + 1.4 * longest))))
     figure.legend(
         list(named.values()),
         list(named),
-        loc="outside lower center",
+        loc="lower center",
         ncols=columns,
         title=note,
         handlelength=3.0,
+    )
+    width_mm, height_mm = width_in * MM_PER_IN, figure.get_figheight() * MM_PER_IN
+    number, rows = len(figure.axes), -(-len(named) // columns)
+    above_mm = _TITLE_MM if any(axis.get_title() for axis in figure.axes) else _EDGE_MM
+    below_mm = _LABELS_BELOW_MM + _LEGEND_LINE_MM * (rows + 1) + _EDGE_MM
+    between_mm = _LABELS_BELOW_MM + above_mm
+    panel_mm = (height_mm - above_mm - below_mm - (number - 1) * between_mm) / number
+    figure.subplots_adjust(
+        left=_LABELS_LEFT_MM / width_mm,
+        right=1.0 - _EDGE_MM / width_mm,
+        bottom=below_mm / height_mm,
+        top=max(1.0 - above_mm / height_mm, (below_mm + 1.0) / height_mm),
+        hspace=between_mm / max(panel_mm, 1.0),
     )
