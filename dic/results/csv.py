@@ -23,6 +23,7 @@ from dic.typing import PathLike
 _MILLIMETRES = ["X_mm", "Y_mm", "U_mm", "V_mm"]
 _OTHERS = {"u_px", "v_px", "zncc", "status", *_MILLIMETRES, "std_u_px", "std_v_px", "valid"}
 """Names of the values that are not strains."""
+_END = b"\r\n"
 _BLOCK = 2048
 """Number of lines that are written at once, so that their bytes stay in the processor's cache."""
 
@@ -138,11 +139,14 @@ def write_points(points: PointValues, path: PathLike, *, decimal_comma: bool = F
             lines = FixedLines(len(block), *((";", ",") if decimal_comma else (",", ".")))
             for column in columns:
                 column.add(lines, block)
+            written = lines.joined()
             if lines.doubtful.any():
-                cells = ([cell for column in columns for cell in column.cells(k)] for k in block.tolist())
-                file.write(_lines(cells, decimal_comma=decimal_comma))
-            else:
-                file.write(lines.joined())
+                each = written.split(_END)
+                for n in np.flatnonzero(lines.doubtful).tolist():
+                    cells = [cell for column in columns for cell in column.cells(int(block[n]))]
+                    each[n] = _lines([cells], decimal_comma=decimal_comma).removesuffix(_END)
+                written = _END.join(each)
+            file.write(written)
 
 
 def _lines(lines: Iterable[Sequence[tuple[float, int] | str]], *, decimal_comma: bool) -> bytes:
