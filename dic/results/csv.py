@@ -133,7 +133,7 @@ def write_points(points: PointValues, path: PathLike, *, decimal_comma: bool = F
     names, columns = zip(*_columns(points), strict=True)
     shown = np.flatnonzero(points.active)
     with replacing(path) as partial, partial.open("wb") as file:
-        file.write(_lines([list(chain(*names))], decimal_comma=decimal_comma))
+        file.write(_line(list(chain(*names)), decimal_comma=decimal_comma))
         for start in range(0, len(shown), _BLOCK):
             block = shown[start : start + _BLOCK]
             lines = FixedLines(len(block), *((";", ",") if decimal_comma else (",", ".")))
@@ -144,17 +144,16 @@ def write_points(points: PointValues, path: PathLike, *, decimal_comma: bool = F
                 each = written.split(_END)
                 for n in np.flatnonzero(lines.doubtful).tolist():
                     cells = [cell for column in columns for cell in column.cells(int(block[n]))]
-                    each[n] = _lines([cells], decimal_comma=decimal_comma).removesuffix(_END)
+                    each[n] = _line(cells, decimal_comma=decimal_comma).removesuffix(_END)
                 written = _END.join(each)
             file.write(written)
 
 
-def _lines(lines: Iterable[Sequence[tuple[float, int] | str]], *, decimal_comma: bool) -> bytes:
-    """Return lines of texts and of numbers with their numbers of decimals."""
+def _line(cells: Sequence[tuple[float, int] | str], *, decimal_comma: bool) -> bytes:
+    """Return a line of texts and of numbers with their numbers of decimals."""
     text = StringIO(newline="")
     table = CsvTable(text, decimal_comma=decimal_comma)
-    for line in lines:
-        table.write(cell if isinstance(cell, str) else table.number(*cell) for cell in line)
+    table.write(cell if isinstance(cell, str) else table.number(*cell) for cell in cells)
     return text.getvalue().encode()
 
 
