@@ -113,11 +113,7 @@ def _keep_small(drawn: Path, kept: Path) -> None:
     """Save a picture with 256 colours, which makes no visible difference in plots and maps."""
     from PIL import Image
 
-    colours = (
-        Image.open(drawn)
-        .convert("RGB")
-        .quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    )
+    colours = Image.open(drawn).convert("RGB").quantize(256, dither=Image.Dither.NONE)
     colours.save(kept, optimize=True)
 
 

@@ -12,9 +12,9 @@ _TICKS_LEFT_MM, _TICKS_BELOW_MM = 11.0, 8.5
 MARGIN_MM = 1.5
 _ACROSS_MM, _DOWN_MM = 3.0, 2.0
 """Space between panels."""
-_LEAST_AXES_MM, _LEAST_SHARE = 20.0, 0.16
-"""Least width of a panel with numbers: in mm, and as a share of the picture's width. A picture whose panels
-would be narrower may be higher.
+_LEAST_AXES_MM, _LEAST_SHARE = 20.0, 0.6
+"""Least width of a panel with a colour bar, mm, and least share of the width of a row that panels take. A
+picture whose panels would be narrower may be higher.
 """
 _LETTER_MM = 1.25
 """Width of a letter of 6 pt."""
@@ -64,7 +64,6 @@ class PanelLayout:
         A high and narrow specimen gets many columns, and a wide one few. If its maps would still be narrow,
         the picture may be as high as a page of paper.
         """
-        least = max(_LEAST_AXES_MM, _LEAST_SHARE * width_mm) if bars else 0.0
         for highest in _HEIGHTS:
             each = [
                 cls(number, columns, width_mm, dpi, aspect, ticks, title, bars, highest)
@@ -73,7 +72,8 @@ class PanelLayout:
             widest = max(one.axes_mm[0] for one in each)
             large = (one for one in each if one.axes_mm[0] >= _NEARLY * widest)
             best = min(large, key=lambda one: one.height_mm)
-            if best.axes_mm[0] >= least:
+            taken = best.columns * best.axes_mm[0] / width_mm
+            if taken >= _LEAST_SHARE and (not bars or best.axes_mm[0] >= _LEAST_AXES_MM):
                 break
         return best
 
