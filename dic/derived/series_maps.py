@@ -35,8 +35,10 @@ class _Waiting:
     number: int
     label: str
     title: str
-    maps: Maps
-    small: Maps
+    maps: Maps | None
+    """Maps for the picture of the image, if it is not drawn yet."""
+    small: Maps | None
+    """Maps for the contact sheets, if there are any."""
 
 
 class SeriesMaps:
@@ -76,11 +78,14 @@ class SeriesMaps:
             self._failed[number] = error
 
     def _add(self, number: int, title: str, measurement: Measurement, correction: Correction | None) -> None:
-        maps, small = (maps_of(measurement, how, correction) for how in (self._settings, self._small))
+        sheets = bool(self._files.sheets)
+        maps = maps_of(measurement, self._settings, correction) if self._files.maps else None
+        small = maps_of(measurement, self._small, correction) if sheets else None
         waiting = _Waiting(number, measurement.label, title, maps, small)
-        if self._at_once:
-            self._draw_maps(waiting, scale_of([maps], self._settings))
-        if self._files.sheets or not self._at_once:
+        if self._at_once and maps is not None:
+            self._draw_maps(waiting, maps, scale_of([maps], self._settings))
+            waiting = replace(waiting, maps=None)
+        if sheets or not self._at_once:
             self._waiting.put(number, waiting)
 
     @property
@@ -105,14 +110,15 @@ class SeriesMaps:
         of_maps: Scale = {}
         of_sheets: Scale = {}
         for waiting in self._waiting:
-            of_maps, of_sheets = widened(of_maps, waiting.maps), widened(of_sheets, waiting.small)
+            of_maps = of_maps if waiting.maps is None else widened(of_maps, waiting.maps)
+            of_sheets = of_sheets if waiting.small is None else widened(of_sheets, waiting.small)
         shown = set(shown_of(len(self._waiting)))
         small: list[tuple[str, Maps]] = []
         for index, waiting in enumerate(self._waiting):
-            if self._maps_wait:
-                self._draw_maps(waiting, finished(of_maps, self._settings))
+            if waiting.maps is not None:
+                self._draw_maps(waiting, waiting.maps, finished(of_maps, self._settings))
                 on_picture()
-            if self._files.sheets and index in shown:
+            if waiting.small is not None and index in shown:
                 small.append((waiting.label, waiting.small))
         for quantity, path in self._files.sheets.items() if small else ():
             chosen = [(label, maps.only({quantity})) for label, maps in small]
@@ -121,10 +127,10 @@ class SeriesMaps:
         if self._failed:
             raise next(iter(self._failed.values()))
 
-    def _draw_maps(self, waiting: _Waiting, scale: Scale) -> None:
+    def _draw_maps(self, waiting: _Waiting, maps: Maps, scale: Scale) -> None:
         settings = self._settings
         image = self._reference if settings.on == "reference" else read_image(waiting.label)
-        page = self._drawer.draw(waiting.maps, image, waiting.title, scale)
+        page = self._drawer.draw(maps, image, waiting.title, scale)
         page.write(self._files.maps[waiting.number])
 
     def _draw_sheet(self, path: Path, images: Sequence[tuple[str, Maps]], scale: Scale) -> None:

@@ -1,5 +1,6 @@
 """Draws lines, dots and letters as pixels."""
 
+from collections.abc import Sequence
 from functools import cache
 from importlib.util import find_spec
 from itertools import pairwise
@@ -12,6 +13,8 @@ from dic.pictures.marks import INK, MM_PER_IN, PT_PER_IN, Colour, Frame, Text
 from dic.typing import Float
 
 _SUBPIXEL_BITS = 4
+_BOX_PT = 1.5
+"""Width of the white edge of a boxed text."""
 
 
 def width_mm(text: str, size_pt: float) -> float:
@@ -66,28 +69,37 @@ def draw_dots(drawn: Frame, places: Float, width: int, colour: Colour) -> None:
             drawn[y[inside], x[inside]] = colour
 
 
-def draw_text(page: Any, draw: Any, text: Text, dpi: float) -> None:
-    """Draw a text on a page of Pillow, whose drawing is `draw`."""
-    font = _font(round(text.size_pt / PT_PER_IN * dpi, 1))
-    x, y = (round(at / MM_PER_IN * dpi) for at in (text.x, text.y))
-    anchor = {"left": "ls", "center": "ms", "right": "rs"}[text.align]
-    if text.upright:
-        _draw_upright(page, text, (x, y), font)
-        return
-    if text.boxed:
-        left, top, right, bottom = draw.textbbox((x, y), text.text, font=font, anchor=anchor)
-        pad = round(1.5 / PT_PER_IN * dpi)
-        draw.rectangle((left - pad, top - pad, right + pad, bottom + pad), fill="white")
-    draw.text((x, y), text.text, fill=INK, font=font, anchor=anchor)
+def draw_texts(drawn: Frame, texts: Sequence[Text], dpi: float) -> None:
+    """Draw texts, whose places are in mm, on a page of pixels."""
+    from PIL import Image, ImageDraw
+
+    letters = Image.new("L", drawn.shape[1::-1])
+    draw = ImageDraw.Draw(letters)
+    for text in texts:
+        font = _font(round(text.size_pt / PT_PER_IN * dpi, 1))
+        x, y = (round(at / MM_PER_IN * dpi) for at in (text.x, text.y))
+        anchor = {"left": "ls", "center": "ms", "right": "rs"}[text.align]
+        if text.upright:
+            _draw_upright(letters, text, (x, y), font)
+            continue
+        if text.boxed:
+            pad = round(_BOX_PT / PT_PER_IN * dpi)
+            left, top, right, bottom = map(round, draw.textbbox((x, y), text.text, font=font, anchor=anchor))
+            drawn[max(top - pad, 0) : bottom + pad, max(left - pad, 0) : right + pad] = 255
+        draw.text((x, y), text.text, fill=255, font=font, anchor=anchor)
+    share, below = np.asarray(letters).ravel(), drawn.reshape(-1, 3)
+    inked = np.flatnonzero(share > 0)
+    covered = share[inked, None] / 255.0
+    below[inked] = np.rint(covered * INK + (1.0 - covered) * below[inked])
 
 
-def _draw_upright(page: Any, text: Text, at: tuple[int, int], font: Any) -> None:
+def _draw_upright(letters: Any, text: Text, at: tuple[int, int], font: Any) -> None:
     from PIL import Image, ImageDraw
 
     ascent, descent = font.getmetrics()
     length = round(font.getlength(text.text))
-    letters = Image.new("L", (length + 2, ascent + descent))
-    ImageDraw.Draw(letters).text((0, ascent), text.text, fill=255, font=font, anchor="ls")
-    turned = letters.transpose(Image.Transpose.ROTATE_90)
+    line = Image.new("L", (length + 2, ascent + descent))
+    ImageDraw.Draw(line).text((0, ascent), text.text, fill=255, font=font, anchor="ls")
+    turned = line.transpose(Image.Transpose.ROTATE_90)
     above = {"left": length, "center": length // 2, "right": 0}[text.align]
-    page.paste(INK, (at[0] - ascent, at[1] - above), turned)
+    letters.paste(turned, (at[0] - ascent, at[1] - above))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dic.files.writing import replacing, write_figure
-from dic.pictures.ink import draw_dots, draw_line, draw_text, fitting_pt
+from dic.pictures.ink import draw_dots, draw_line, draw_texts, fitting_pt
 from dic.pictures.marks import (
     CAPITAL_MM,
     FONT_PT,
@@ -49,8 +49,6 @@ class Page:
 
     def pixels(self) -> Frame:
         """Return the drawn page."""
-        from PIL import Image, ImageDraw
-
         *_, width, height = Rect(0.0, 0.0, self.width_mm, self.height_mm).px(self.dpi)
         drawn = np.full((height, width, 3), 255, np.uint8)
         for place, picture in self.pictures:
@@ -60,11 +58,8 @@ class Page:
             places, width_px = mark.places / MM_PER_IN * self.dpi, mark.width_pt / PT_PER_IN * self.dpi
             draw_mark = draw_line if isinstance(mark, Line) else draw_dots
             draw_mark(drawn, places, max(1, round(width_px)), mark.colour)
-        page = Image.fromarray(drawn)
-        draw = ImageDraw.Draw(page)
-        for text in self.texts:
-            draw_text(page, draw, text, self.dpi)
-        return np.asarray(page)
+        draw_texts(drawn, self.texts, self.dpi)
+        return drawn
 
     def figure(self) -> Any:
         """Return the page as a figure of matplotlib, whose lines and letters remain vectors."""

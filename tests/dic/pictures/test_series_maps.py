@@ -45,3 +45,15 @@ def test_equal_images_look_alike_only_on_one_scale(pictures):
         (0, 0.001), (1, 0.001), settings=dic.pictures.MapSettings(quantities=("u",), scale="image")
     )
     np.testing.assert_array_equal(own[0], own[1])
+
+
+@pytest.mark.parametrize("scale", ["series", "image"])
+def test_a_contact_sheet_alone_is_that_beside_maps(tmp_path, pictures, scale):
+    settings = dic.pictures.MapSettings(quantities=("u",), axes="off", scale=scale)
+    pictures((0, 0.001), (1, 0.002), settings=settings)
+    maps = SeriesMaps(GREY, MapFiles([], {"exx": tmp_path / "alone.png"}), settings)
+    for number, strain in ((0, 0.001), (1, 0.002)):
+        maps.add(number, "", dic.measure(stretched(strain)), None)
+    assert maps.pictures_left == 1
+    maps.draw()
+    assert (tmp_path / "alone.png").read_bytes() == (tmp_path / "sheet.png").read_bytes()
