@@ -20,9 +20,6 @@ _TRIES = 3
 _BANDS = 16
 """Number of bands of rows that are solved in parallel; this number keeps several processors busy."""
 
-_FEW_PAIRS = 200_000
-"""Largest number of pairs of points whose distances are all computed to find the nearest ones."""
-
 _BAND_PX = 1_000_000
 """Largest number of pixels of a band; a larger image has more bands."""
 
@@ -264,14 +261,5 @@ def next_to(mask: Mask) -> Mask:
 
 
 def _nearest(places: Indices, indices: Indices) -> Indices:
-    """Return which of the `places` (m, 2) is the nearest to each of the `indices` (n, 2) of a grid."""
-    if len(places) * len(indices) <= _FEW_PAIRS:
-        apart = np.square(indices[:, None] - places).sum(axis=-1)
-        least = apart.min(axis=1, keepdims=True)
-        if np.count_nonzero(apart == least) == len(indices):
-            return np.asarray(apart.argmin(axis=1))
-    # Of several equally near places, the tree's choice counts. Its import takes longer than a small image.
-    from scipy.spatial import cKDTree
-
-    # Building a balanced tree would take longer than these few queries.
-    return np.asarray(cKDTree(places, balanced_tree=False, compact_nodes=False).query(indices)[1], np.int64)
+    """Return which of the `places` (m, 2) is the nearest to each of the `indices` (n, 2), the first of equals."""
+    return np.array([np.square(index - places).sum(axis=1).argmin() for index in indices], np.int64)

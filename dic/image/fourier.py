@@ -1,8 +1,7 @@
 """SciPy's Fourier transforms of two axes, without the import of `scipy.fft`.
 
-That import takes longer than the correlation of a small image. The compiled part of `scipy.fft` loads at
-once.
-NumPy rounds otherwise.
+That import takes longer than the correlation of a small image. The compiled part of `scipy.fft` needs no
+other module. NumPy's transforms round otherwise.
 """
 
 from functools import cache

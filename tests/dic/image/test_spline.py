@@ -1,7 +1,11 @@
+from fractions import Fraction
+from math import comb, factorial
+
 import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates, spline_filter
 
+from dic.image import spline
 from dic.image.spline import MARGIN, spline_image
 
 
@@ -30,6 +34,24 @@ def test_gradient_is_the_slope_of_scipys_spline(noise_image, order):
 
     np.testing.assert_allclose(along_x[10:80, 10:100], (grey(0, h) - grey(0, -h)) / (2 * h), atol=2e-3)
     np.testing.assert_allclose(along_y[10:80, 10:100], (grey(h, 0) - grey(-h, 0)) / (2 * h), atol=2e-3)
+
+
+@pytest.mark.parametrize("order", [3, 5])
+def test_constants_are_the_values_of_the_b_spline(order):
+    """The B-spline is a sum of truncated powers; the last digit may be rounded otherwise."""
+
+    def exact(place, power):
+        steps = [place + Fraction(order + 1, 2) - k for k in range(order + 2)]
+        terms = [(-1) ** k * comb(order + 1, k) * max(step, 0) ** power for k, step in enumerate(steps)]
+        return float(sum(terms) / factorial(power))
+
+    half = (order + 1) // 2
+    pixels = [Fraction(k) for k in range(1 - half, half)]
+    between = [Fraction(2 * k + 1, 2) for k in range(-half, half)]
+    tolerance = {"rtol": 3e-16, "atol": 0}
+    np.testing.assert_allclose(spline._AT_PIXELS[order], [exact(x, order) for x in pixels], **tolerance)
+    np.testing.assert_allclose(spline._HALF_WAY[order], [exact(x, order) for x in between], **tolerance)
+    np.testing.assert_allclose(spline._SLOPES[order], [-exact(x, order - 1) for x in pixels], **tolerance)
 
 
 def test_a_spline_of_another_order_is_refused(noise_image):
