@@ -106,7 +106,7 @@ def spline_of_rows(image: StoredImage, order: int, rows: slice, threads: int = 1
     """
     import cv2
 
-    taps = _inverse_filter(order).astype(np.float32)
+    taps = inverse_filter(order).astype(np.float32)
     height, width = image.shape
     reach = len(taps) // 2
     # Rows beyond the edges of the image are filled below.
@@ -161,7 +161,7 @@ def halfway_noise_gain(order: int, smoothing: tuple[float, ...] = (1.0,)) -> flo
     half = (order + 1) // 2
     basis = BSpline.basis_element(np.arange(-half, half + 1), extrapolate=False)
     taps = np.nan_to_num(basis(np.arange(-half, half) + 0.5))
-    return _power(np.convolve(_inverse_filter(order), taps), smoothing) / _power(np.ones(1), smoothing)
+    return _power(np.convolve(inverse_filter(order), taps), smoothing) / _power(np.ones(1), smoothing)
 
 
 @cache
@@ -180,7 +180,7 @@ def _power(taps: NDArray[np.float64], smoothing: tuple[float, ...]) -> float:
 
 def slope_taps(order: int) -> NDArray[np.float64]:
     """Return the weights of the pixels of a row in the spline's derivative at the middle pixel."""
-    return np.convolve(_inverse_filter(order), _slopes(order))
+    return np.convolve(inverse_filter(order), _slopes(order))
 
 
 @cache
@@ -198,7 +198,7 @@ def _slopes(order: int) -> NDArray[np.float64]:
 
 
 @cache
-def _inverse_filter(order: int) -> NDArray[np.float64]:
+def inverse_filter(order: int) -> NDArray[np.float64]:
     """Return the impulse response of the filter that computes B-spline coefficients from grey levels."""
     if order not in (3, 5):
         raise ValueError(f"spline order: expected 3 or 5, got {order}")
