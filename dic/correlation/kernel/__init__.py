@@ -1,9 +1,9 @@
 """The compiled kernel: IC-GN (inverse compositional Gauss-Newton) for every point of a grid.
 
 docs/kernel.md derives the sums that the kernel computes. Read docs/kernel.md first, then the modules in this
-order: `method`, `layout` and `coefficients` (images in memory), `warps`, `vectors` and `unrolled` (processor vectors),
-`bspline_weights`, `moments` (sums over a subset), `prepared` (data of the reference's subset), `icgn` (one
-point), `uncertainty` (standard deviations), `propagation` (many points).
+order: `method`, `layout` and `coefficients` (images in memory), `warps`, `vectors` and `unrolled` (processor
+vectors), `bspline_weights`, `moments` (sums over a subset), `prepared` (data of the reference's subset),
+`icgn` (one point), `uncertainty` (standard deviations), `propagation` (many points).
 """
 
 from dic.correlation.kernel.coefficients import lay_deformed

@@ -51,7 +51,7 @@ def lay_deformed(
 
 
 def _mirrored(first: int, last: int, length: int) -> Indices:
-    """Return the indices from `first` to `last` - 1, mirrored at the first and at the last of `length` pixels."""
+    """Return the indices from `first` to `last` - 1, mirrored at both ends of a row of `length` pixels."""
     period = max(1, 2 * (length - 1))
     index = np.arange(first, last) % period
     return np.minimum(index, period - index)
@@ -63,13 +63,13 @@ def _filter(
     down: Indices,
     across: Indices,
     taps: Flat,
-    mean: float,
-    factor: float,
+    mean: np.float32,
+    factor: np.float32,
     plane: Grey,
     top: int,
     line: Flat,
 ) -> None:
-    """Write coefficients, less `mean` and times `factor`, into the rows of `plane`, which begin at its row `top`.
+    """Write coefficients, less `mean` and times `factor`, into some rows of the plane, from its row `top` on.
 
     The taps have the sum 1. So a coefficient is the grey level plus taps times differences of grey levels,
     whose rounding errors are small in faint patterns, too.
