@@ -46,10 +46,11 @@ def table(study: dic.study.Study, name: str) -> str:
     )
     least = study.best[0]
     if least is not best:
-        saved, more = 1 - best.subset_time / least.subset_time, best.strain_error / least.strain_error - 1
-        subset_px = least.correlation.subset_px
+        less = 100 * (1 - best.subset_time / least.subset_time)
+        more = 100 * (best.strain_error / least.strain_error - 1)
         lines.append(
-            f"  it takes {100 * saved:.0f} % less time than {subset_px} px, with {100 * more:.1f} % more error"
+            f"  it takes {less:.0f} % less time than {least.correlation.subset_px} px, with {more:.1f} % more"
+            " error"
         )
     limits = study.limits_of_sweep()
     if limits:
