@@ -13,6 +13,7 @@ from dic.correlation.field import Field
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.solver import method_of
 from dic.image.spline import spline_image
+from dic.image.stored import StoredImage
 from dic.typing import Float, Grey, Indices
 
 
@@ -84,7 +85,7 @@ class KernelAlone:
         spline, mean = spline_image(reference, settings.order), float(reference.mean())
         everywhere = np.ones(reference.shape, np.bool_)
         self._reference = kernel.lay_reference(spline, everywhere, mean)
-        self._deformed = kernel.lay_coefficients(spline_image(deformed, settings.order), mean)
+        self._deformed = kernel.lay_deformed(StoredImage(deformed), settings.order, mean)
         self._settings, self._method = settings, method_of(settings)
         self._x, self._y, self._start = x_px, y_px, start
 

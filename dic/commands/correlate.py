@@ -113,7 +113,7 @@ def correlate(reference: Path, deformed: tuple[Path, ...], given: Given) -> None
     set_up = read_set_up(calibration_file, how, known)
     for note in sources.notes:
         say(note)
-    with chosen_workers() as workers:
+    with chosen_workers(settings) as workers:
         image = dic.read_image(sources.reference, stored=True)
         of_files = _camera(image, sources, given, settings, workers)
         series = of_files.series

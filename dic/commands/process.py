@@ -120,7 +120,7 @@ def process(
     if several:
         work.require_own_places(paths)
         outputs.make_folder_of_results()
-    with chosen_workers() as workers:
+    with chosen_workers(settings) as workers:
         if several:
             status = process_shelf(work, [replace(source, path=run) for run in paths], workers)
         else:

@@ -56,7 +56,7 @@ class AssumedOptions:
 class SweepOptions:
     """Options that list the values of settings; the study tries all combinations of these values."""
 
-    subsets: str = option("--subsets", default="15,21,31,41,51,61,81", help="Subsets to try, px.")
+    subsets: str = option("--subsets", default="15,23,31,39,41,47,63,79", help="Subsets to try, px.")
     steps: str = option("--steps", default="5,10,15", help="Steps to try, px.")
     windows: str = option("--windows", default="3,5,7,9", help="Strain windows to try, points.")
     shapes: str = option("--shapes", default="affine,quadratic", help="Shape functions to try.")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import click
@@ -47,8 +48,10 @@ def worker_options(command: Command) -> Command:
 
 
 @contextmanager
-def chosen_workers() -> Iterator[dic.workers.Workers | None]:
+def chosen_workers(settings: dic.CorrelationSettings) -> Iterator[dic.workers.Workers | None]:
     """Provide the workers that the options of the running command choose; None for `--workers 1`.
+
+    Further processes begin to load what correlations with these settings need.
 
     Raises `WorkerError` if the options contradict each other, or the scheduler cannot be used.
     """
@@ -67,5 +70,6 @@ def chosen_workers() -> Iterator[dic.workers.Workers | None]:
         with dic.workers.one_processor():
             yield None
     else:
-        with dic.LocalWorkers(count, lambda lost: say(f"warning: {lost}", err=True)) as processes:
+        begin = partial(dic.pipeline.load_correlation, settings)
+        with dic.LocalWorkers(count, lambda lost: say(f"warning: {lost}", err=True), begin) as processes:
             yield processes

@@ -8,7 +8,7 @@ and slopes are those of the whole image.
 import numpy as np
 
 from dic.correlation import kernel
-from dic.image.spline import spline_image, spline_of_rows
+from dic.image.spline import spline_of_rows
 from dic.image.stored import StoredImage, is_large
 from dic.typing import Mask
 
@@ -63,8 +63,7 @@ class LaidDeformed:
         self.height = image.shape[0]
         self._whole: kernel.Deformed | None = None
         if not is_large(image.shape):
-            spline = spline_image(image.rows(0, self.height), order, threads)
-            self._whole = kernel.lay_coefficients(spline, mean, threads)
+            self._whole = kernel.lay_deformed(image, order, mean, threads)
 
     def rows(self, first: int, last: int) -> kernel.Deformed:
         """Return an image with the rows from `first` to `last` - 1; rows outside the image are ignored."""
@@ -72,8 +71,7 @@ class LaidDeformed:
             return self._whole
         top = min(max(0, first), self.height - 1)
         rows = slice(top, max(top + 1, min(self.height, last)))
-        spline = spline_of_rows(self._image, self._order, rows)
-        return kernel.lay_coefficients(spline, self._mean, top=top, image_height=self.height)
+        return kernel.lay_deformed(self._image, self._order, self._mean, rows=rows)
 
 
 def _flat_variance(image: StoredImage, usable: Mask) -> float:

@@ -261,5 +261,5 @@ def next_to(mask: Mask) -> Mask:
 
 
 def _nearest(places: Indices, indices: Indices) -> Indices:
-    """Return which of the `places` (m, 2) is the nearest to each of the `indices` (n, 2), the first of equals."""
+    """Return for each of the `indices` (n, 2) the first of the nearest `places` (m, 2)."""
     return np.array([np.square(index - places).sum(axis=1).argmin() for index in indices], np.int64)

@@ -38,14 +38,15 @@ def decode(container: Container) -> NDArray[Any]:
     """Return the pixels of an image file as stored, shape (height, width) or (height, width, channels).
 
     The colours of a JPEG file are stored as luma and two differences. The luma is returned, because it is the
-    grey level that `to_grey` computes.
+    grey level that `to_grey` computes. Of a PNG file, libpng checks that no pixel is missing and that the
+    checksum of the pixels is right; OpenCV then gives no image.
 
     Raises `Damage` if the pixels cannot be decoded, or are damaged.
     """
     import cv2
 
-    of_jpeg = container.content.startswith(b"\xff\xd8")
-    with opencv_silent(), messages_of_decoder(_is_of_libjpeg, of_jpeg) as messages:
+    of_jpeg, of_png = (container.content.startswith(start) for start in (b"\xff\xd8", b"\x89PNG"))
+    with opencv_silent(), messages_of_decoder(_is_of_library, of_jpeg or of_png) as messages:
         try:
             image: NDArray[Any] | None = cv2.imdecode(
                 np.frombuffer(container.content, np.uint8),
@@ -53,8 +54,8 @@ def decode(container: Container) -> NDArray[Any]:
             )
         except cv2.error:
             image = None
-    if messages:
-        raise Damage(f"a JPEG with damaged pixels ({messages[0]})")
+    if messages and (of_jpeg or image is None):
+        raise Damage(f"a {'JPEG' if of_jpeg else 'PNG'} with damaged pixels ({messages[0]})")
     if image is None:
         raise Damage("one that cannot be decoded")
     return image
@@ -88,8 +89,8 @@ def opencv_silent() -> Iterator[None]:
         set_level(before)
 
 
-def _is_of_libjpeg(line: bytes) -> bool:
-    return line.startswith(_JPEG_MESSAGES)
+def _is_of_library(line: bytes) -> bool:
+    return line.startswith((*_JPEG_MESSAGES, b"libpng "))
 
 
 @contextmanager

@@ -141,7 +141,7 @@ def spline_of_rows(image: StoredImage, order: int, rows: slice, threads: int = 1
     """
     import cv2
 
-    taps = _inverse_filter(order).astype(np.float32)
+    taps = inverse_filter(order).astype(np.float32)
     height, width = image.shape
     reach = len(taps) // 2
     # Rows beyond the edges of the image are filled below.
@@ -181,7 +181,7 @@ def halfway_noise_gain(order: int, smoothing: tuple[float, ...] = (1.0,)) -> flo
     The factor is the sum of the squared weights of the pixels in a row, relative to the same sum for a
     position at a pixel.
     """
-    return _power(np.convolve(_inverse_filter(order), _HALF_WAY[order]), smoothing) / _power(
+    return _power(np.convolve(inverse_filter(order), _HALF_WAY[order]), smoothing) / _power(
         np.ones(1), smoothing
     )
 
@@ -206,11 +206,11 @@ def slope_taps(order: int) -> NDArray[np.float64]:
     The spline Σ c_k β(x - k) with coefficients c_k has the derivative Σ c_k β'(-k) at x = 0. Since β'(-k) is
     -β'(k), the sign of β' is reversed.
     """
-    return np.convolve(_inverse_filter(order), _SLOPES[order])
+    return np.convolve(inverse_filter(order), _SLOPES[order])
 
 
 @cache
-def _inverse_filter(order: int) -> NDArray[np.float64]:
+def inverse_filter(order: int) -> NDArray[np.float64]:
     """Return the impulse response of the filter that computes B-spline coefficients from grey levels."""
     if order not in (3, 5):
         raise ValueError(f"spline order: expected 3 or 5, got {order}")

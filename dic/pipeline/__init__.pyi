@@ -8,6 +8,7 @@ from .corrections import (
     RunCorrections as RunCorrections,
     corrected_rotation as corrected_rotation,
 )
+from .image_task import load_correlation as load_correlation
 from .images import (
     measure_images as measure_images,
     measure_series as measure_series,

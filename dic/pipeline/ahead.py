@@ -46,9 +46,10 @@ def outcomes(
             yield number, image, _outcome(series, image)
         return
     line, remaining = _Line(series, workers, together), iter(images)
-    # One image is being evaluated. One more image waits, so that no worker is idle if the evaluation is
-    # quick.
-    at_once = min(series.at_once, workers.count + 2)
+    # One image is being evaluated. Others wait, so that no worker is idle while an evaluation takes long or
+    # several workers finish together. The fields of large images need much memory.
+    spare = 2 if workers.count == 1 or is_large(series.shape) else 2 + workers.count
+    at_once = min(series.at_once, workers.count + spare)
     try:
         while True:
             for number, image in islice(remaining, at_once - len(line.waiting)):

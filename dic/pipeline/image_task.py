@@ -4,9 +4,13 @@ import platform
 from dataclasses import dataclass, replace
 from functools import cache
 
+import numpy as np
+
+from dic.correlation.correlator import Correlator
 from dic.correlation.field import Field
 from dic.correlation.reference import forget_references
 from dic.correlation.series_state import Attempt
+from dic.correlation.settings import CorrelationSettings
 from dic.errors import CorrelationError, MeasurementError, WorkerError, collected_warnings
 from dic.pipeline.series_image import SeriesImage
 from dic.results.provenance import versions
@@ -75,6 +79,16 @@ class ImageTask:
                 # The reference, which is prepared at its first use, cannot be read.
                 return ImageAnswer(None, error, warnings, unread=True)
         return ImageAnswer(replace(field, region=None, grid=None), None, warnings)
+
+
+def load_correlation(settings: CorrelationSettings) -> None:
+    """Load everything that correlations with these settings need, by one of a small image."""
+    side = 4 * settings.subset_px
+    grey = np.random.default_rng(0).uniform(0.0, 255.0, (side, side)).astype(np.float32)
+    whole = np.ones(grey.shape, np.bool_)
+    with collected_warnings():
+        few = replace(settings, smoothing_px=0.0, step_px=settings.subset_px)
+        Correlator(grey, whole, few).correlate(grey)
 
 
 own_versions = cache(versions)

@@ -19,7 +19,8 @@ class Sweep:
     Attributes
     ----------
     subsets_px, steps_px, windows_points : tuple of int
-        Widths of the subsets, spacings of the points, and widths of the strain windows.
+        Widths of the subsets, spacings of the points, and widths of the strain windows. Most of the default
+        widths are one column narrower than a multiple of 8, which the processor computes together.
     shapes : tuple of str
         Shape functions, "affine" and "quadratic".
     parts : int
@@ -31,7 +32,7 @@ class Sweep:
         If a value is not allowed, or if there is no combination or too many.
     """
 
-    subsets_px: tuple[int, ...] = (15, 21, 31, 41, 51, 61, 81)
+    subsets_px: tuple[int, ...] = (15, 23, 31, 39, 41, 47, 63, 79)
     steps_px: tuple[int, ...] = (5, 10, 15)
     windows_points: tuple[int, ...] = (3, 5, 7, 9)
     shapes: tuple[str, ...] = tuple(SHAPES)

@@ -41,15 +41,24 @@ class LocalWorkers(Workers):
         Number of processes.
     on_lost : callable, optional
         Function that is called with a sentence if a process was killed. It is called in another thread.
+    begin : callable, optional
+        Function that each process runs as soon as it is there, for example to load what the first function
+        needs while this program prepares it. It must be picklable. Its result, or its error, is not used.
     """
 
-    def __init__(self, count: int, on_lost: Callable[[str], None] = lambda _: None) -> None:
+    def __init__(
+        self,
+        count: int,
+        on_lost: Callable[[str], None] = lambda _: None,
+        begin: Callable[[], object] | None = None,
+    ) -> None:
         if count < 1:
             raise WorkerError(
                 "settings", "workers", "a number of processes, at least 1", str(count), "give --workers 2"
             )
         self.count, self._on_lost, self._threads_each = count, on_lost, max(1, processors() // count)
         self._tasks: SimpleQueue[tuple[Future[Any], Message] | None] = SimpleQueue()
+        self._begin = None if begin is None else [pickle.dumps((begin, (), {}), protocol=5)]
         self._lock, self._ended = Lock(), False
         self._processes: dict[int, _Process] = {}
         self._threads = [Thread(target=self._serve, args=(k,), daemon=True) for k in range(1, count + 1)]
@@ -89,6 +98,10 @@ class LocalWorkers(Workers):
 
     def _serve(self, number: int) -> None:
         """Give tasks to the process with the given number, one after the other."""
+        if self._begin is not None:
+            with suppress(WorkerError):
+                # Whatever is wrong with the process is said when it has its first task.
+                self._answer(number, self._begin)
         while (task := self._tasks.get()) is not None:
             future, content = task
             if not future.set_running_or_notify_cancel():

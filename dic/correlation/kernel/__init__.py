@@ -1,16 +1,17 @@
 """The compiled kernel: IC-GN (inverse compositional Gauss-Newton) for every point of a grid.
 
 docs/kernel.md derives the sums that the kernel computes. Read docs/kernel.md first, then the modules in this
-order: `method`, `layout` (images in memory), `warps`, `vectors` and `unrolled` (processor vectors),
-`bspline_weights`, `moments` (sums over a subset), `prepared` (data of the reference's subset), `icgn` (one
-point), `uncertainty` (standard deviations), `grid` and `propagation` (many points). `jit` compiles them.
+order: `method`, `layout` and `coefficients` (images in memory), `warps`, `vectors` and `unrolled` (processor
+vectors), `bspline_weights`, `moments` (sums over a subset), `prepared` (data of the reference's subset),
+`icgn` (one point), `uncertainty` (standard deviations), `grid` and `propagation` (many points). They are
+compiled by `jit`.
 """
 
+from dic.correlation.kernel.coefficients import lay_deformed
 from dic.correlation.kernel.layout import (
     Deformed,
     KernelReference,
     flat_variance_of,
-    lay_coefficients,
     lay_reference,
 )
 from dic.correlation.kernel.method import NOT_LAID, ROOM_PX, Method
@@ -29,7 +30,7 @@ __all__ = [
     "Solution",
     "correlate_seeds",
     "flat_variance_of",
-    "lay_coefficients",
+    "lay_deformed",
     "lay_reference",
     "propagate",
     "record_length",

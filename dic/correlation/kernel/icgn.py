@@ -19,10 +19,10 @@ import numpy as np
 from dic.correlation.kernel import cholesky, sums as m
 from dic.correlation.kernel.jit import inlined, inner
 from dic.correlation.kernel.layout import Deformed, Flat, KernelReference
-from dic.correlation.kernel.method import NOT_LAID, ROOM_PX, Method, Shape, Subset
+from dic.correlation.kernel.method import NOT_LAID, ROOM_PX, Method, Subset
 from dic.correlation.kernel.moments import moments_with_image
 from dic.correlation.kernel.prepared import prepare, recall, rounding_share
-from dic.correlation.kernel.records import MEAN, NORM2
+from dic.correlation.kernel.records import FX_FX, MEAN, NORM2
 from dic.correlation.kernel.uncertainty import write_std
 from dic.correlation.kernel.warps import (
     FACTOR,
@@ -51,6 +51,12 @@ _FAR_PX = 0.5
 _STILL_PX = 0.1
 """Limit for an affine step: a shorter step brings a quadratic warp hardly nearer to its optimum."""
 
+_LONGER, _BACK = 1.25, 0.1
+"""Largest factor by which a step is lengthened, and the part of it by which it may then be too long.
+
+Residuals that are no noise, such as those of a change of light, lengthen steps too much.
+"""
+
 
 @inner
 def correlate_point(
@@ -76,7 +82,7 @@ def correlate_point(
     recall(record, work)
     if not record[NORM2] > 0.0:
         return NO_TEXTURE, np.nan, 0
-    r, zncc, length = subset.radius, np.nan, 0.0
+    r, zncc, length, power, longer = subset.radius, np.nan, 0.0, 0.0, True
     for iteration in range(1, method.max_iterations + 1):
         if not in_view(deformed, subset, p):
             return OUT_OF_VIEW, np.nan, iteration
@@ -90,7 +96,10 @@ def correlate_point(
         has_contrast, zncc = _compare(record, subset, work)
         if not has_contrast:
             return LOW_CORRELATION, np.nan, iteration
-        last, length = length, _step(method.shape, r, p, work)
+        # The right-hand side points back along the last step if this step was too long.
+        longer &= not (power > 0.0 and _along_step(work) < -_BACK * power)
+        last = length
+        length, power = _step(method, subset, record, p, zncc, longer, work)
         if not length < 2.0 * r:
             return NOT_CONVERGED, zncc, iteration
         rate = length / last
@@ -124,27 +133,63 @@ def _compare(record: Flat, subset: Subset, work: Workspace) -> tuple[bool, float
 
 
 @inlined
-def _step(shape: Shape, r: int, p: Float, work: Workspace) -> float:
-    """Solve the normal equations, compose `p` with the inverse of the step, and return the step's length, px.
+def _step(
+    method: Method, subset: Subset, record: Flat, p: Float, zncc: float, longer: bool, work: Workspace
+) -> tuple[float, float]:
+    """Solve the normal equations, and compose `p` with the inverse of the step.
+
+    Return the step's length, px, and of a short step its product with the right-hand side, otherwise 0.
 
     A long step of a quadratic warp is replaced by a step of the affine parameters, the first half of the
     parameters. The Cholesky factor for the affine parameters is the leading block of the Cholesky factor for
     all parameters. If the affine parameters are already at their optimum, the long step is shortened instead.
     The reason is that large second derivatives can put the affine optimum farther than `_FAR_PX` from the
     quadratic optimum. With affine steps alone, the iteration would never leave the affine optimum.
+
+    If `longer` is True, a short step is lengthened by what the noise of the reference's derivatives has
+    shortened it.
     """
-    n, d = len(work.b), work.d
+    n, d, r, power = len(work.b), work.d, subset.radius, 0.0
     cholesky.solve(work.H, work.b, n, d)
     length = step_length_px(d, r)
-    if len(shape) == 12:
-        if length > _FAR_PX:
-            # The constant 6 instead of n // 2 would give slower machine code.
-            cholesky.solve(work.H, work.b, n // 2, d)
-            if step_length_px(d, r) < _STILL_PX:
-                cholesky.solve(work.H, work.b, n, d)
-                for i in range(n):
-                    d[i] *= _FAR_PX / length
+    if length <= _FAR_PX:
+        if longer:
+            _lengthen(method, subset, record, zncc, work)
+            length = step_length_px(d, r)
+        power = _along_step(work)
+    elif len(method.shape) == 12:
+        # The constant 6 instead of n // 2 would give slower machine code.
+        cholesky.solve(work.H, work.b, n // 2, d)
+        if step_length_px(d, r) < _STILL_PX:
+            cholesky.solve(work.H, work.b, n, d)
+            for i in range(n):
+                d[i] *= _FAR_PX / length
+    if len(method.shape) == 12:
         compose_inverse_quadratic(p, d, work.D, work.products)
     else:
         compose_inverse(p, d)
-    return length
+    return length, power
+
+
+@inlined
+def _along_step(work: Workspace) -> float:
+    """Return the product of the right-hand side and the step."""
+    product = 0.0
+    for i in range(len(work.b)):
+        product += work.b[i] * work.d[i]
+    return product
+
+
+@inlined
+def _lengthen(method: Method, subset: Subset, record: Flat, zncc: float, work: Workspace) -> None:
+    """Multiply the step by the ratio of ∑fx² (or ∑fy²) to its value without noise, at most by `_LONGER`.
+
+    The noise follows from the squared residuals that will be left after the step.
+    """
+    left = 2.0 * record[NORM2] * (1.0 - zncc) - _along_step(work)
+    damping = (1.0 + method.noise_gain) ** 2 / 4.0
+    variance = max(left, 0.0) / ((subset.pixels - len(work.b) - 2) * (1.0 + damping))
+    noise = subset.pixels * variance * method.slope_noise_gain
+    for i in range(len(work.b)):
+        apparent = record[FX_FX + SIDE[i]]
+        work.d[i] *= apparent / max(apparent - noise, apparent / _LONGER)

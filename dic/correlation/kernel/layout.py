@@ -19,12 +19,12 @@ from dic.typing import Grey, Mask
 
 Flat = NDArray[np.float32]
 
-_SPARE = 64
+SPARE = 64
 """Number of spare elements before the first row and after the last row of an image."""
 
 _BAND_PX = 128
 
-_BEYOND = 2**30
+BEYOND = 2**30
 """A row that is beyond every image."""
 
 _ROUNDING = 1.0 / 12.0
@@ -106,7 +106,7 @@ def lay_reference(
     in_parallel(lay, bands_of(height, _BAND_PX), threads)
     if flat_variance is None:
         flat_variance = flat_variance_of(spline.grey, region)
-    return KernelReference(f, fx, fy, inside, *_pitch_and_origin(width, top), flat_variance)
+    return KernelReference(f, fx, fy, inside, *pitch_and_origin(width, top), flat_variance)
 
 
 def flat_variance_of(grey: Grey, region: Mask) -> float:
@@ -124,41 +124,18 @@ def flat_variance_of(grey: Grey, region: Mask) -> float:
     return _ROUNDING * step**2
 
 
-def lay_coefficients(
-    spline: SplineImage, mean: float, threads: int = 1, *, top: int = 0, image_height: int | None = None
-) -> Deformed:
-    """Return a deformed image for the kernel, with the reference's `mean` subtracted from its grey levels.
-
-    `spline`: the image, or a band of its rows. `top`: the first row of the band. `image_height`: height of
-    the whole image, px. By default `spline` is the whole image.
-    """
-    factor = np.float32(1.0 / {3: 6.0, 5: 120.0}[spline.order] ** 2)
-    flat = np.zeros(spline.coefficients.size + 2 * _SPARE, np.float32)
-    plane = flat[_SPARE:-_SPARE].reshape(spline.coefficients.shape)
-
-    def lay(band: slice) -> None:
-        np.subtract(spline.coefficients[band], np.float32(mean), out=plane[band])
-        plane[band] *= factor
-
-    in_parallel(lay, bands_of(len(plane), _BAND_PX), threads)
-    rows, width = spline.shape
-    height = rows if image_height is None else image_height
-    first, last = top if top > 0 else -_BEYOND, top + rows if top + rows < height else _BEYOND
-    return Deformed(flat, *_pitch_and_origin(width, top), width, height, first, last)
-
-
-def _pitch_and_origin(width: int, top: int) -> tuple[int, int]:
+def pitch_and_origin(width: int, top: int) -> tuple[int, int]:
     """Return the pitch of an image of the given width, and the index of its first pixel's element.
 
     If the image is laid from the row `top` on, the element of its first pixel is before the array's first
     element.
     """
     pitch = width + 2 * MARGIN
-    return pitch, _SPARE + (MARGIN - top) * pitch + MARGIN
+    return pitch, SPARE + (MARGIN - top) * pitch + MARGIN
 
 
 def _empty_plane(height: int, width: int) -> tuple[Flat, Grey]:
     """Return a flat array of zeros, and a view of the part of this array that holds the image."""
-    flat = np.zeros((height + 2 * MARGIN) * (width + 2 * MARGIN) + 2 * _SPARE, np.float32)
-    plane = flat[_SPARE:-_SPARE].reshape(height + 2 * MARGIN, width + 2 * MARGIN)
+    flat = np.zeros((height + 2 * MARGIN) * (width + 2 * MARGIN) + 2 * SPARE, np.float32)
+    plane = flat[SPARE:-SPARE].reshape(height + 2 * MARGIN, width + 2 * MARGIN)
     return flat, plane[MARGIN:-MARGIN, MARGIN:-MARGIN]

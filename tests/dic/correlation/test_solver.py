@@ -8,6 +8,7 @@ from dic.correlation.laid_rows import LaidDeformed
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.solver import Solver, next_to
 from dic.correlation.status import Status
+from dic.image.spline import spline_image
 from dic.image.stored import StoredImage
 
 NEAR = np.array([0.3, 0, 0, -0.2, 0, 0])
@@ -68,3 +69,27 @@ def test_an_image_turned_upright_is_another_shape_and_correlates(speckle, shape)
     inside = (x > 16) & (x < 163) & (y > 16) & (y < 93)
     assert solved.converged[inside].all()
     np.testing.assert_allclose(solved.warps[inside, :6], exact[inside], atol=1e-4)
+
+
+@pytest.mark.parametrize("shape", ["affine", "quadratic"])
+def test_one_step_leaves_less_of_the_error_than_the_noise_of_the_slopes_would(speckle, shape):
+    """A plain Gauss-Newton step leaves the share of noise in ∑fx²: the Hessian has it, the image has not."""
+    noise = 8.0
+    clean, noisy = (speckle(seed=39, noise=each).draw(noise_seed=1) for each in (0.0, noise))
+    deformed = speckle(seed=39, noise=noise).draw(lambda x, y: (x - 0.3, y + 0.4), noise_seed=2)
+    along_x, along_x_noisy = (spline_image(image, 5).gradient()[0] for image in (clean, noisy))
+    share = 1 - (along_x**2).mean() / (along_x_noisy**2).mean()
+    found = []
+    for tolerance in (1e-5, 1.0):
+        settings = CorrelationSettings(31, 10, shape, min_zncc=0.5, tolerance_px=tolerance)
+        solver = solver_of(noisy, deformed, settings)
+        indices = np.argwhere(solver._reference.grid.active)
+        if not found:
+            start = solver.solve(indices, np.tile([0.3, 0, 0, -0.4, 0, 0], (len(indices), 1))).warps[:, :6]
+        found.append(solver.solve(indices, start + np.array([0.15, 0, 0, 0, 0, 0])))
+    known = found[0].converged & found[1].converged
+    assert known.mean() > 0.9
+    assert (found[1].iterations[known] == 1).all()
+    left = np.median((found[1].warps - found[0].warps)[known, 0]) / 0.15
+    assert share > 0.1
+    assert abs(left) < share / 2

@@ -227,7 +227,21 @@ def test_a_declared_size_that_no_camera_has_is_refused_before_decoding(
         read_image(tmp_path / "bomb.png")
 
 
-@pytest.mark.parametrize("pixels", [b"\x78\x9cgarbage", zlib.compress(b"\0" * 1000), b""])
+_WHOLE = zlib.compress(b"\0" * 65 * 64)
+"""The pixels of a black image of 64 × 64 px; each row begins with the number of its filter."""
+
+
+@pytest.mark.parametrize(
+    "pixels",
+    [
+        b"\x78\x9cgarbage",
+        b"",
+        zlib.compress(b"\0" * (65 * 64 - 1)),  # the last pixel is missing
+        _WHOLE[:-4],  # no checksum
+        _WHOLE[:-1] + bytes([_WHOLE[-1] ^ 1]),  # a wrong checksum
+        zlib.compress(b"\x09" + b"\0" * (65 * 64 - 1)),  # there is no filter 9
+    ],
+)
 def test_pixels_that_are_damaged_or_missing_are_refused_without_a_word_of_the_decoder(
     tmp_path: Path, pixels: bytes, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -150,3 +150,27 @@ def test_noise_of_strain_is_that_of_a_slope_if_subsets_do_not_overlap(window):
     assert factor == pytest.approx(expected, rel=1e-6)
     closer = replace(correlation, step_px=10)
     assert noise_factor_per_px(closer, dic.StrainSettings(window_points=window)) > factor
+
+
+def test_a_subset_that_fills_the_vectors_is_recommended_if_its_error_is_nearly_the_least():
+    """41 px takes three vectors of 16 columns; of 39 px, the last one has 8."""
+    errors = {21: 1.3, 31: 1.05, 39: 1.015, 41: 1.0, 47: 1.01}
+    studied = [
+        dic.study.StudiedSettings(
+            dic.CorrelationSettings(subset_px=subset_px, step_px=step_px), dic.StrainSettings(), 100.0,
+            (0.0, 0.0), (0.0, 0.0), (slower * error, 0.0), (0.0, 0.0), 0.0,
+        )
+        for subset_px, error in errors.items()
+        for step_px, slower in ((10, 1.0), (5, 1.019))
+    ]  # fmt: skip
+    times = {each.correlation.subset_px: each.subset_time for each in studied}
+    assert times[41] == 3 * 41
+    assert times[47] == 3 * 47
+    assert 2.5 * 39 < times[39] < 3 * 39
+    nothing = np.ones((9, 9), bool)
+    study = dic.study.Study(
+        tuple(studied), dic.study.Wave(), "given", 1.0, "reference", (), (), 0.0, 0, 9.0, nothing, None
+    )
+    assert study.best[0].correlation.subset_px == 41
+    chosen = study.recommended.correlation
+    assert (chosen.subset_px, chosen.step_px) == (39, 10)

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 from concurrent.futures import CancelledError
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from threading import current_thread, main_thread
@@ -25,6 +26,20 @@ def mark_and_die(marks: str, times: int) -> int:
 
 def refuse() -> None:
     raise CorrelationError("settings", "subset", "an odd number", "20", "give 21")
+
+
+def leave_mark(marks: str) -> None:
+    (Path(marks) / str(os.getpid())).touch()
+    refuse()
+
+
+def test_each_process_begins_with_a_function_whose_error_does_not_matter(tmp_path):
+    with LocalWorkers(2, begin=partial(leave_mark, str(tmp_path))) as workers:
+        used = {workers.submit(os.getpid).result() for _ in range(4)}
+        workers.shutdown()
+    begun = {int(mark.name) for mark in tmp_path.iterdir()}
+    assert len(begun) == 2
+    assert used <= begun
 
 
 def test_function_of_a_killed_process_runs_again_and_the_user_is_told(tmp_path):

@@ -19,6 +19,7 @@ from dic.correlation.kernel.workspace import Workspace
 from dic.correlation.settings import CorrelationSettings
 from dic.correlation.solver import method_of
 from dic.image.spline import halfway_noise_gain, slope_noise_gain, spline_image
+from dic.image.stored import StoredImage
 from tests.places import DOCS
 
 RADIUS = 10
@@ -63,7 +64,7 @@ def pixels(speckle, request):
     images = pattern.draw(noise_seed=1), pattern.draw(lambda x, y: (x - 0.3, y + 0.4), noise_seed=2)
     region = np.ones(pattern.shape, bool)
     region[:, CENTRE[0] + 8 :] = False
-    reference, deformed = (spline_image(image, order) for image in images)
+    reference = spline_image(images[0], order)
     dy, dx = np.mgrid[-RADIUS : RADIUS + 1, -RADIUS : RADIUS + 1]
     inside = region[CENTRE[1] + dy, CENTRE[0] + dx]
     row, column = CENTRE[1] + dy[inside], CENTRE[0] + dx[inside]
@@ -71,7 +72,7 @@ def pixels(speckle, request):
     return SimpleNamespace(
         settings=CorrelationSettings(2 * RADIUS + 1, shape=shape, order=order),
         image=kernel.lay_reference(reference, region, mean),
-        deformed=kernel.lay_coefficients(deformed, mean),
+        deformed=kernel.lay_deformed(StoredImage(images[1]), order, mean),
         subset=Subset(*CENTRE, RADIUS, int(inside.sum())),
         grey=images[1].astype(float) - mean,
         x=dx[inside].astype(float),
