@@ -32,7 +32,7 @@ help:
 	@echo "make test-lowest  the tests with the lowest version of each dependency that pyproject.toml admits"
 	@echo "make test-cost  processor time by test, fixture and file"
 	@echo "make lock       the locked versions in constraints/, from what is newest"
-	@echo "make bench      speed of correlation beside other engines, accuracy against theory, speed of the recorder"
+	@echo "make bench      speed of correlation and of whole jobs beside other engines, accuracy against theory, the recorder"
 	@echo "make docs       the documentation site in docs/_build/html; a warning is an error"
 	@echo "make dist       the source distribution in dist/, from which packaging/conda/recipe.yaml builds"
 	@echo "make gallery    every picture of the documentation, drawn anew"
@@ -116,6 +116,7 @@ lock: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks.speed --peers
+	$(BIN)/python -m benchmarks.whole_job --peers
 	$(BIN)/python -m benchmarks.accuracy
 # Idle threads of linear algebra would count as processor time of the settings.
 	OMP_NUM_THREADS=1 $(BIN)/python -m benchmarks.choice
