@@ -162,7 +162,7 @@ def test_the_same_command_goes_on_with_force_too(shelf, correlated, monkeypatch)
         def interrupted(self, *given):
             raise KeyboardInterrupt
 
-        patched.setattr("dic.pipeline.measuring.Measuring._new_corrector", interrupted)
+        patched.setattr("dic.pipeline.measuring.Measuring._evaluated", interrupted)
         (shelf / "run2.results.h5").write_text("an earlier result")
         assert run_dic(*words).err.strip() == f"error: {run_work.GOES_ON}"
     assert len(correlated) == 1
