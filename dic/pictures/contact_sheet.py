@@ -9,9 +9,9 @@ from dic.image.given import grey_image
 from dic.out_of_plane.correction import Correction
 from dic.pictures.background import background_of
 from dic.pictures.frames import draw_bar, draw_title
-from dic.pictures.layout import MARGIN_MM, PanelLayout
+from dic.pictures.layout import PanelLayout
 from dic.pictures.maps import cut_ends
-from dic.pictures.marks import FONT_PT
+from dic.pictures.marks import FONT_PT, MARGIN_MM
 from dic.pictures.page import Page
 from dic.pictures.painting import Painter
 from dic.pictures.panels import Maps, Panel, Scale, common_name, in_readable_unit, map_scale, maps_of

@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass
 
-from dic.pictures.marks import Rect
+from dic.pictures.marks import MARGIN_MM, Rect
 from dic.pictures.page import Page
 
 TITLE_MM = 5.5
 _PANEL_TITLE_MM = 4.2
 _BAR_MM, _BAR_NUMBERS_MM = 2.0, 4.0
 _TICKS_LEFT_MM, _TICKS_BELOW_MM = 11.0, 8.5
-MARGIN_MM = 1.5
 _ACROSS_MM, _DOWN_MM = 3.0, 2.0
 """Space between panels."""
 _LEAST_AXES_MM, _LEAST_SHARE = 20.0, 0.6

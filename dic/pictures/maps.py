@@ -9,7 +9,8 @@ from dic.image.given import grey_image
 from dic.out_of_plane.correction import Correction
 from dic.pictures.background import Background, background_of
 from dic.pictures.frames import draw_axes, draw_bar, draw_title
-from dic.pictures.layout import MARGIN_MM, PanelLayout
+from dic.pictures.layout import PanelLayout
+from dic.pictures.marks import MARGIN_MM
 from dic.pictures.page import Page
 from dic.pictures.painting import Latest, Painter
 from dic.pictures.panels import Maps, Panel, Scale, in_readable_unit, maps_of, scale_of

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from dic.typing import Float
 
+MARGIN_MM = 1.5
+"""Free space at the edges of a page."""
 MM_PER_IN = 25.4
 PT_PER_IN = 72.0
 FONT_PT = 7.0

@@ -14,6 +14,7 @@ from dic.pictures.marks import (
     CAPITAL_MM,
     FONT_PT,
     INK,
+    MARGIN_MM,
     MM_PER_IN,
     PT_PER_IN,
     Colour,
@@ -25,7 +26,6 @@ from dic.pictures.marks import (
 )
 from dic.typing import PathLike
 
-_MARGIN_MM = 1.5
 _HEADER_BYTES = 33
 """Length of the signature and the first chunk of a PNG file."""
 
@@ -43,7 +43,7 @@ class Page:
 
     def add_title(self, title: str, top_mm: float, most_pt: float = FONT_PT + 2) -> None:
         """Add a title in the middle of the page, in smaller letters if it is long."""
-        size = fitting_pt(title, self.width_mm - 2 * _MARGIN_MM, most_pt)
+        size = fitting_pt(title, self.width_mm - 2 * MARGIN_MM, most_pt)
         baseline = top_mm + CAPITAL_MM * most_pt
         self.texts.append(Text(self.width_mm / 2, baseline, title, size, "center"))
 

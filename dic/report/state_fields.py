@@ -9,9 +9,9 @@ from dic.errors import MeasurementError
 from dic.pictures.background import Background, background_of
 from dic.pictures.contact_sheet import shortened
 from dic.pictures.frames import draw_axes, draw_bar, draw_title
-from dic.pictures.layout import MARGIN_MM, PanelLayout
+from dic.pictures.layout import PanelLayout
 from dic.pictures.maps import cut_ends
-from dic.pictures.marks import Text
+from dic.pictures.marks import MARGIN_MM, Text
 from dic.pictures.page import Page
 from dic.pictures.painting import Painter
 from dic.pictures.panels import Maps, Scale, common_name, finished, in_readable_unit, maps_of, widened

@@ -88,9 +88,10 @@ def test_cameras_that_differ_by_no_more_than_a_lens_leaves_are_not_said_to_be_mo
 @pytest.mark.parametrize("measured", [turned, tilted, seen_twice])
 @pytest.mark.parametrize("kind", KINDS)
 def test_stated_deviations_hold_for_every_lens(measured, kind):
-    z = np.abs(np.concatenate([np.ravel(measured(kind, seed)) for seed in range(30)]))
+    # A tilt takes little time, and has only three strains.
+    seeds = range(100 if measured is tilted else 30)
+    z = np.abs(np.concatenate([np.ravel(measured(kind, seed)) for seed in seeds]))
     print(f"\n{measured.__name__} {kind}: rms {np.sqrt(np.mean(z**2)):.2f}, below 2 {(z < 2).mean():.3f}")
     # 90 strains of 30 lenses tell 95 % to ±2.5 %, more with several strains of the same lens.
     assert (z < 2).mean() > 0.89
-    # One of 90 is no more than chance: of 300 strains with the kind that had it, 0.3 % are beyond 4.
-    assert (z > 4).sum() <= max(1, z.size // 100)
+    assert (z > 4).mean() <= 0.01

@@ -140,17 +140,20 @@ def test_every_image_is_a_frame_on_the_scale_of_the_series(tmp_path):
     np.testing.assert_allclose(second[middle], (253, 231, 37), atol=12)
 
 
-def test_the_title_names_image_number_load_and_time(tmp_path, monkeypatch):
-    titles = []
-    drawn = MapDrawer.draw
-    monkeypatch.setattr(
-        MapDrawer,
-        "draw",
-        lambda self, maps, image, title, scale: [
-            titles.append(title),
-            drawn(self, maps, image, title, scale),
-        ][1],
-    )
+@pytest.fixture
+def titles(monkeypatch):
+    """The titles of all maps that are drawn."""
+    given, draw = [], MapDrawer.draw
+
+    def noted(self, maps, image, title, scale):
+        given.append(title)
+        return draw(self, maps, image, title, scale)
+
+    monkeypatch.setattr(MapDrawer, "draw", noted)
+    return given
+
+
+def test_the_title_names_image_number_load_and_time(tmp_path, monkeypatch, titles):
     series = series_of(0.001, None)
     source = animation.sources_of(series, None)
     source = [replace(source[0], known=[{"load_n": 1234.4, "time_s": 2.5, "step": "load 3"}])]
@@ -160,17 +163,7 @@ def test_the_title_names_image_number_load_and_time(tmp_path, monkeypatch):
     assert done.failures == ["image 1: too dark"]
 
 
-def test_given_loads_are_in_the_titles_but_not_the_times_of_files(tmp_path, monkeypatch):
-    titles = []
-    drawn = MapDrawer.draw
-    monkeypatch.setattr(
-        MapDrawer,
-        "draw",
-        lambda self, maps, image, title, scale: [
-            titles.append(title),
-            drawn(self, maps, image, title, scale),
-        ][1],
-    )
+def test_given_loads_are_in_the_titles_but_not_the_times_of_files(tmp_path, titles):
     known = [{"load_n": 20.0, "time_s": 1.0, "time_source": "file"}, {"load_n": np.nan, "time_s": 3.0}]
     series = series_of(0.001, 0.002)
     dic.write_animation(series, tmp_path / "a.gif", settings=PLAIN, known=known)
