@@ -9,6 +9,7 @@ the slopes, because a grid whose scales along X and Y differ also gives a rotati
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from dic.files.lazy import Spool
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correction import by_centre
 from dic.out_of_plane.map_errors import MapErrors
+from dic.out_of_plane.smooth_motion import SmoothMotion
 from dic.out_of_plane.specimen_bow import Bow
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.fit import gradient_weights, slopes_of
@@ -53,6 +55,8 @@ class Steps:
     """Shapes (n, 2). Calibrated positions of the points of each step before and after the motion, mm. The
     positions are not kept in memory.
     """
+    smooth: list[SmoothMotion]
+    """The same motions without noise, for derivatives."""
     noise: Float
     """Shape (steps, 4, 4). Covariance of the mean displacement gradient of each step that image noise causes.
     """
@@ -77,9 +81,10 @@ class Steps:
 
         The result is None if there is no step.
         """
-        motions, noise, of_maps = Spool[tuple[Float, Float]](), [], []
+        motions, smooth, noise, of_maps = Spool[tuple[Float, Float]](), [], [], []
         for step in points:
             motions.put(len(motions), (step.before_mm, step.after_mm))
+            smooth.append(SmoothMotion.of(step.before_mm, step.after_mm))
             weights = gradient_weights(step.before_mm)
             noise.append(step.noise_covariance(weights))
             of_map, of_centre = step.calibration_factors(weights)
@@ -88,7 +93,9 @@ class Steps:
         if not noise:
             return None
         errors = np.array(noise), np.array(of_maps), of_centre
-        return cls(motions, *errors, MapErrors.of(calibration), *_turns_and_pivot(motions), systematic)
+        return cls(
+            motions, smooth, *errors, MapErrors.of(calibration), *_turns_and_pivot(motions), systematic
+        )
 
     def seen_on(self, unknowns: Float, centre_mm: Float, *, rigid: bool) -> "Steps":
         """Return the same steps, with the angles and the centre of rotation measured in the specimen's plane.
@@ -111,29 +118,42 @@ class Steps:
 
     def by_unknowns(self, unknowns: Float, centre_mm: Float) -> Float:
         """Return the derivative (steps, 4, 4 + q) of the mean gradients with respect to the unknowns."""
-        count = len(self.of_maps)
-        by_slope = [
-            (self.gradients(unknowns + step, centre_mm) - self.gradients(unknowns - step, centre_mm)).ravel()
-            for step in _SMALL * np.eye(len(unknowns))[:4]
-        ]
-        through = (
-            by_centre(lambda centre: self.gradients(unknowns, centre).ravel(), centre_mm) @ self.of_centre
-        )
-        both = np.column_stack([np.stack(by_slope, axis=-1) / (2 * _SMALL), through])
-        derivative: Float = both.reshape(count, 4, -1)
+        steps = zip(self.smooth, self.angles_deg, strict=True)
+        derivative = np.array([self._by_unknowns(*step, unknowns, centre_mm) for step in steps])
         derivative[:, :, 4:] += self.of_maps
         return derivative
 
+    def _by_unknowns(
+        self, smooth: SmoothMotion, angle_deg: float, unknowns: Float, centre_mm: Float
+    ) -> Float:
+        def gradient(slopes: Float, centre: Float) -> Float:
+            seen = self._seen(smooth.places, angle_deg, np.append(slopes, unknowns[4:]), centre)
+            return smooth.gradient(*seen).ravel()
+
+        slopes = unknowns[:4]
+        by_slope = [
+            (gradient(slopes + step, centre_mm) - gradient(slopes - step, centre_mm)) / (2 * _SMALL)
+            for step in _SMALL * np.eye(4)
+        ]
+        through = by_centre(partial(gradient, slopes), centre_mm) @ self.of_centre
+        return np.column_stack([np.stack(by_slope, axis=-1), through])
+
     def _motions(self, unknowns: Float, centre_mm: Float) -> Iterator[tuple[Float, Float]]:
         """Yield for each step the positions within the specimen's plane before and after the motion."""
+        for motion, angle in zip(self.motions, self.angles_deg, strict=True):
+            yield self._seen(motion, angle, unknowns, centre_mm)
+
+    def _seen(
+        self, motion: tuple[Float, Float], angle_deg: float, unknowns: Float, centre_mm: Float
+    ) -> tuple[Float, Float]:
+        """Return positions (n, 2) within the specimen's plane, for calibrated ones before and after it."""
         slopes, sources = unknowns[:4], unknowns[4:]
         moved_mm = centre_mm + self.of_centre @ sources
         alignment = Alignment(slopes, np.zeros((4, 4)), self.pivot_mm)
-        plane = alignment.before
-        for motion, angle in zip(self.motions, self.angles_deg, strict=True):
-            before, after = (self.map_errors.adjusted(position, sources) for position in motion)
-            places = plane.within(before, moved_mm), alignment.after(angle).within(after, moved_mm)
-            yield places if self.bow is None else self.bow.seen_flat(*places, moved_mm)
+        before, after = (self.map_errors.adjusted(position, sources) for position in motion)
+        plane, turned_plane = alignment.before, alignment.after(angle_deg)
+        places = plane.within(before, moved_mm), turned_plane.within(after, moved_mm)
+        return places if self.bow is None else self.bow.seen_flat(*places, moved_mm)
 
     def by_bow(self, unknowns: Float, centre_mm: Float) -> Float:
         """Return the effect (steps, 4, k) of k independent errors of the bow, with variance 1."""
@@ -150,9 +170,7 @@ class Steps:
 
     def strains(self, unknowns: Float, centre_mm: Float) -> Float:
         """Return the mean Green-Lagrange strains xx, yy, xy of all steps in one array, shape (3 steps,)."""
-        F = self.gradients(unknowns, centre_mm) + np.eye(2)
-        E = (np.swapaxes(F, 1, 2) @ F - np.eye(2)) / 2
-        return np.stack([E[:, 0, 0], E[:, 1, 1], E[:, 0, 1]], axis=1).ravel()
+        return _strains(self.gradients(unknowns, centre_mm))
 
 
 def systematic_strain(settings: CorrelationSettings, calibration: Calibration) -> float:
@@ -182,6 +200,12 @@ def _turns_and_pivot(motions: Iterable[tuple[Float, Float]]) -> tuple[Float, Flo
     sides = [after - R @ before for (_, before, after), R in zip(found, turns, strict=True)]
     pivot = np.linalg.lstsq(np.concatenate(np.eye(2) - turns), np.concatenate(sides), rcond=None)[0]
     return angles_deg, pivot
+
+
+def _strains(gradients: Float) -> Float:
+    F = gradients + np.eye(2)
+    E = (np.swapaxes(F, 1, 2) @ F - np.eye(2)) / 2
+    return np.stack([E[:, 0, 0], E[:, 1, 1], E[:, 0, 1]], axis=1).ravel()
 
 
 def by_gradient(gradient: Float) -> Float:
@@ -280,8 +304,8 @@ def solve_rigid(
     held = np.append(np.zeros(4, bool), np.abs(steps.of_centre[2]) > _UNKNOWN_HEIGHT * centre_mm[2])
     prior = np.diag(np.where(held, _HELD, expected))
     for _ in range(_STEPS):
-        strains = steps.strains(unknowns, centre_mm)
         gradients = steps.gradients(unknowns, centre_mm)
+        strains = _strains(gradients)
         to_strain = np.array([by_gradient(gradient) for gradient in gradients])
         slopes = (to_strain @ steps.by_unknowns(unknowns, centre_mm)).reshape(len(strains), -1)
         weighted = errors.solve(slopes).T
