@@ -41,3 +41,9 @@ from .registry import (
     find_driver as find_driver,
 )
 from .settings import Settings as Settings
+from .signals import (
+    ChannelDevice as ChannelDevice,
+    Samples as Samples,
+    Signal as Signal,
+    TriggerOutput as TriggerOutput,
+)

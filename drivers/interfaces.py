@@ -58,6 +58,9 @@ class Frame:
         Error flags that the driver sets for a damaged frame. A good frame has 0.
     exposure_us, gain : float
         Exposure time in µs and gain in the camera's unit, or NaN if unknown.
+    middle_s, middle_std_s : float
+        Best estimate of the middle of the exposure, in seconds on the rig's clock, and its standard
+        deviation. NaN if the driver knows no better than `exposed_s`, `received_s` and `exposure_us` tell.
     """
 
     image: NDArray[np.uint8] | NDArray[np.uint16]
@@ -68,6 +71,23 @@ class Frame:
     flags: int
     exposure_us: float
     gain: float
+    middle_s: float = math.nan
+    middle_std_s: float = math.nan
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """The middle of the exposure in s on the rig's clock, and its standard deviation in s.
+
+        Without an estimate by the driver, the exposure began somewhere between `exposed_s` and the last
+        moment at which it could still end before `received_s`. If its length is unknown, it may have been
+        anything up to that time.
+        """
+        if not math.isnan(self.middle_s):
+            return self.middle_s, self.middle_std_s
+        length_s = 0.0 if math.isnan(self.exposure_us) else 1e-6 * self.exposure_us
+        spread_s = max(0.0, self.received_s - self.exposed_s - length_s)
+        # a uniform distribution
+        return self.exposed_s + (length_s + spread_s) / 2, spread_s / math.sqrt(12.0)
 
 
 class Camera(Protocol):

@@ -10,7 +10,9 @@ from drivers.settings import Settings, shown
 
 GROUP = "offaxis.drivers"
 
-DeviceKind = Literal["camera", "stage", "load_frame", "operator", "environment", "interlock"]
+DeviceKind = Literal[
+    "camera", "stage", "load_frame", "operator", "environment", "interlock", "channels", "trigger"
+]
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ TESTS = sorted((ROOT / "tests").rglob("*.py"))
 # In the root of these packages stands what everything else in them may import, and the command.
 ROOTS = {
     "dic": {"__init__", "cli", "errors", "keywords", "settings", "typing"},
-    "drivers": {"__init__", "interfaces", "registry", "settings", "errors", "clock"},
+    "drivers": {"__init__", "interfaces", "signals", "registry", "settings", "errors", "clock"},
 }
 ARGUMENTS_MAX = 9
 LINES_MAX = 400

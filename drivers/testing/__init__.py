@@ -16,6 +16,7 @@ function of the bench is None, the tests that need this function are skipped.
 
 from drivers.testing.camera_bench import CameraBench
 from drivers.testing.camera_contract import CameraContract
+from drivers.testing.channels_contract import ChannelsBench, ChannelsContract
 from drivers.testing.interlock_contract import InterlockBench, InterlockContract
 from drivers.testing.load_frame_contract import LoadFrameBench, LoadFrameContract
 from drivers.testing.stage_contract import StageBench, StageContract
@@ -23,6 +24,8 @@ from drivers.testing.stage_contract import StageBench, StageContract
 __all__ = [
     "CameraBench",
     "CameraContract",
+    "ChannelsBench",
+    "ChannelsContract",
     "InterlockBench",
     "InterlockContract",
     "LoadFrameBench",

@@ -1,0 +1,1 @@
+"""Drivers of devices that measure signals: forces, displacements, temperatures, counters."""

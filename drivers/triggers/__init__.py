@@ -1,0 +1,1 @@
+"""Drivers of output lines that give pulses to other machines."""
