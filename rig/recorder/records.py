@@ -1,11 +1,16 @@
 """Records for the run file: the data about a run, and its finished steps."""
 
+import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import datetime
 
+import numpy as np
+from numpy.typing import NDArray
+
 from drivers.interfaces import DeviceInfo
+from drivers.signals import Signal
 from rig.mounting import Mounting
 from rig.protocol.grid import AnyGrid
 from rig.protocol.step import ProtocolStep, RigReading
@@ -74,12 +79,73 @@ NO_INTERLOCKS: Mapping[str, InterlockRecord] = {}
 
 
 @dataclass(frozen=True)
+class SignalRecord:
+    """A signal of a run, as the run file describes it: the signal, and what the rig file takes it for.
+
+    `quantity` is "load" or "displacement" for the signal of a load frame that is only read.
+    """
+
+    signal: Signal
+    quantity: str = ""
+
+
+@dataclass(frozen=True)
+class ChannelsRecord:
+    """A channel device of a run, with its signals in the order of its samples."""
+
+    info: DeviceInfo
+    signals: tuple[SignalRecord, ...]
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the signals."""
+        return [each.signal.name for each in self.signals]
+
+    def as_json(self) -> str:
+        """Return what the run file says about the signals."""
+        return json.dumps(
+            {
+                each.signal.name: {key: value for key, value in asdict(each.signal).items() if key != "name"}
+                | {"quantity": each.quantity}
+                for each in self.signals
+            },
+            ensure_ascii=False,
+        )
+
+
+NO_CHANNELS: Mapping[str, ChannelsRecord] = {}
+
+
+@dataclass(frozen=True)
+class TimedSamples:
+    """Samples of a channel device with their times on the rig's clock.
+
+    Attributes
+    ----------
+    values : ndarray, shape (n, signals)
+    time_s, time_std_s, device_s : ndarray, shape (n,)
+        Times on the rig's clock without the delays of the signals, their standard deviations, and times on
+        the device's own clock (NaN without one).
+    first : int
+        Number of the first sample.
+    """
+
+    values: NDArray[np.float64]
+    time_s: NDArray[np.float64]
+    time_std_s: NDArray[np.float64]
+    device_s: NDArray[np.float64]
+    first: int
+
+
+@dataclass(frozen=True)
 class StepRecord:
     """A finished step, its settled reading and its images.
 
     `frames` gives for each camera the row of the step's first image in the run file and the number of images.
+    `due_s` is the time on the rig's clock at which the images were due, NaN if no clock asked for them.
     """
 
     step: ProtocolStep
     reading: RigReading
     frames: Mapping[str, tuple[int, int]]
+    due_s: float = math.nan
