@@ -10,7 +10,7 @@ import pytest
 
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame, InterlockState, LoadFrameState, StageState
 from rig.protocol.step import ProtocolStep, RigReading
-from rig.recorder import InterlockRecord, Recorder, StepRecord
+from rig.recorder import ChannelsRecord, InterlockRecord, Recorder, SignalRecord, StepRecord, TimedSamples
 from tests.places import DOCS
 from tests.run_files import HEADER, START
 
@@ -20,8 +20,9 @@ CAMERAS = {
 }
 DEVICE = DeviceInfo("v", "m", "s")
 DOOR = {"door": InterlockRecord("v", "m", "", allowed_min=1.0)}
-FRAMES, READINGS, STEPS, EVENTS, SETTINGS = 6, 5, 3, 4, 7
-LENGTHS = {"n": FRAMES, "m": READINGS, "k": STEPS, "e": EVENTS, "r": SETTINGS, "2": 2}
+BOX = ChannelsRecord("v", "m", "s")
+FRAMES, READINGS, STEPS, EVENTS, SETTINGS, SAMPLES = 6, 5, 3, 4, 7, 8
+LENGTHS = {"n": FRAMES, "m": READINGS, "k": STEPS, "e": EVENTS, "r": SETTINGS, "c": SAMPLES, "2": 2}
 
 
 @pytest.fixture
