@@ -24,10 +24,10 @@ from rig.recorder.records import (
     InterlockRecord,
     RunHeader,
     StepRecord,
-    TimedSamples,
 )
 from rig.recorder.space import ReservedSpace
 from rig.recorder.tables import CameraTable, Table, create_entry, create_group, create_text, fit
+from rig.samples import TimedSamples
 from rig.threads import never_release
 
 ROW_BYTES = 256 << 10

@@ -29,10 +29,10 @@ from rig.recorder.records import (
     InterlockRecord,
     RunHeader,
     StepRecord,
-    TimedSamples,
 )
 from rig.recorder.writer import WriteJob, Writer
 from rig.recording import RecordingSettings
+from rig.samples import TimedSamples
 
 _STAGE = ("angle_deg", "moving", "homed", "time_s")
 _LOAD_FRAME = ("load_n", "displacement_mm", "moving", "at_target", "holding", "sample", "time_s")

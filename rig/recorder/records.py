@@ -6,9 +6,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
 
-import numpy as np
-from numpy.typing import NDArray
-
 from drivers.interfaces import DeviceInfo
 from drivers.signals import Signal
 from rig.mounting import Mounting
@@ -114,27 +111,6 @@ class ChannelsRecord:
 
 
 NO_CHANNELS: Mapping[str, ChannelsRecord] = {}
-
-
-@dataclass(frozen=True)
-class TimedSamples:
-    """Samples of a channel device with their times on the rig's clock.
-
-    Attributes
-    ----------
-    values : ndarray, shape (n, signals)
-    time_s, time_std_s, device_s : ndarray, shape (n,)
-        Times on the rig's clock without the delays of the signals, their standard deviations, and times on
-        the device's own clock (NaN without one).
-    first : int
-        Number of the first sample.
-    """
-
-    values: NDArray[np.float64]
-    time_s: NDArray[np.float64]
-    time_std_s: NDArray[np.float64]
-    device_s: NDArray[np.float64]
-    first: int
 
 
 @dataclass(frozen=True)
