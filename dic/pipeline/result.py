@@ -45,6 +45,8 @@ class CameraResult:
         The outcome of each image except the reference; empty for files of earlier versions.
     fields : StoredFields or None
         The fields of the measurements in a result file; None without a file or without a measurement.
+    remarks : sequence of str
+        Sentences about readings that are not known at all images.
     """
 
     camera: str
@@ -56,6 +58,7 @@ class CameraResult:
     specimen: Specimen | None = None
     outcomes: Sequence[ImageOutcome] = ()
     fields: StoredFields | None = None
+    remarks: Sequence[str] = ()
 
     def __repr__(self) -> str:
         return f"CameraResult({self.camera!r}, {len(self.steps)} steps, {len(self.failures)} failed)"

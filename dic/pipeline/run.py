@@ -101,12 +101,12 @@ def process_run(
         plate_mm = run.mounting.plate_mm if plate_mm is None else plate_mm
         correcting.require_use(str(source.path), list(run.cameras), {step.kind for step in run.series()[1:]})
         correcting = correcting.completed(run.mounting, run.info.thickness_mm, run.grid_making)
-        first, *others = run.series()
+        regions = source.masks(run)
+        cameras = RunCameras(run, regions, settings, incremental, plate_mm, correcting.grid, workers)
+        first, *others = cameras.exposed[run.cameras[0]].steps
         reference_s = first.time_s if any(step.kind == "static" for step in others) else nan
         known = run.info, settings, strain or StrainSettings(), correcting, plate_mm, reference_s
         set_up = RunSetUp(str(run.path), *known)
-        regions = source.masks(run)
-        cameras = RunCameras(run, regions, settings, incremental, plate_mm, correcting.grid, workers)
         job = Job.of(_fields_job(run, settings, incremental) | region_digests(regions), set_up.as_dict())
         with alone(place.path):
             earlier = look_up(place, job, cameras.outcomes)

@@ -30,6 +30,8 @@ _NEAR, _LEAST = 100, 8
 """The noise is a median over the first number of values before and after; fewer values than the second number
 do not tell it.
 """
+_BESIDE = 10
+"""The change beyond the record follows from this number of samples before and after."""
 _SECOND = 6.0
 """Variance of the second difference of independent values with a variance of 1."""
 _BEND_SHARE = 1.0 / 6.0
@@ -109,9 +111,35 @@ class SignalRecord:
         return float(steps[steps > rounding].min(initial=np.inf)) if (steps > rounding).any() else 0.0
 
     @property
+    def most_gap_s(self) -> float:
+        """The longest time between two samples between which the signal counts as known."""
+        return max(MOST_GAP_S, MOST_GAP_SAMPLES * self.usual_interval_s)
+
+    @property
     def usual_interval_s(self) -> float:
         """The usual time between two samples; 0 for a single one."""
         return float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else 0.0
+
+    def is_invalid_near(self, at_s: Float) -> Mask:
+        """Return True for the times beside which a sample has no valid value."""
+        found = [np.searchsorted(self.invalid_s, at_s + sign * self.most_gap_s) for sign in (1.0, -1.0)]
+        return np.asarray(found[0] > found[1])
+
+    def std_beyond(self, at_s: Float) -> Float:
+        """Return by how much the signal may differ from the nearest sample at times that are not covered.
+
+        This is the steepest change among the samples near that one, over the time from it, with the noise and
+        the resolution of a sample; NaN for fewer than two samples.
+        """
+        if len(self.time_s) < 2:
+            return np.full(len(at_s), np.nan)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slopes = np.abs(np.diff(self.values) / np.diff(self.time_s))
+        slopes = np.where(np.isfinite(slopes), slopes, 0.0)
+        nearest = np.searchsorted(0.5 * (self.time_s[1:] + self.time_s[:-1]), at_s)
+        steepest = [slopes[max(0, k - _BESIDE) : k + _BESIDE].max() for k in nearest]
+        change = np.array(steepest) * np.abs(at_s - self.time_s[nearest])
+        return np.asarray(np.sqrt(change**2 + self.std**2 + self.resolution**2 / 12.0))
 
 
 def estimate(record: SignalRecord, at_s: Float, length_s: Float | float = 0.0) -> Estimates:
@@ -209,13 +237,12 @@ class _Course:
         before, _, interval_s = self._around(at_s)
         time_s, bad_s = self._record.time_s, self._record.invalid_s
         inside = (at_s >= time_s[0]) & (at_s <= time_s[-1])
-        most_s = max(MOST_GAP_S, MOST_GAP_SAMPLES * self._record.usual_interval_s)
         low, high = np.minimum(at_s - half_s, time_s[before]), np.maximum(at_s + half_s, time_s[before + 1])
         clean = np.searchsorted(bad_s, low, "left") == np.searchsorted(bad_s, high, "right")
-        return inside & (interval_s <= most_s) & clean
+        return np.asarray(inside & (interval_s <= self._record.most_gap_s) & clean)
 
     def _around(self, at_s: Float) -> tuple[Indices, Float, Float]:
-        """Return the sample before each time, the time's place from it to the next one, and their interval."""
+        """Return the sample before each time, the share of the interval behind it, and the interval."""
         time_s = self._record.time_s
         before = np.clip(np.searchsorted(time_s, at_s, "right") - 1, 0, len(time_s) - 2)
         interval_s = time_s[before + 1] - time_s[before]
@@ -227,7 +254,7 @@ class _Course:
         return self._record.std**2 * leverage + slope**2 * by_time
 
     def _noise_of_sample(self, at_s: Float) -> Float:
-        """Return the variance of the noise of one sample, from each sample and the line past its neighbours."""
+        """Return the variance of one sample's noise, from samples and the lines between their neighbours."""
         time_s, y = self._record.time_s, self._record.values
         if len(y) < 3:
             return np.full(len(at_s), self._record.std**2 or np.nan)

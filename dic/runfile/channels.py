@@ -33,17 +33,6 @@ class RunSignal:
     std: float
     quantity: str
 
-    @property
-    def column(self) -> str:
-        """The unit as a part of a column's name, such as "degC"; empty for a number without a unit."""
-        text = "" if self.unit == "1" else self.unit
-        for sign, word in _IN_NAMES.items():
-            text = text.replace(sign, word)
-        return "".join(sign if sign.isascii() and sign.isalnum() else "_" for sign in text).strip("_")
-
-
-_IN_NAMES = {"°": "deg", "µ": "u", "\u03bc": "u", "ε": "e", "‰": "permille", "%": "percent", "/": "_per_"}
-"""Signs in units, and what stands for them in names of columns."""
 
 QUANTITIES = ("", "load", "displacement")
 _NUMBERS = {field.name for field in fields(RunSignal) if field.type is float}
@@ -77,8 +66,8 @@ def _read(name: str, known: Any) -> RunSignal:
         raise Unlike(f"the signal {name} without some of {', '.join(sorted(_NUMBERS | _TEXTS))}")
     if not all(isinstance(known[text], str) for text in _TEXTS) or known["quantity"] not in QUANTITIES:
         raise Unlike(f"the signal {name} with the unit {known['unit']!r} of {known['quantity']!r}")
-    numbers = {number: float(known[number]) for number in _NUMBERS}
-    signal = RunSignal(**numbers, **{text: known[text] for text in _TEXTS})
+    values: dict[str, Any] = {number: float(known[number]) for number in _NUMBERS}
+    signal = RunSignal(**values, **{text: known[text] for text in _TEXTS})
     times = signal.delay_s, signal.delay_std_s, signal.std
     if not (signal.low < signal.high and all(isfinite(each) and each >= 0.0 for each in times)):
         raise Unlike(f"the signal {name} with an impossible range, delay or deviation")

@@ -116,4 +116,4 @@ def _running_median(values: Float, near: int) -> Float:
     known = np.isfinite(windows).any(axis=1)
     medians[known] = np.nanmedian(windows[known], axis=1)
     known = np.isfinite(medians)
-    return np.interp(np.arange(len(values)), places[known], medians[known])
+    return np.asarray(np.interp(np.arange(len(values)), places[known], medians[known]))

@@ -201,18 +201,19 @@ class RunFile:
         except _UNREADABLE as error:
             raise self._damaged(f"a damaged image {row} of {camera}") from error
 
-    def columns(self, table: str) -> dict[str, NDArray[Any]]:
+    def columns(self, table: str, *names: str) -> dict[str, NDArray[Any]]:
         """Return the complete rows of a table in the file's group `entry`, by column.
 
-        A table's name is, for example, "instrument/stage" or, for the interlock door, "interlocks/door".
-        A table that the run does not have gives an empty dict.
+        A table's name is, for example, "instrument/stage" or, for the interlock door and the channel device
+        box, "interlocks/door" and "channels/box". A table that the run does not have gives an empty dict.
+        With `names`, only these columns are read, if they exist.
         """
         group = self._file["entry"].get(table)
         if group is None:
             return {}
         columns = {name: data for name, data in group.items() if data.ndim == 1}
         rows = min(len(data) for data in columns.values())
-        return {name: data[:rows] for name, data in columns.items()}
+        return {name: data[:rows] for name, data in columns.items() if not names or name in names}
 
     def image_shape(self, camera: str) -> tuple[int, int]:
         """Return height and width of a camera's images in px."""

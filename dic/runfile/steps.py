@@ -53,11 +53,6 @@ class RunStep:
     late_s: float = nan
     channels: "tuple[ChannelValue, ...]" = ()
 
-    @property
-    def name(self) -> str:
-        """Kind and number of the step, such as "load 3"."""
-        return f"{self.kind} {self.index}"
-
     def known(self) -> dict[str, Any]:
         """Return all values for tables and JSON, those of the channels under names of their own."""
         values = {name: value for name, value in vars(self).items() if name != "channels"}
@@ -71,24 +66,33 @@ class RunStep:
 class ChannelValue:
     """The value of a signal at the images of a step.
 
-    `column_unit` is the unit as a part of a column's name. `lag` is the change of the value if the images
-    were taken later, or the signal were delayed less, by one standard deviation of these times.
+    `lag` is the change of the value if the images were taken later, or the signal were delayed less, by one
+    standard deviation of these times. `std` contains it.
     """
 
     name: str
     unit: str
-    column_unit: str
     value: float
     std: float = nan
     lag: float = nan
 
     def column(self, what: str = "") -> str:
         """Return the name of a column of tables, such as "channel_oven_degC" or "channel_oven_std_degC"."""
-        return "_".join(filter(None, (CHANNEL, self.name, what, self.column_unit)))
+        return "_".join(filter(None, (CHANNEL, self.name, what, _in_names(self.unit))))
 
 
 CHANNEL = "channel"
 """Begin of the names of the columns that channels have in tables."""
+_WORDS = {"°": "deg", "µ": "u", "\u03bc": "u", "ε": "e", "‰": "permille", "%": "percent", "/": "_per_"}
+"""Signs in units, and what stands for them in names of columns."""
+
+
+def _in_names(unit: str) -> str:
+    """Return a unit as a part of a column's name; "" for a number without a unit."""
+    text = "".join(_WORDS.get(sign, sign) for sign in ("" if unit == "1" else unit))
+    return "".join(sign if sign.isascii() and sign.isalnum() else "_" for sign in text).strip("_")
+
+
 _KINDS = frozenset(get_args(schema.StepKind))
 
 
