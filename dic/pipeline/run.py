@@ -13,7 +13,7 @@ from dic.correlation.settings import CorrelationSettings
 from dic.errors import require_kind
 from dic.image.stored import is_large
 from dic.keywords import takes_settings
-from dic.pipeline.correction_settings import CorrectionSettings
+from dic.pipeline.correction_settings import CorrectionSettings, kinds_of
 from dic.pipeline.correlated import FIRST_GUESSES
 from dic.pipeline.measuring import measuring_into
 from dic.pipeline.result import RunResult
@@ -99,7 +99,7 @@ def process_run(
         run.step_of_kind("grid")
         run.step_of_kind("reference")
         plate_mm = run.mounting.plate_mm if plate_mm is None else plate_mm
-        correcting.require_use(str(source.path), list(run.cameras), {step.kind for step in run.series()[1:]})
+        correcting.require_use(str(source.path), list(run.cameras), kinds_of(run.series()[1:]))
         correcting = correcting.completed(run.mounting, run.info.thickness_mm, run.grid_making)
         regions = source.masks(run)
         cameras = RunCameras(run, regions, settings, incremental, plate_mm, correcting.grid, workers)

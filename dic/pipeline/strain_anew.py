@@ -14,7 +14,7 @@ from dic.calibration.plate import behind
 from dic.files.lazy import Computed
 from dic.out_of_plane.motion import Motion
 from dic.pipeline.camera import CameraImages, Kept
-from dic.pipeline.correction_settings import CorrectionSettings
+from dic.pipeline.correction_settings import CorrectionSettings, kinds_of
 from dic.pipeline.corrections import corrected_images
 from dic.pipeline.measured import measurement_of
 from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
@@ -126,7 +126,7 @@ def strain_of_run(
     if correcting is None:
         correcting = result.correcting
     else:
-        kinds = {step.kind for camera in result.cameras for step in camera.steps}
+        kinds = kinds_of(step for camera in result.cameras for step in camera.steps)
         if correcting.grid != result.correcting.grid:
             accuracy = correcting.grid
         correcting.require_use(result.source, [camera.camera for camera in result.cameras], kinds)
