@@ -9,6 +9,7 @@ from typing import Any
 from dic.calibration.calibration import Calibration
 from dic.errors import GaugeError, RunFileError
 from dic.files.reading import opened
+from dic.gauges.channel import gauge_channels
 from dic.gauges.declared import Gauge
 from dic.gauges.picture import draw_gauges
 from dic.gauges.placed import PlacedGauges
@@ -91,7 +92,9 @@ def _read_all(results: Loaded, gauges: Sequence[Gauge], camera: str | None) -> G
     images = tuple(_images(results, gauges, camera))
     source, run = getattr(results, "source", ""), getattr(results, "info", None)
     outcomes: Sequence[ImageOutcome] | None = getattr(results, "outcomes", None)
-    found = GaugeSeries(source, tuple(gauges), images, outcomes is None or bool(outcomes), run)
+    in_order = outcomes is None or bool(outcomes)
+    channels = gauge_channels(next((view.steps for view in results.views if view.steps), ()))
+    found = GaugeSeries(source, tuple(gauges), images, in_order, run, channels=channels)
     if not isinstance(results, SeriesResult):
         return found
     reference = results.reference_name

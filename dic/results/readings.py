@@ -40,4 +40,4 @@ def channel_units(steps: Iterable[RunStep]) -> dict[str, str]:
     """Return the units of the columns of channels; all steps have the same channels."""
     first = next(iter(steps), None)
     channels = () if first is None else first.channels
-    return {name: each.unit for each in channels for name in (each.column(), each.column("std"))}
+    return {name: each.unit for each in channels for name in map(each.column, ("", "std", "lag"))}

@@ -59,6 +59,7 @@ class RunStep:
         for channel in self.channels:
             values[channel.column()] = channel.value
             values[channel.column("std")] = channel.std
+            values[channel.column("lag")] = channel.lag
         return values
 
 
