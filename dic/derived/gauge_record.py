@@ -191,14 +191,9 @@ def gauge_curve(
     source = series.source or "gauges"
     series = _of_camera(series, camera)
     chosen = kind or series.kinds[0] if series.kinds else "raw"
-    channel = series.channels.get(gauge)
-    strain = (
-        series.strain(gauge, chosen)[0]
-        if channel is None
-        else channel.strain([image.known for image in series.images])
-    )
+    channel, known = series.channels.get(gauge), [image.known for image in series.images]
+    strain = series.strain(gauge, chosen)[0] if channel is None else channel.strain(known)
     across = None if transverse is None else series.strain(transverse, chosen)[0]
-    known = [image.known for image in series.images]
     if not any("load_n" in each for each in known):
         remedy = "give the machine's record with --record"
         raise CurveError(source, "load", "a load for each image", "none", remedy)
@@ -239,14 +234,15 @@ def gauge_curve(
         left_out,
         kept,
         joined,
-        _lag_n(known)[use] if series.run is not None else None,
+        _lag_n(known, use),
         None if channel is None else channel.lag(known)[use],
     )
 
 
-def _lag_n(known: Sequence[Mapping[str, Any]]) -> Float:
-    """Return the changes of the loads by the shared errors of time; 0 where they are not known."""
-    return np.nan_to_num([float(each.get("load_lag_n", np.nan)) for each in known])
+def _lag_n(known: Sequence[Mapping[str, Any]], use: Mask) -> Float | None:
+    """Return `GaugeCurve.lag_n`; the change is 0 at images where it is not known."""
+    found = np.array([float(each.get("load_lag_n", np.nan)) for each in known])[use]
+    return np.nan_to_num(found) if np.isfinite(found).any() else None
 
 
 def _passed(load_n: Float, use: Mask) -> Float | None:

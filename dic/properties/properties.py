@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from typing import Any
 
 from dic.errors import CurveError, require_kind
@@ -112,10 +113,8 @@ class Properties:
 
     def _told(self, parts: Mapping[str, float]) -> list[str]:
         """Return the names of the values of which a part is a notable share of the standard deviation."""
-        known = ((name, part, self.values.get(name)) for name, part in parts.items())
-        return [
-            name for name, part, value in known if value and value.std and part > _LEAST_SHARE * value.std
-        ]
+        stds = {name: value.std for name, value in self.values.items() if value.std}
+        return [name for name, part in parts.items() if part > _LEAST_SHARE * stds.get(name, inf)]
 
     def _part(self, name: str, *parts: float) -> str:
         unit = self.values[name].unit

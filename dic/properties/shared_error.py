@@ -1,7 +1,8 @@
 """The effect of errors common to all points: of the calibration, of out-of-plane motion, and of time.
 
-Such an error of the strain does not average out over the points of a curve. In the reference image the strain is exactly
-zero and has no error, so the error grows during the test. There are two kinds of such errors:
+Such an error of the strain does not average out over the points of a curve. In the reference image the
+strain is exactly zero and has no error, so the error grows during the test. There are two kinds of such
+errors:
 
 - If the cause was not measured, it is not known how the error grows. An example is the shift of the specimen
   towards the camera. This module assumes that the error grows in proportion to the load up to the end of the
