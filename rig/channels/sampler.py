@@ -20,7 +20,7 @@ _SILENCE_S, _SILENT_SAMPLES = 1.0, 10.0
 _HANG_S = 5.0
 """A call may take this time in s longer than the driver was told, before it counts as hanging."""
 _FIRST_S, _FIRST_UNRATED_S, _FIRST_SAMPLES = 5.0, 30.0, 3.0
-"""Longest wait in s for the first sample, with a fixed rate and without one, and least number of intervals."""
+"""Longest wait in s for the first sample with a fixed rate and without; at least this many intervals."""
 _TOLD_S = 10.0
 """Shortest time in s between two sentences about lost samples."""
 ENDING_S = 2.0
@@ -198,7 +198,7 @@ class Sampler(DeviceThread):
                     self._device_name,
                     "read",
                     f"{signal.name} within {signal.low:g} to {signal.high:g} {signal.unit}",
-                    "no valid value" if np.isnan(value) else f"{value:.6g} {signal.unit}",
+                    "no valid value" if np.isnan(value) else f"{value:.10g} {signal.unit}",
                     "check the sensor, its amplifier and its cable; if the value is right, widen the range "
                     f"of {signal.name} in the rig file",
                 )

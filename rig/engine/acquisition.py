@@ -87,6 +87,10 @@ class AcquisitionRun:
 
     def _wait_for_beginning(self, acquisition: Acquisition, shots: Shots) -> float:
         run, begin = self._run, acquisition.schedule.begin
+        while not shots.are_ready:
+            run.read()
+            shots.poll()
+            run.calls.pause(run.settle.poll_s)
         if begin is None:
             return run.clock.now_s()
         run.log("info", f"waiting for {begin}")
@@ -155,7 +159,7 @@ class AcquisitionRun:
             self._publish()
 
     def _record_one(self, first: ProtocolStep, shot: Shot) -> None:
-        run, acquisition = self._run, first.acquisition
+        acquisition = first.acquisition
         assert acquisition is not None
         middle_s = float(np.mean([frame.middle[0] for frame in shot.frames.values()]))
         number = self.timing.take(shot.due_s, middle_s)
@@ -173,7 +177,6 @@ class AcquisitionRun:
         # Drop the samples, which are in the tables of the channels, so that many steps need little memory.
         reading = replace(shot.reading, time_s=middle_s, signals={})
         self._written.add(StepRecord(step, reading, frames, shot.due_s))
-        run.pulses.give("step")
 
     def _record_frames(self, shot: Shot) -> Frames:
         self._images.newest |= shot.frames

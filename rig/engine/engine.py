@@ -29,6 +29,7 @@ from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
 from rig.recorder.records import STEP_REACHED
 
+_BEFORE_TEST = ("grid", "reference", "static")
 KEPT_RECORDS = 1000
 """Number of the newest steps of an acquisition that the outcome of a run has."""
 
@@ -110,6 +111,7 @@ class Engine:
         self.leaving_s = LEAVING_S
         self._earlier = dict(earlier or {})
         self._goes_on = bool(earlier)
+        self._started = False
         self._records: list[StepRecord] = []
         # An acquisition may have a million images, whose records are in the run file.
         self._acquired: deque[StepRecord] = deque(maxlen=KEPT_RECORDS)
@@ -197,7 +199,7 @@ class Engine:
     def _execute(self, step: ProtocolStep) -> RigReading:
         if step.acquisition is not None:
             self._enter(State.IMAGING, step)
-            self.context.pulses.give("start")
+            self._give_start()
             return self._acquisition.take(step)
         if step.index < self._acquisition.next_index:
             # An acquisition takes as many images as its test needs, and not as many as were planned.
@@ -208,6 +210,8 @@ class Engine:
             return self._earlier[step.index]
         if self._goes_on or step.kind in ("grid", "reference"):
             self._prepare(step)
+        if step.kind not in _BEFORE_TEST:
+            self._give_start()
         self._enter(State.MOVING, step)
         frames: Frames | None = None
         for reading in self._motion.moments(step):
@@ -219,6 +223,12 @@ class Engine:
         elif not step.images:
             self.context.mark(f"{STEP_REACHED} {step.index}")
         return replace(self._motion.reading, ends_phase=self.context.phase_ended)
+
+    def _give_start(self) -> None:
+        """Give the pulses at the start of the test, once."""
+        if not self._started:
+            self._started = True
+            self.context.pulses.give("start")
 
     def _leave_out(self, step: ProtocolStep) -> RigReading:
         reading = self.context.read()
@@ -246,6 +256,7 @@ class Engine:
         """Tell that a step is on the disk."""
         (self._records if record.step.kind != "acquired" else self._acquired).append(record)
         self._news.step(record)
+        self.context.pulses.give("step")
 
     def _enter(self, state: State, step: ProtocolStep | None) -> None:
         self._news.publish(state=state, step=step)

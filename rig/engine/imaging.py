@@ -70,6 +70,7 @@ class StepImages:
         """Take one image with each camera, all within the time `skew_max_s`."""
         found = ""
         for _ in range(self._settings.attempts):
+            self._run.pulses.give("exposure")
             frames = self._take_one_each(step, settled)
             exposed_s = [frame.exposed_s for frame in frames.values()]
             skew_s = max(exposed_s, default=0.0) - min(exposed_s, default=0.0)

@@ -149,7 +149,8 @@ class Recorder:
             self._put(
                 f"recording {device}",
                 lambda file: file.add_samples(device, record.names, samples, order),
-                size=2 * samples.values.nbytes,
+                # the values and the five other columns of each row
+                size=8 * (len(record.names) + 5) * len(samples.values),
             )
 
     def settings(self, device: str, moment: schema.Moment, values: Mapping[str, str], time_s: float) -> None:
