@@ -157,7 +157,7 @@ class Writer(threading.Thread):
 
     def _affordable(self, jobs: list[WriteJob]) -> Iterator[WriteJob]:
         """Reserve disk space for one job after the other, and yield each of them. End at a full disk."""
-        collected = 0  # rows stay in memory until `commit`, and images are written at once
+        collected = 0  # images are written at once, but samples stay in memory until `commit`
         for job in jobs:
             try:
                 self._file.require_space(collected + job.size + ROW_BYTES)
@@ -165,7 +165,7 @@ class Writer(threading.Thread):
                 self._fail(job.what, error)
                 return
             yield job
-            collected += ROW_BYTES + (0 if job.camera else job.size)
+            collected += 0 if job.camera else job.size
 
     def _synchronise_if_due(self, written: list[WriteJob]) -> None:
         # Count from the first write and not from the last synchronisation. Otherwise the first image after a
