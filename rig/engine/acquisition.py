@@ -66,7 +66,7 @@ class AcquisitionRun:
     def take(self, step: ProtocolStep) -> RigReading:
         """Take all images of the acquisition that begins with `step`, and return the last reading."""
         acquisition, run = step.acquisition, self._run
-        assert acquisition is not None
+        assert isinstance(acquisition, Acquisition)
         self.timing = Timing(acquisition.interval_s, acquisition.schedule.lateness_max_s)
         self._end_requested = False
         try:
@@ -192,7 +192,7 @@ class AcquisitionRun:
 
     def _record(self, first: ProtocolStep, moment: _Moment) -> None:
         run, acquisition = self._run, first.acquisition
-        assert acquisition is not None
+        assert isinstance(acquisition, Acquisition)
         middle_s = float(np.mean([frame.middle[0] for frame in moment.frames.values()]))
         number = self.timing.take(moment.due_s, middle_s)
         step = acquisition.step(first.index, number, middle_s - self.timing.first_s)

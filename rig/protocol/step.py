@@ -3,13 +3,10 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 from dic.runfile.schema import StepKind
 from rig.samples import SignalReading
-
-if TYPE_CHECKING:
-    from rig.protocol.acquire import Acquisition
 
 Quantity: TypeAlias = Literal["load", "displacement", "rotation"]
 """The quantity that a device changes or holds: the load, the displacement of the grips, or the angle."""
@@ -126,7 +123,7 @@ class ProtocolStep:
     load_drop: LoadDrop = "break"
     passed: bool = False
     event: Callable[[RigReading], bool] | None = field(default=None, compare=False, repr=False)
-    acquisition: "Acquisition | None" = field(default=None, compare=False, repr=False)
+    acquisition: object | None = field(default=None, compare=False, repr=False)
 
     @property
     def quantity(self) -> Quantity | None:
