@@ -73,6 +73,8 @@ class AcquisitionRun:
             for name in self._images.cameras:
                 self._open_feed(name)
             begun_s = self._wait_for_beginning(acquisition)
+            if acquisition.first_is_reference:
+                self._run.pulses.give("start")
             reading = self._follow(step, acquisition, begun_s)
             self._finish_open(step)
         finally:

@@ -184,7 +184,6 @@ class Engine:
     def _execute(self, step: ProtocolStep) -> RigReading:
         if step.acquisition is not None:
             self._enter(State.IMAGING, step)
-            self.context.pulses.give("start")
             return self._acquisition.take(step)
         if step.index < self._acquisition.next_index:
             # An acquisition takes as many images as its test needs, and not as many as were planned.
@@ -195,6 +194,8 @@ class Engine:
             return self._earlier[step.index]
         if self._goes_on or step.kind in ("grid", "reference"):
             self._prepare(step)
+        if step.kind == "reference":
+            self.context.pulses.give("start")
         self._enter(State.MOVING, step)
         frames: Frames | None = None
         for reading in self._motion.moments(step):
@@ -227,6 +228,7 @@ class Engine:
 
     def _finish(self, record: StepRecord) -> None:
         record_step(self.context, record)
+        self.context.pulses.give("step")
         self._file(record)
 
     def _file(self, record: StepRecord) -> None:

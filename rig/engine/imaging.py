@@ -45,6 +45,7 @@ class StepImages:
         this step, and `BadImage` if an image violates a limit and `images.on_bad_image` is "stop".
         """
         taken = dict(frames)
+        self._run.pulses.give("exposure")
         for name, frame in self._take_in_spite_of_losses(step, reading).items():
             row = record_frame(self._run, name, frame)
             first, count = taken.get(name, (row, 0))
