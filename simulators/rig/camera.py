@@ -2,105 +2,29 @@
 
 import math
 import threading
-from dataclasses import fields
 from datetime import datetime, timedelta
-from typing import Literal
 from zlib import crc32
 
 import numpy as np
-from pydantic import Field, model_validator
 
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import CameraInfo, Frame, OpenContext, Setting
 from drivers.registry import DriverSpec
-from drivers.settings import Settings
 from drivers.streams.stream import CAPACITY, FrameStream
+from simulators.rig.camera_settings import CameraSettings
 from simulators.rig.exposures import Beat, Exposure, Film
 from simulators.rig.picture_faults import PictureFaults
-from simulators.scene.optics import PinholeCamera
 from simulators.scene.render import render
 from simulators.scene.scene import Scene, Surface, scene_of
-from simulators.scene.sensor import Sensor
 from simulators.wire.faults import CAMERA, FaultPanel
 from simulators.wire.rig_faults import RigFaults
 
 # The bit that V4L2 sets in the flags of a damaged buffer.
 FLAG_ERROR = 0x40
-# Sine of the smallest allowed angle between the ray of a pixel and the grid's plane. This angle leaves room
-# for a tilt of the surface by some degrees.
-GRAZING = 0.2
 SILENCE_S = 1.0
 SILENCE_FRAMES = 10
 """A stream ends if no frame comes for this time, or for this number of frame times if that is longer."""
-
-
-class CameraSettings(Settings):
-    """Position, lens and sensor of the camera."""
-
-    width_px: int = Field(default=900, ge=16, le=8192)
-    height_px: int = Field(default=900, ge=16, le=8192)
-    bits: Literal[8, 12] = Field(default=8, description="significant bits of a pixel")
-    focal_px: float = Field(default=2800.0, gt=0, description="distance from the pinhole to the sensor")
-    distance_mm: float = Field(
-        default=40.0, gt=0, description="distance from the pinhole to the middle of the grid"
-    )
-    pan_deg: float = Field(default=0.0, ge=-60, le=60, description="a positive angle moves the camera to +X")
-    tilt_deg: float = Field(default=0.0, ge=-60, le=60, description="a positive angle moves the camera to +Y")
-    k1_per_px2: float = Field(
-        default=0.0, description="radial distortion k1: x (1 + k1 r²), in px from the image's middle"
-    )
-    exposure_us: float = Field(default=10_000.0, gt=0)
-    gain: float = Field(default=1.0, gt=0)
-    readout_us: float = Field(
-        default=20_000.0, ge=0, description="time from the end of exposure to the frame's arrival"
-    )
-    fps: float | None = Field(
-        default=None,
-        gt=0,
-        le=10_000,
-        description="frames per second of a camera that runs freely: frame k starts at k / fps on the rig's "
-        "clock. Without it, the camera exposes when it is asked",
-    )
-    shift_us: float = Field(
-        default=0.0, ge=0, description="with fps, time by which all frames start later than k / fps"
-    )
-    # 32 500 electrons give a noise of one grey level (8 bit) in mid-grey.
-    full_well_e: float = Field(
-        default=32_500.0, gt=0, description="number of electrons for the highest grey level"
-    )
-    read_noise_e: float = Field(default=20.0, ge=0, description="dark noise in electrons")
-    saturation_exposure_us: float = Field(
-        default=12_000.0, gt=0, description="exposure at which a white surface saturates"
-    )
-
-    def optics(self) -> PinholeCamera:
-        """Return the lens and the position of the camera."""
-        return PinholeCamera(**{each.name: getattr(self, each.name) for each in fields(PinholeCamera)})
-
-    def sensor(self) -> Sensor:
-        """Return the sensor of the camera."""
-        return Sensor(self.bits, self.full_well_e, self.read_noise_e, self.saturation_exposure_us)
-
-    @model_validator(mode="after")
-    def _fits_between_frames(self) -> "CameraSettings":
-        if self.fps is not None and self.exposure_us * self.fps > 1e6:
-            raise ValueError(f"exposure_us must not be longer than a frame ({1e6 / self.fps:.0f} µs at fps)")
-        if self.fps is None and self.shift_us:
-            raise ValueError("shift_us needs fps: a camera that exposes when it is asked has no beat")
-        return self
-
-    @model_validator(mode="after")
-    def _can_see_its_corners(self) -> "CameraSettings":
-        optics = self.optics()
-        right, bottom = self.width_px - 1.0, self.height_px - 1.0
-        corners = np.array([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]])
-        _, directions = optics.ray(corners)
-        if np.any(directions[:, 2] > -GRAZING * np.linalg.norm(directions, axis=1)):
-            raise ValueError(
-                "it looks past the specimen's plane; a longer focal_px, or less pan and tilt, is expected"
-            )
-        return self
 
 
 class SimulatedCamera:
@@ -150,67 +74,32 @@ class SimulatedCamera:
         self._clock = clock
         self._sequence = 0
         self._turn = threading.Lock()
-        self._stream: FrameStream | None = None
         self._open = True
 
     def grab(self, timeout_s: float) -> Frame:
-        """Expose and return one frame, or the next one of a camera that runs freely.
+        """Expose and return one frame.
 
         Raises
         ------
         DeviceTimeout
-            If waiting, exposure and readout take longer than `timeout_s`.
+            If exposure and readout take longer than `timeout_s`.
         LinkLost
             If the camera is unplugged.
         DeviceFault
-            If the camera was closed, or a stream is open.
+            If the camera was closed.
         """
         with self._turn:
-            self._require_free("grab")
+            self._require_open("grab")
             return self._grab(timeout_s)
-
-    def stream(self, capacity: int = CAPACITY) -> FrameStream:
-        """Return a stream of all frames from now on. `grab` is refused until the stream is closed.
-
-        Without the setting `fps`, an exposure begins as soon as the frame before was read out. `capacity` is
-        the largest number of frames in the queue. Raise the errors of `grab`.
-        """
-        with self._turn:
-            self._require_free("stream")
-            beat = self._beat()
-            middle_s = self._exposure_s / 2
-            film = Film(self._clock, beat, middle_s, self._expose_streamed, self._read_out_streamed)
-            length_s = self._exposure_s + self._settings.readout_us * 1e-6
-            self._stream = FrameStream(
-                self.info.serial,
-                film.next_frame,
-                self._clock,
-                interval_s=beat.interval_s,
-                silence_s=max(SILENCE_S, SILENCE_FRAMES * beat.interval_s) + length_s,
-                capacity=capacity,
-                on_close=self._stream_closed,
-            )
-            return self._stream
 
     @property
     def _exposure_s(self) -> float:
         return self._settings.exposure_us * 1e-6
 
-    def _beat(self) -> Beat:
-        """Return when this camera exposes: always at the same times, or from now on."""
-        if self._settings.fps is not None:
-            return Beat(0, self._settings.shift_us * 1e-6, 1 / self._settings.fps)
-        length_s = self._exposure_s + self._settings.readout_us * 1e-6
-        return Beat(self._sequence, self._clock.now_s(), length_s)
-
     def _next_exposure(self, asked_s: float) -> tuple[int, float]:
         """Return the number and the start of the next exposure that is not lost."""
         lost = int(self._faults.take("drop") is not None)
-        if self._settings.fps is None:
-            return self._sequence + lost, asked_s
-        beat = self._beat()
-        number = beat.next(asked_s) + lost
-        return number, beat.start_s(number)
+        return self._sequence + lost, asked_s
 
     def _grab(self, timeout_s: float) -> Frame:
         asked_s = self._clock.now_s()
@@ -239,18 +128,6 @@ class SimulatedCamera:
             f"none: {reason}",
             "shorten the exposure or allow more time, and check the camera's trigger and power",
         )
-
-    def _expose_streamed(self, number: int, begins_s: float) -> Exposure | None:
-        """Expose frame `number` of a stream, in the middle of its exposure. Return None if it is lost."""
-        self._require_open("stream")
-        if "stall" in self._faults.active or self._faults.take("drop") is not None:
-            return None
-        return self._expose(number, begins_s, self._utc_of(begins_s), self._readout_s())
-
-    def _read_out_streamed(self, exposure: Exposure) -> Frame:
-        if self._faults.take("stale") is not None and self._before is not None:
-            return self._before
-        return self._read_out(exposure)
 
     def _expose(self, number: int, begins_s: float, utc: datetime, readout_s: float) -> Exposure:
         """Look at the scene, now in the middle of the exposure, and draw the picture."""
@@ -306,32 +183,14 @@ class SimulatedCamera:
         """Return the settings of sensor and readout; raise the errors of `grab` for a camera that is gone."""
         self._require_open("read settings")
         names = ("width_px", "height_px", "bits", "exposure_us", "gain", "readout_us")
-        rate = {} if self._settings.fps is None else {"rate_hz": self._settings.fps}
-        return {name: getattr(self._settings, name) for name in names} | rate
+        return {name: getattr(self._settings, name) for name in names}
 
     def close(self) -> None:
-        """Release the camera and end its stream; a repeated call does nothing."""
+        """Release the camera; a repeated call does nothing."""
         self._open = False
-        stream = self._stream
-        if stream is not None:
-            stream.close()
-
-    def _stream_closed(self) -> None:
-        self._stream = None
 
     def _noise_of(self, sequence: int) -> np.random.Generator:
         return np.random.default_rng([self._scene.seed, crc32(self.info.serial.encode()), sequence])
-
-    def _require_free(self, step: str) -> None:
-        self._require_open(step)
-        if self._stream is not None:
-            raise DeviceFault(
-                self.info.serial,
-                step,
-                "no open stream",
-                "a stream that takes every frame",
-                "take the frame from the stream, or close it",
-            )
 
     def _require_open(self, step: str) -> None:
         if not self._open:
@@ -351,11 +210,104 @@ class SimulatedCamera:
             )
 
 
+class FreeRunningCamera(SimulatedCamera):
+    """A simulated camera that exposes at the times of its setting `fps`, whether or not somebody asks.
+
+    `grab` returns the next frame whose exposure begins after the call. `stream` returns all frames.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        settings: CameraSettings,
+        scene: Scene,
+        clock: Clock,
+        faults: FaultPanel | None = None,
+        pictures: PictureFaults | None = None,
+    ) -> None:
+        super().__init__(name, settings, scene, clock, faults, pictures)
+        if settings.fps is None:
+            raise DeviceFault(name, "open", "a camera with fps", "none", "give fps")
+        self._beat = Beat(0, settings.shift_us * 1e-6, 1 / settings.fps)
+        self._stream: FrameStream | None = None
+
+    def grab(self, timeout_s: float) -> Frame:
+        """Return the next frame that begins after the call. Raise `DeviceFault` if a stream is open.
+
+        The other errors are those of `SimulatedCamera.grab`.
+        """
+        self._require_no_stream("grab")
+        return super().grab(timeout_s)
+
+    def stream(self, capacity: int = CAPACITY) -> FrameStream:
+        """Return a stream of all frames from now on. `grab` is refused until the stream is closed.
+
+        `capacity` is the largest number of frames in the queue. Raise the errors of `grab`.
+        """
+        with self._turn:
+            self._require_open("stream")
+            self._require_no_stream("stream")
+            beat, middle_s = self._beat, self._exposure_s / 2
+            film = Film(self._clock, beat, middle_s, self._expose_streamed, self._read_out_streamed)
+            length_s = self._exposure_s + self._settings.readout_us * 1e-6
+            self._stream = FrameStream(
+                self.info.serial,
+                film.next_frame,
+                self._clock,
+                interval_s=beat.interval_s,
+                silence_s=max(SILENCE_S, SILENCE_FRAMES * beat.interval_s) + length_s,
+                capacity=capacity,
+                on_close=self._stream_closed,
+            )
+            return self._stream
+
+    def read_settings(self) -> dict[str, Setting]:
+        """Return the settings of sensor, readout and rate; the errors are those of `grab`."""
+        return super().read_settings() | {"rate_hz": 1 / self._beat.interval_s}
+
+    def close(self) -> None:
+        """Release the camera and end its stream; a repeated call does nothing."""
+        super().close()
+        stream = self._stream
+        if stream is not None:
+            stream.close()
+
+    def _next_exposure(self, asked_s: float) -> tuple[int, float]:
+        number = self._beat.next(asked_s) + int(self._faults.take("drop") is not None)
+        return number, self._beat.start_s(number)
+
+    def _expose_streamed(self, number: int, begins_s: float) -> Exposure | None:
+        """Expose frame `number` of a stream, in the middle of its exposure. Return None if it is lost."""
+        self._require_open("stream")
+        if "stall" in self._faults.active or self._faults.take("drop") is not None:
+            return None
+        return self._expose(number, begins_s, self._utc_of(begins_s), self._readout_s())
+
+    def _read_out_streamed(self, exposure: Exposure) -> Frame:
+        if self._faults.take("stale") is not None and self._before is not None:
+            return self._before
+        return self._read_out(exposure)
+
+    def _stream_closed(self) -> None:
+        self._stream = None
+
+    def _require_no_stream(self, step: str) -> None:
+        if self._stream is not None:
+            raise DeviceFault(
+                self.info.serial,
+                step,
+                "no open stream",
+                "a stream that takes every frame",
+                "take the frame from the stream, or close it",
+            )
+
+
 def _open(settings: CameraSettings, context: OpenContext) -> SimulatedCamera:
     faults = getattr(context.environment, "faults", None)
     panel = faults[CAMERA] if isinstance(faults, RigFaults) else None
     pictures = getattr(context.environment, "picture_faults", None)
-    camera = SimulatedCamera(context.name, settings, scene_of(context), context.clock, panel, pictures)
+    kind = SimulatedCamera if settings.fps is None else FreeRunningCamera
+    camera = kind(context.name, settings, scene_of(context), context.clock, panel, pictures)
     camera.require_plugged("open")
     return camera
 

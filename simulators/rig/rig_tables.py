@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from drivers.clock import SystemClock
 from drivers.errors import ConfigurationError
 from drivers.settings import Settings, mistakes_in, toml_table
-from simulators.rig.camera import CameraSettings
+from simulators.rig.camera_settings import CameraSettings
 from simulators.rig.operator import OperatorSettings
 from simulators.rig.places import SERVERS
 from simulators.rig.virtual_rig import VirtualRigSettings

@@ -140,8 +140,8 @@ class GatedClock(VirtualClock):
         self._waiting = False
 
     def activity(self, *, at_once: bool = False) -> Activity:
-        """Return an activity without effect: the test says when a thread goes on, not whose turn it is."""
-        return SystemClock().activity()
+        """Return an activity; without effect while the test says itself how far a stream's thread goes."""
+        return super().activity(at_once=at_once) if math.isinf(self._until_s) else SystemClock().activity()
 
     def sleep(self, duration_s: float) -> None:
         """Let simulated time pass; a stream's thread first waits until the test allows this time."""

@@ -16,7 +16,8 @@ from drivers.clock import VirtualClock
 from drivers.errors import DeviceTimeout
 from drivers.interfaces import Camera, CameraInfo, Frame, OpenContext
 from drivers.testing import CameraBench, CameraContract
-from simulators.rig.camera import CameraSettings, SimulatedCamera
+from simulators.rig.camera import FreeRunningCamera, SimulatedCamera
+from simulators.rig.camera_settings import CameraSettings
 from simulators.rig.scene_client import CAMERA as REMOTE
 from simulators.rig.scene_wire import SceneServer
 from simulators.scene.scene import Misalignment, Scene
@@ -57,7 +58,9 @@ def simulated(end: ExitStack, name: str = NAME, settings: CameraSettings = SMALL
     )
     clock.sleep(100.0)
     return bench_of(
-        lambda: SimulatedCamera(name, settings, scene, clock, faults),
+        lambda: (FreeRunningCamera if settings.fps else SimulatedCamera)(
+            name, settings, scene, clock, faults
+        ),
         clock,
         faults,
         interval_s=1 / settings.fps if settings.fps else (settings.exposure_us + settings.readout_us) * 1e-6,

@@ -10,7 +10,8 @@ from drivers.clock import SystemClock, VirtualClock
 from drivers.errors import DeviceTimeout, LinkLost
 from drivers.interfaces import Frame
 from drivers.streams.losses import LossKind
-from simulators.rig.camera import CameraSettings, SimulatedCamera
+from simulators.rig.camera import FreeRunningCamera
+from simulators.rig.camera_settings import CameraSettings
 from simulators.scene.render import render
 from simulators.scene.scene import Misalignment, Scene
 from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
@@ -37,7 +38,7 @@ class Turning:
             load_n=lambda: specimen.stretch_to(0.0),
         )
         settings = CameraSettings(**FAST | settings)
-        self.camera = SimulatedCamera(name, settings, self.scene, self.clock, self.faults)
+        self.camera = FreeRunningCamera(name, settings, self.scene, self.clock, self.faults)
 
     def seen_at(self, time_s):
         """Return the noise-free picture of the specimen at a time of a new simulated clock."""
@@ -70,19 +71,12 @@ def test_a_frame_of_a_stream_shows_the_scene_in_the_middle_of_its_exposure():
     np.testing.assert_allclose(frames[5].image, bench.seen_at(frames[5].middle_s), atol=0.51)
 
 
-def test_without_a_rate_a_stream_exposes_as_soon_as_the_frame_before_was_read_out():
-    bench = Turning(fps=None)
-    first = bench.camera.grab(1.0)
-    with bench.camera.stream() as stream:
-        frames = [first, *(stream.next(DEADLINE_S) for _ in range(4))]
-    for before, after in pairwise(frames):
-        assert (after.sequence, after.exposed_s) == (before.sequence + 1, pytest.approx(before.received_s))
-
-
 def recorded(deaf_s: float) -> tuple[list[Frame], list[Frame], float, int]:
     """Take frames of two cameras in turns, and sleep longer and longer between them."""
     bench = Turning()
-    other = SimulatedCamera("right", CameraSettings(**FAST | {"shift_us": 7000.0}), bench.scene, bench.clock)
+    other = FreeRunningCamera(
+        "right", CameraSettings(**FAST | {"shift_us": 7000.0}), bench.scene, bench.clock
+    )
     left, right = [], []
     with bench.clock.activity(), bench.camera.stream(capacity=4) as one, other.stream() as two:
         for number in range(20):
