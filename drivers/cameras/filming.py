@@ -28,7 +28,7 @@ class FilmingSession(Protocol):
 
     @property
     def interval_s(self) -> float:
-        """Time between two frames, in seconds."""
+        """Time between two frames, in seconds; infinite if a trigger begins each frame."""
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
         """Return the next frame whose exposure began after `after_s`. Return None after `timeout_s`."""

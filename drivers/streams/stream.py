@@ -48,7 +48,7 @@ class FrameStream:
         `DeviceError`.
     clock : Clock
     interval_s : float
-        Time between two frames, in seconds.
+        Time between two frames, in seconds; infinite for frames that are triggered.
     silence_s : float
         Time without a frame, in seconds, after which the stream ends with an error.
     capacity : int
