@@ -48,7 +48,8 @@ class AravisSession:
         self._talk = threading.Lock()
         self._numbers = FrameNumbers(self.interval_s)
         self._camera_clock: LatchedClock | None = None
-        self._unsettled = UNSETTLED_FRAMES
+        # a triggered frame is exposed after the settings were written
+        self._unsettled = 0 if settings.trigger else UNSETTLED_FRAMES
         self._date_s = self._date_less_clock_s()
         self.seen = 0
         self._camera: int | None = library.call("camera_new", settings.camera.encode())

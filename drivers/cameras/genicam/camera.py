@@ -66,11 +66,17 @@ class GenicamCamera(FilmingCamera[S]):
         """
         super().close()
         with self._lock:
-            aside, self._aside = self._aside, None
-        if aside is not None and is_done(aside, GIVING_UP_S):
+            last, self._aside = self._aside, None
+        if last is not None and not is_done(last, GIVING_UP_S):
+            return
+        if last is not None:
             with contextlib.suppress(DeviceError):  # a camera that could not be reopened needs no closing
-                if (session := aside.result()) is not None:
+                if (session := last.result()) is not None:
                     session.close()
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Release what the library keeps for the camera, after its connection has ended."""
 
     @abstractmethod
     def _open(self) -> S:
