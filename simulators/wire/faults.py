@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 STAGE, NEWPORT, LOAD_FRAME, CAMERA = "stage", "newport", "load_frame", "camera"
-INTERLOCK = "interlock"
+INTERLOCK, CLOSED_MACHINE = "interlock", "closed_machine"
 MACHINES = (STAGE, NEWPORT, LOAD_FRAME)
-LINES = (*MACHINES, INTERLOCK)
+LINES = (*MACHINES, INTERLOCK, CLOSED_MACHINE)
 DEVICES = (*LINES, CAMERA)
 PICTURE = "picture"
 """Device name of faults in the pictures of all cameras, such as blur. Drivers cannot notice them."""
@@ -69,13 +69,13 @@ FAULTS = {
         Fault(
             "wrong-unit",
             "the answer has another device's address",
-            (STAGE, LOAD_FRAME, INTERLOCK),
+            (STAGE, LOAD_FRAME, INTERLOCK, CLOSED_MACHINE),
             counted=True,
         ),
         Fault(
             "exception",
             "the device answers with a Modbus exception",
-            (LOAD_FRAME, INTERLOCK),
+            (LOAD_FRAME, INTERLOCK, CLOSED_MACHINE),
             "CODE",
             "6",
             counted=True,
@@ -114,6 +114,8 @@ FAULTS = {
         ),
         Fault("frozen-counter", "the readings and their counter do not change", (LOAD_FRAME,)),
         Fault("broken-specimen", "the specimen breaks and stays broken", (LOAD_FRAME,)),
+        Fault("broken-sensor", "the box has no value of its inputs", (CLOSED_MACHINE,)),
+        Fault("overflow", "the amplifiers of the machine's outputs are at their end", (CLOSED_MACHINE,)),
         Fault("frozen", "the picture of the frame before comes as a new frame", (PICTURE,), counted=True),
         Fault("light", "the light is PERCENT of what it was", (PICTURE,), "PERCENT", "50", True, 0, 10000),
         Fault("defocus", "the lens is out of focus by PIXELS", (PICTURE,), "PIXELS", "4", True, 0, 100),
@@ -130,7 +132,7 @@ class FaultPanel:
     Parameters
     ----------
     device : str
-        ``stage``, ``newport``, ``load_frame``, ``interlock``, ``camera`` or ``picture``.
+        ``stage``, ``newport``, ``load_frame``, ``interlock``, ``closed_machine``, ``camera`` or ``picture``.
     """
 
     def __init__(self, device: str) -> None:
