@@ -131,7 +131,7 @@ class TriggerContract:
         assert bench.begun == 1
 
     def test_silence_is_told_in_time_and_overcome(self, bench: TriggerBench) -> None:
-        """Without an answer, `pulse` must raise an error in time. Later it must work without a new opening."""
+        """Without an answer, `pulse` must raise an error in time. Later it must work again."""
         lose, restore = needed(bench.lose_answers, "lose answers"), needed(bench.restore, "restore")
         lose()
         assert_error_in_time(bench.trigger.pulse, DeviceTimeout)
