@@ -56,8 +56,8 @@ class AnalogueBox:
     edges : list of (float, int, bool)
         Time on the clock, number and new state of each change of a coil. The registers of outputs count as
         numbers from 1000, and are on if they are not 0.
-    writes : int
-        Number of requests that wrote something, also if it changed nothing.
+    executed : list of (float, str)
+        Time and name of each of these changes.
     broken, overflown : bool
         True if the inputs have no value, or if their amplifiers are at the end.
     """
@@ -68,7 +68,7 @@ class AnalogueBox:
         self._coils = [False] * COILS
         self._outputs = [0] * OUTPUT_REGISTERS
         self.edges: list[tuple[float, int, bool]] = []
-        self.writes = 0
+        self.executed: list[tuple[float, str]] = []
         self.broken = self.overflown = False
 
     def coil(self, number: int) -> bool:
@@ -133,19 +133,23 @@ class AnalogueBox:
             raise RefusedError(ILLEGAL_ADDRESS)
         if coils and any(word not in (0, 0xFF00) for word in words):
             raise RefusedError(ILLEGAL_VALUE)
-        self.writes += 1
         for place, word in enumerate(words, number):
             if coils:
                 self._switch(place, word != 0)
             else:
                 before, self._outputs[place - OUTPUTS] = self._outputs[place - OUTPUTS], word
                 if (before != 0) != (word != 0):
-                    self.edges.append((self._clock.now_s(), place, word != 0))
+                    self._note(place, word != 0)
 
     def _switch(self, number: int, on: bool) -> None:
         if self._coils[number] != on:
             self._coils[number] = on
-            self.edges.append((self._clock.now_s(), number, on))
+            self._note(number, on)
+
+    def _note(self, number: int, on: bool) -> None:
+        now_s = self._clock.now_s()
+        self.edges.append((now_s, number, on))
+        self.executed.append((now_s, f"output {number} {'on' if on else 'off'}"))
 
     def _registers(self) -> dict[int, list[int]]:
         """Return all registers now, in blocks by their first address."""

@@ -1,10 +1,9 @@
 """A testing machine that no program on this computer commands: it pulls the specimen by its own program."""
 
 import math
-import threading
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
 
 from drivers.clock import Clock
 from simulators.closed_machine.output import Draws, VoltageOutput
@@ -24,18 +23,19 @@ class State(Protocol):
         """The strain along the load."""
 
 
-class PulledSpecimen(Protocol):
+S = TypeVar("S", bound=State)
+
+
+class PulledSpecimen(Protocol[S]):
     """Interface of specimen, grips and machine in series, whose load depends on the furthest position."""
 
-    @property
-    def state(self) -> State:
-        """The present state."""
+    state: S
 
     def stretch_to(self, displacement_mm: float) -> float:
         """Move the crosshead to a position, counted from the test's start; return the load in N."""
 
 
-class ClosedMachine:
+class ClosedMachine(Generic[S]):
     """A machine with a program, three voltage outputs and a trigger output.
 
     The true state at every time, also in the past, follows exactly from the program. The random parts of the
@@ -46,11 +46,9 @@ class ClosedMachine:
     clock : Clock
         The machine is switched on now.
     settings : ClosedMachineSettings
-    specimen : PulledSpecimen
-        The specimen that the cameras see.
     untouched : callable
-        Returns a new specimen like `specimen`. The voltages show states of the past, for which `specimen`
-        cannot be asked.
+        Returns a new specimen. The voltages show states of the past, for which one specimen that is pulled
+        further and further could not be asked.
     seed : int
     """
 
@@ -58,42 +56,36 @@ class ClosedMachine:
         self,
         clock: Clock,
         settings: ClosedMachineSettings,
-        specimen: PulledSpecimen,
-        untouched: Callable[[], PulledSpecimen],
+        untouched: Callable[[], PulledSpecimen[S]],
         seed: int = 1,
     ) -> None:
         self.settings = settings
         self.program = Program(settings.program, settings.start_s)
         self._clock = clock
         self._begun_s = clock.now_s()
-        self._specimen = specimen
         self._untouched = untouched
-        self._turn = threading.Lock()
-        self._state = lru_cache(maxsize=64)(self._stretched)
+        self._stretched = lru_cache(maxsize=64)(self._stretched_to)
         quantities = {
-            "force": (settings.force, lambda time_s: self._state_at(time_s).load_n),
+            "force": (settings.force, lambda time_s: self._state(time_s).load_n),
             "crosshead": (settings.crosshead, self.program.displacement_mm),
-            "extensometer": (settings.extensometer, lambda time_s: self._state_at(time_s).axial_strain),
+            "extensometer": (settings.extensometer, lambda time_s: self._state(time_s).axial_strain),
         }
         self.outputs = {
             name: VoltageOutput(each, quantity, Draws(seed, place))
             for place, (name, (each, quantity)) in enumerate(quantities.items())
         }
 
-    def load_n(self) -> float:
-        """Return the true load now, and give the specimen that the cameras see its present state."""
-        with self._turn:
-            time_s = self.time_s(self._clock.now_s())
-            self._specimen.stretch_to(self.program.furthest_mm(time_s))
-            return self._specimen.stretch_to(self.program.displacement_mm(time_s))
+    def state(self) -> S:
+        """Return the true state of the specimen now."""
+        return self.state_at(self._clock.now_s())
+
+    def state_at(self, now_s: float) -> S:
+        """Return the true state of the specimen at any time on the rig's clock."""
+        return self._state(self.time_s(now_s))
 
     def displacement_mm(self) -> float:
         """Return the true position of the crosshead now."""
-        return self.program.displacement_mm(self.time_s(self._clock.now_s()))
-
-    def load_at(self, now_s: float) -> float:
-        """Return the true load in N at any time on the rig's clock."""
-        return self._state_at(self.time_s(now_s)).load_n
+        return self.displacement_at(self._clock.now_s())
 
     def displacement_at(self, now_s: float) -> float:
         """Return the true position of the crosshead in mm at any time on the rig's clock."""
@@ -128,10 +120,10 @@ class ClosedMachine:
         """True while the program runs."""
         return self.program.running(self.time_s(self._clock.now_s()))
 
-    def _state_at(self, time_s: float) -> State:
-        return self._state(self.program.furthest_mm(time_s), self.program.displacement_mm(time_s))
+    def _state(self, time_s: float) -> S:
+        return self._stretched(self.program.furthest_mm(time_s), self.program.displacement_mm(time_s))
 
-    def _stretched(self, furthest_mm: float, displacement_mm: float) -> State:
+    def _stretched_to(self, furthest_mm: float, displacement_mm: float) -> S:
         specimen = self._untouched()
         specimen.stretch_to(furthest_mm)
         specimen.stretch_to(displacement_mm)

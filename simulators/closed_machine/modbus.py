@@ -6,8 +6,10 @@ from simulators.wire.modbus import ModbusRtuServer, ModbusTcpServer
 from simulators.wire.ports import Server, port_of
 
 
-def box_faults(panel: FaultPanel, box: AnalogueBox) -> FaultPanel:
-    """Return a panel with the faults of a box; switching a fault on changes `box`."""
+def box_faults(panel: FaultPanel, box: AnalogueBox | None) -> FaultPanel:
+    """Return a panel with the faults of a box; switching a fault on changes `box`, if there is one."""
+    if box is None:
+        return panel
 
     def broken(on: bool) -> None:
         box.broken = on

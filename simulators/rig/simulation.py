@@ -10,7 +10,7 @@ from drivers.clock import SystemClock
 from drivers.interfaces import OpenContext, OperatorAction
 from simulators.rig.camera import SPEC as CAMERA_SPEC
 from simulators.rig.operator import SimulatedOperator, notice
-from simulators.rig.places import ServerAddresses
+from simulators.rig.places import ServerAddresses, served
 from simulators.rig.rig_tables import RigTables
 from simulators.rig.scene_wire import SceneServer
 from simulators.rig.truth_log import TruthLog
@@ -62,7 +62,7 @@ class Simulation:
     ConfigurationError
         If the tables have mistakes.
     ValueError
-        If an address is malformed.
+        If an address is malformed, or belongs to a server that this simulation does not have.
     OSError
         If the log cannot be written, or an address is in use.
     """
@@ -78,6 +78,10 @@ class Simulation:
         self.say = say
         self._tables = RigTables.read(tables or {}, source)
         wanted = ServerAddresses.read(places)
+        servers = served(closed_machine=self._tables.simulation.closed_machine is not None)
+        for name in (*wanted.ports, *wanted.links):
+            if name not in servers:
+                raise ValueError(f"a place for {name}, which this simulation does not have")
         self._clock = StoppableClock()
         with ExitStack() as started:
             self.rig = started.enter_context(
