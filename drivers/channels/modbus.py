@@ -3,7 +3,8 @@
 The module has no clock, so each sample is asked for when it is due. The due times are a fixed grid that
 begins with the first reading. A sample has the number of its due time, and is asked for between this due time
 and the next one. If the computer is busy and a due time has passed by then, no sample is asked for late in
-its place: its number is missing.
+its place: its number is missing. So is the number of a sample whose answer was lost, because a repeated
+request would measure at another time.
 """
 
 import math
@@ -16,7 +17,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from drivers.channels.settings import ChannelSettings, SignalSettings
-from drivers.clock import Event
+from drivers.clock import Event, SystemClock
 from drivers.errors import DeviceTimeout, LinkLost
 from drivers.interfaces import DeviceInfo, OpenContext
 from drivers.lines.addresses import resolve_address
@@ -132,6 +133,8 @@ class ModbusChannels:
         self._link, self._call_time = link, call_time
         self._requests = settings.requests()
         self._closed = Event()
+        # answers come in real time, also if the clock of the rig is simulated
+        self._real = SystemClock()
         self._begun_s: float | None = None
         self._next = 0
         self.signals: tuple[Signal, ...] = settings.declared
@@ -146,20 +149,28 @@ class ModbusChannels:
     def read(self, timeout_s: float) -> Samples:
         """Wait until the next sample is due, read all signals, and return the sample.
 
-        Raise `DeviceTimeout` if no sample is due within `timeout_s` or the module does not answer in time,
-        `LinkLost` if the connection is gone, and `DeviceFault` if the module refuses the request. An answer
-        has at least `reply_timeout_s`, also if the sample is due at the end of `timeout_s`. The number of a
-        sample that could not be read is missing.
+        If the module does not answer within `reply_timeout_s`, or the connection is gone, this sample is
+        lost, and the next one is read. Raise the error of the last attempt, `DeviceTimeout` or `LinkLost`, if
+        no sample could be read within `timeout_s`; the last answer has `reply_timeout_s` all the same. Raise
+        `DeviceFault` if the module refuses the request.
         """
-        begun_s = self._clock.now_s()
-        number = self._wait_for_due(begun_s, timeout_s)
-        asked_s = self._clock.now_s()
-        left_s = timeout_s - (asked_s - begun_s)
-        with self._call_time.call(max(left_s, self._settings.reply_timeout_s)):
+        begun_s, really_begun_s = self._clock.now_s(), self._real.now_s()
+        while True:
+            number = self._wait_for_due(begun_s, timeout_s)
             self._next = number + 1
+            try:
+                return self._sample(number)
+            except (DeviceTimeout, LinkLost):
+                too_late = self._due_s(self._next) > begun_s + timeout_s
+                if too_late or self._real.now_s() >= really_begun_s + timeout_s or self._closed.is_set():
+                    raise
+
+    def _sample(self, number: int) -> Samples:
+        asked_s = self._clock.now_s()
+        with self._call_time.call(self._settings.reply_timeout_s):
             inputs = self.inputs()
-        values = self._settings.in_units(np.array([inputs]))
-        return Samples(values, number, received_s=self._clock.now_s(), asked_s=asked_s)
+        received_s = self._clock.now_s()
+        return Samples(self._settings.in_units(np.array([inputs])), number, received_s, asked_s)
 
     def inputs(self) -> list[float]:
         """Return the numbers of all inputs now, without their scales."""
@@ -175,17 +186,20 @@ class ModbusChannels:
         """Wait until a sample is due, and return its number."""
         if self._begun_s is None:
             self._begun_s = begun_s
-        due_s = self._begun_s + self._next / self.rate_hz
+        now_s, due_s = self._clock.now_s(), self._due_s(self._next)
         if due_s > begun_s + timeout_s:
-            self._clock.wait(self._closed, timeout_s)
+            self._clock.wait(self._closed, begun_s + timeout_s - now_s)
             raise self._not_due(due_s - begun_s, timeout_s)
-        if due_s > begun_s:
-            self._clock.wait(self._closed, due_s - begun_s)
+        if due_s > now_s:
+            self._clock.wait(self._closed, due_s - now_s)
         if self._closed.is_set():
             raise LinkLost(self._link.name, "read", "an open device", "a closed one", "open it again")
         # The clock may wake a little before the due time, because its seconds are rounded.
         passed = math.floor((self._clock.now_s() - self._begun_s) * self.rate_hz)
         return max(self._next, passed)
+
+    def _due_s(self, number: int) -> float:
+        return (self._begun_s or 0.0) + number / self.rate_hz
 
     def _not_due(self, wait_s: float, timeout_s: float) -> DeviceTimeout:
         return DeviceTimeout(

@@ -12,7 +12,9 @@ STAGE, NEWPORT, LOAD_FRAME, CAMERA = "stage", "newport", "load_frame", "camera"
 INTERLOCK, CLOSED_MACHINE = "interlock", "closed_machine"
 MACHINES = (STAGE, NEWPORT, LOAD_FRAME)
 LINES = (*MACHINES, INTERLOCK, CLOSED_MACHINE)
-DEVICES = (*LINES, CAMERA)
+DAQ = "daq"
+"""A device that samples by its own clock. It is not in the virtual rig; the tests imitate its library."""
+DEVICES = (*LINES, CAMERA, DAQ)
 PICTURE = "picture"
 """Device name of faults in the pictures of all cameras, such as blur. Drivers cannot notice them."""
 
@@ -60,12 +62,12 @@ FAULTS = {
     for fault in (
         Fault("lose-request", "the message never reaches the device", LINES, counted=True),
         Fault("drop", "the device acts, but its answer is lost", DEVICES, counted=True),
-        Fault("corrupt", "the answer arrives damaged", DEVICES, counted=True),
+        Fault("corrupt", "the answer arrives damaged", (*LINES, CAMERA), counted=True),
         Fault("split", "the answer arrives in pieces", LINES, counted=True),
         Fault("delay", "the answer comes SECONDS later", DEVICES, "SECONDS", "0.02", True, 0, 3600),
         Fault("duplicate", "the answer arrives twice", LINES, counted=True),
         Fault("late", "the answer arrives only after the next message", LINES, counted=True),
-        Fault("stale", "the previous answer or frame comes again", DEVICES, counted=True),
+        Fault("stale", "the previous answer or frame comes again", (*LINES, CAMERA), counted=True),
         Fault(
             "wrong-unit",
             "the answer has another device's address",
@@ -95,7 +97,7 @@ FAULTS = {
         ),
         Fault("unplug", "the cable is unplugged", DEVICES),
         Fault("reset", "the device is switched off and on, even in motion", MACHINES),
-        Fault("stall", "the drive stalls, or the camera gives no frame", (*MACHINES, CAMERA)),
+        Fault("stall", "the drive stalls, or the device gives no frame or sample", (*MACHINES, CAMERA, DAQ)),
         Fault("limit", "a limit switch trips", MACHINES),
         Fault("e-stop", "the emergency stop is pressed", MACHINES),
         Fault("nan-load", "the load cell is broken, and the load is NaN", (LOAD_FRAME,)),

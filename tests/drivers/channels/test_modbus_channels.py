@@ -38,7 +38,7 @@ def settings(address="10.0.0.1:502", **table):
 
 
 def opened(server, clock, **table):
-    given = settings(server.address, reply_timeout_s=0.5, **table)
+    given = settings(server.address, **{"reply_timeout_s": 0.5} | table)
     return closing(open_channels(given, OpenContext("channels.box", clock)))
 
 
@@ -132,6 +132,17 @@ def test_a_sample_that_could_not_be_read_is_missing(server, clock):
             device.read(1.0)
         server.faults.clear()
         assert device.read(1.0).first == first.first + 2
+
+
+@pytest.mark.parametrize("fault", ["drop:1", "lose-request:1", "late:1"])
+def test_a_lost_answer_costs_its_sample_and_no_other(server, clock, fault):
+    with opened(server, clock, reply_timeout_s=0.1) as device:
+        before = device.read(1.0)
+        server.faults.switch_on(fault)
+        after = device.read(1.0)
+        assert after.first == before.first + 2
+        assert after.received_s - after.asked_s < 0.01
+        assert device.read(1.0).first == after.first + 1
 
 
 def test_a_period_longer_than_the_timeout_is_said_and_costs_no_sample(server, clock):

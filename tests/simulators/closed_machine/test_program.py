@@ -1,5 +1,7 @@
 """The machine's program, its trigger output, and the state of the specimen at any time."""
 
+import itertools
+
 import pytest
 from pydantic import ValidationError
 
@@ -82,7 +84,7 @@ def test_trigger_pulses_come_while_the_program_runs(clock):
     # at 2, 6, 10, 14, 18 and 22 s; the program ends at 25 s
     assert [counts.count(number) for number in range(7)] == pytest.approx([20, 40, 40, 40, 40, 40, 80], abs=1)
     assert sum(high for _, high in seen) == pytest.approx(6 * 5, abs=6)
-    edges = sum(after and not before for (_, before), (_, after) in zip(seen, seen[1:], strict=False))
+    edges = sum(after and not before for (_, before), (_, after) in itertools.pairwise(seen))
     assert edges == 6
 
 
