@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from dic.shell.bottom_lines import bottom_lines
 from dic.shell.console import say
-from drivers.interfaces import OperatorAction
 from rig import EngineStatus, RigReading, State, StepRecord
+from rig.engine.devices import Asked
 from rig.limits.by_hand import HandMotion
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ class Screen:
             self._changed.notify_all()
 
     @contextmanager
-    def on_question(self, action: OperatorAction, notice: str) -> Iterator[None]:
+    def on_question(self, _: Asked, notice: str) -> Iterator[None]:
         """Draw nothing until the operator has answered. Print the notice of the operator's driver if it has
         one."""
         if self.live is None and (notice or not sys.stderr.isatty()):

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from dic.runfile.schema import RunStatus
 from drivers.errors import DeviceError
-from drivers.interfaces import Frame
+from drivers.interfaces import Frame, OperatorQuestion
 from rig.devices import Rig
 from rig.engine.announcements import Announcements
 from rig.engine.context import RunContext
@@ -17,6 +17,7 @@ from rig.engine.listeners import LEAVING_S
 from rig.engine.look import look
 from rig.engine.motion import RunMotion
 from rig.engine.preparation import Preparation
+from rig.engine.questions import Questions
 from rig.engine.safety import SafeState
 from rig.engine.settings import SettingsRecord
 from rig.engine.status import EngineStatus, News, Outcome, State
@@ -37,12 +38,14 @@ class Engine:
                           |            +---step---+
                           +--grid, reference------+
 
+        PREPARING, MOVING, IMAGING --pause--> PAUSED --go on--> the state before
+
         any of these --abort, exception--> SAFING --> ABORTED | FAILED
 
     In the state PREPARING, the engine brings the stage to 0 degrees, asks the operator to attach or remove
-    the grid, and zeroes the load frame. The state MOVING lasts until load, displacement or angle has settled.
-    The state IMAGING ends when the step is in the run file. In the state SAFING, the engine first holds the
-    load frame and stops the stage, and then closes the run file.
+    the grid, zeroes the load frame, or asks a question of the protocol. The state MOVING lasts until load,
+    displacement or angle has settled. The state IMAGING ends when the step is in the run file. In the state
+    SAFING, the engine first holds the load frame and stops the stage, and then closes the run file.
 
     Parameters
     ----------
@@ -112,6 +115,7 @@ class Engine:
         self._motion = RunMotion(self.context)
         self._preparation = Preparation(self.context, self._motion)
         self._images = StepImages(self.context, self._motion)
+        self._questions = Questions(self.context, self._motion)
         self._settings = SettingsRecord(self.context)
         self._safe_state = SafeState(rig)
 
@@ -128,7 +132,17 @@ class Engine:
     @property
     def waiting_for_operator(self) -> bool:
         """True while the run waits for an answer from the operator."""
-        return self._preparation.asking
+        return self._preparation.asking or self.question is not None
+
+    @property
+    def question(self) -> OperatorQuestion | None:
+        """The question of the protocol that waits for its answer, or None."""
+        return self._questions.open
+
+    @property
+    def pause_requested(self) -> bool:
+        """True from the request of a pause until the run goes on."""
+        return self.context.pauses.switch.on
 
     def run(self) -> Outcome:
         """Execute the protocol and close the run file with the outcome.
@@ -144,6 +158,7 @@ class Engine:
         with self.context.clock.activity():
             try:
                 self._preparation.require_devices()
+                self._questions.require_operator()
                 self._settings.at_start()
                 self.context.protocol.follow(self._execute)
                 self._end_well()
@@ -170,6 +185,35 @@ class Engine:
         self._safe_state.command()
         self.context.calls.interrupt()
 
+    def pause(self, who: str) -> str:
+        """Request a pause without waiting. Any thread may call this method, also repeatedly.
+
+        The load frame holds and the stage stops at once, as for an abort, and the engine holds them again
+        when it sees the request. Images that are being taken are finished. `who` is recorded. Return why the
+        request is refused, or an empty text. An abort ends a pause.
+        """
+        state = self.status.state
+        if state is State.IDLE or state.ending or self.context.abort_reason is not None:
+            return f"a run can be paused from its beginning until it ends; it is {state.value}"
+        self.context.pauses.switch.pause(who)
+        self._safe_state.command()
+        self.context.calls.interrupt()
+        return ""
+
+    def go_on(self, who: str) -> str:
+        """Let a paused run go on. Any thread may call this method.
+
+        Return why the request is refused, or an empty text.
+        """
+        return "" if self.context.pauses.switch.go_on(who) else "the run is not paused"
+
+    def answer(self, word: str, who: str) -> str:
+        """Answer the question of the protocol that waits for the operator. Any thread may call this method.
+
+        Return why the answer is refused, or an empty text.
+        """
+        return self._questions.answer(word, who)
+
     def _execute(self, step: ProtocolStep) -> RigReading:
         if step.passed:
             return self._leave_out(step)
@@ -177,6 +221,9 @@ class Engine:
             return self._earlier[step.index]
         if self._goes_on or step.kind in ("grid", "reference"):
             self._prepare(step)
+        if step.question is not None:
+            self._enter(State.PREPARING, step)
+            return self._questions.ask(step, step.question)
         self._enter(State.MOVING, step)
         frames: Frames | None = None
         for reading in self._motion.moments(step):
@@ -260,4 +307,5 @@ class Engine:
             tuple(self._records),
             run.recorder.failure is None,
             at_end,
+            run.pauses.totals,
         )

@@ -17,6 +17,7 @@ class State(Enum):
     PREPARING = "preparing"
     MOVING = "moving"
     IMAGING = "imaging"
+    PAUSED = "paused"
     SAFING = "making safe"
     COMPLETED = "completed"
     ABORTED = "aborted"
@@ -72,6 +73,20 @@ class AtRest:
 
 
 @dataclass(frozen=True)
+class PauseTotals:
+    """The pauses of a run: their number, their whole duration in s, and the steps that they touched.
+
+    The images of a `late` step were taken when the run went on. Those of a `missed` step were not taken,
+    because the next images of the same hold were due as well.
+    """
+
+    count: int = 0
+    duration_s: float = 0.0
+    late_steps: int = 0
+    missed_steps: int = 0
+
+
+@dataclass(frozen=True)
 class LogEntry:
     """One event of the engine, as in the run file. `time_s` is in seconds on the rig's clock."""
 
@@ -106,6 +121,8 @@ class Outcome:
         written.
     at_end : AtRest
         The readings of load frame and stage after the end of the run.
+    pauses : PauseTotals
+        The pauses of the run, and the steps whose images fell into them.
     """
 
     status: RunStatus
@@ -117,3 +134,4 @@ class Outcome:
     steps: tuple[StepRecord, ...] = ()
     recorded: bool = True
     at_end: AtRest = field(default_factory=AtRest)
+    pauses: PauseTotals = PauseTotals()

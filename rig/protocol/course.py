@@ -173,6 +173,7 @@ class Beginning:
                 at_s=number * self.still_every_s,
                 begins=number == 1,
                 load_drop="slow",
+                next_s=(number + 1) * self.still_every_s if number < self.still else math.nan,
             )
             for number in range(1, self.still + 1)
         ]
