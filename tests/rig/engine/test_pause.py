@@ -13,6 +13,7 @@ from rig.engine.engine import Engine
 from rig.engine.status import PauseTotals
 from rig.protocol.protocol import parse_protocol
 from rig.replay.replay import replay_run
+from rig.resume import read_earlier
 from tests.places import example
 from tests.rig.conftest import FakeRig
 from tests.rig.engine.test_phases import SLOW, readings_of, steps_of
@@ -30,26 +31,49 @@ PROTOCOLS = {
 }
 
 
-class Paused:
-    """A run that is paused at its reading number `first` and goes on after `readings` further readings."""
+LONGER = pytest.mark.extended
 
-    def __init__(self, tmp_path, name: str, first: int, readings: int) -> None:
-        definition = PROTOCOLS.get(name) or example(name)
-        self.rig = FakeRig(parse_protocol(tomllib.loads(definition)), tmp_path / "run.h5", definition=definition)
+
+class Paused:
+    """A run that is paused once at the reading `first`, and goes on after `readings` further readings.
+
+    `first` is the number of the reading, or a load in N that the reading is above.
+    """
+
+    def __init__(self, tmp_path, name: str, first: int | float, readings: int, definition: str = "") -> None:
+        definition = definition or PROTOCOLS.get(name) or example(name)
+        self.rig = FakeRig(
+            parse_protocol(tomllib.loads(definition)), tmp_path / "run.h5", definition=definition
+        )
         self.engine: Engine = self.rig.engine()
         self.count = 0
-        self.stops = {first: lambda: self.engine.pause("a test"), first + readings: self.go_on}
+        self.first, self.readings = first, readings
+        self.stops = {}
+        self.then = (0, lambda: None)
         if self.rig.load_frame is not None:
             self.rig.load_frame.on_read = lambda _, state: self.note(state)
         else:
             self.rig.stage.on_read = self.note
+
+    @property
+    def begins(self) -> int:
+        """The number of the reading at which the pause was requested."""
+        return self.first
 
     def go_on(self) -> None:
         self.engine.go_on("a test")
 
     def note(self, state):
         self.count += 1
+        if isinstance(self.first, float) and state.load_n > self.first:
+            self.first = self.count
+        if self.count == self.first:
+            self.engine.pause("a test")
+        if self.count == self.first + self.readings:
+            self.go_on()
         self.stops.get(self.count, lambda: None)()
+        if self.count == self.first + self.then[0]:
+            self.then[1]()
         return state
 
     def run(self):
@@ -57,7 +81,7 @@ class Paused:
 
 
 def test_a_motion_is_held_and_commanded_again(tmp_path):
-    made = Paused(tmp_path, "to-load", 20, 300)
+    made = Paused(tmp_path, "to-load", 2000.0, 300)
     outcome = made.run()
     assert (outcome.status, outcome.reason) == ("completed", "")
     assert [call for call in made.rig.calls if call.startswith("load")] == ["load 4000"] * 2
@@ -66,12 +90,13 @@ def test_a_motion_is_held_and_commanded_again(tmp_path):
     assert between[0] == "hold"
     loads_n, times_s = (readings_of(made.rig)[name] for name in ("load_n", "time_s"))
     # it stood for as long as it was paused, below the target, and then arrived
-    standing = np.flatnonzero(np.diff(loads_n[18:330]) == 0.0)
-    assert len(standing) > 290
-    assert 100.0 < loads_n[200] < 3900.0
+    first = made.begins
+    standing = np.flatnonzero(np.diff(loads_n[first : first + 300]) == 0.0)
+    assert len(standing) > 295
+    assert 2000.0 < loads_n[first + 100] < 2500.0
     assert loads_n[-1] == pytest.approx(4000.0, abs=20.0)
     assert outcome.pauses.count == 1
-    assert outcome.pauses.duration_s == pytest.approx(times_s[319] - times_s[19], abs=2.1)
+    assert outcome.pauses.duration_s == pytest.approx(times_s[first + 299] - times_s[first - 1], abs=2.1)
     assert (outcome.pauses.late_steps, outcome.pauses.missed_steps) == (0, 0)
     assert [event for event in made.rig.events() if " by a test" in event] == [
         "paused in step 2 (settling) by a test",
@@ -91,6 +116,16 @@ def test_the_images_of_a_motion_wait_so_that_they_show_the_same_displacements(tm
     assert ways_mm[3] == pytest.approx(1.0, abs=0.002)
 
 
+def reading_in_hold(tmp_path) -> int:
+    """Return the number of a reading 30 s before the first images of the hold."""
+    free = Paused(tmp_path, "creep", 10**6, 1)
+    assert free.run().status == "completed"
+    [imaged_s, *_] = [time_s for kind, _, time_s, _ in steps_of(free.rig) if kind == "creep"]
+    times_s = readings_of(free.rig)["time_s"]
+    free.rig.path.unlink()
+    return int(np.searchsorted(times_s, imaged_s - 30.0))
+
+
 @pytest.mark.parametrize(
     ("readings", "late", "missed", "kinds"),
     [(20, 0, 0, 3), (60, 1, 0, 3), (90, 1, 1, 2), (150, 1, 2, 1)],
@@ -98,12 +133,7 @@ def test_the_images_of_a_motion_wait_so_that_they_show_the_same_displacements(tm
 def test_images_of_a_hold_that_fell_into_a_pause_are_late_or_missed_and_never_invented(
     tmp_path, readings, late, missed, kinds
 ):
-    free = Paused(tmp_path, "creep", 10**6, 1)
-    assert free.run().status == "completed"
-    [begun_s, *_] = [time_s for kind, _, time_s, _ in steps_of(free.rig) if kind == "creep"]
-    first = int(np.searchsorted(readings_of(free.rig)["time_s"], begun_s - 30.0))
-    free.rig.path.unlink()
-    made = Paused(tmp_path, "creep", first, readings)
+    made = Paused(tmp_path, "creep", reading_in_hold(tmp_path), readings)
     outcome = made.run()
     assert outcome.status == "completed", outcome.reason
     assert (outcome.pauses.late_steps, outcome.pauses.missed_steps) == (late, missed)
@@ -118,7 +148,8 @@ def test_images_of_a_hold_that_fell_into_a_pause_are_late_or_missed_and_never_in
             )
         ]
     begins, ends = (
-        next(time_s for message, time_s in paused if message.startswith(word)) for word in ("paused", "goes on")
+        next(time_s for message, time_s in paused if message.startswith(word))
+        for word in ("paused", "goes on")
     )
     assert not np.any((exposed_s > begins) & (exposed_s < ends))
     assert len([message for message, _ in paused if message.startswith("missed: step")]) == missed
@@ -137,7 +168,10 @@ def test_a_turn_is_stopped_and_commanded_again(tmp_path):
     assert len([call for call in turns if call != "stop"]) == 3
 
 
-@pytest.mark.parametrize("name", ["creep", "moving", "cycles", "rotate", "tension"])
+@pytest.mark.parametrize(
+    "name",
+    ["creep", "moving", "rotate", *(pytest.param(name, marks=LONGER) for name in ("cycles", "tension"))],
+)
 def test_a_replay_pauses_where_the_run_was_paused(tmp_path, name):
     whole = Paused(tmp_path, name, 10**6, 1)
     whole.run()
@@ -155,8 +189,7 @@ def test_a_replay_pauses_where_the_run_was_paused(tmp_path, name):
 
 
 def test_a_pause_whose_end_was_requested_before_the_engine_saw_it_stops_no_motion_for_good(tmp_path):
-    made = Paused(tmp_path, "to-load", 20, 0)
-    made.stops = {20: lambda: (made.engine.pause("a test"), made.engine.go_on("a test"))}
+    made = Paused(tmp_path, "to-load", 2000.0, 0)
     outcome = made.run()
     assert outcome.status == "completed", outcome.reason
     assert outcome.pauses.count == 1
@@ -164,12 +197,12 @@ def test_a_pause_whose_end_was_requested_before_the_engine_saw_it_stops_no_motio
 
 
 def test_an_abort_ends_a_pause_at_once(tmp_path):
-    made = Paused(tmp_path, "to-load", 20, 10**6)
-    made.stops[60] = lambda: made.engine.abort("the abort button")
+    made = Paused(tmp_path, "to-load", 2000.0, 10**6)
+    made.then = (50, lambda: made.engine.abort("the abort button"))
     outcome = made.run()
     assert outcome.status == "aborted"
     assert "the abort button" in outcome.reason
-    assert made.count <= 63
+    assert made.count <= made.begins + 53
     assert made.rig.calls.count("load 4000") == 1
     replayed = replay_run(made.rig.path)
     assert (replayed.outcome.status, replayed.differences) == ("aborted", [])
@@ -184,18 +217,17 @@ def test_an_abort_ends_a_pause_at_once(tmp_path):
     ],
 )
 def test_limits_breaks_and_faults_end_a_run_in_a_pause(tmp_path, change, said):
-    made = Paused(tmp_path, "to-load", 33, 10**6)
-    note = made.note
+    made = Paused(tmp_path, "to-load", 2000.0, 200)
 
     def changed(_, state):
-        note(state)
-        return replace(state, **change) if made.count >= 80 else state
+        made.note(state)
+        return replace(state, **change) if made.count >= made.begins + 50 else state
 
     made.rig.load_frame.on_read = changed
     outcome = made.run()
     assert outcome.status == "failed"
     assert said in outcome.reason
-    assert made.count <= 83
+    assert made.count <= made.begins + 53
 
 
 def test_a_pause_during_a_question_begins_after_its_answer(tmp_path):
@@ -227,15 +259,8 @@ def test_a_pause_is_refused_before_the_run_and_after_it_and_going_on_needs_a_pau
 
 
 def test_a_run_that_was_paused_and_then_aborted_goes_on_from_its_finished_steps(tmp_path):
-    from rig.resume import read_earlier
-
-    made = Paused(tmp_path, "creep", 10**6, 1)
-    phases = HOLD + f"[[phases]]{TO_LOAD}".replace("4000", "6000")
-    definition = text(phases, SLOW)
-    made.rig = FakeRig(parse_protocol(tomllib.loads(definition)), tmp_path / "run.h5", definition=definition)
-    made.rig.load_frame.on_read = lambda _, state: made.note(state)
-    made.engine = made.rig.engine()
-    made.stops = {60: lambda: made.engine.pause("a test"), 220: made.go_on}
+    definition = text(HOLD + f"[[phases]]{TO_LOAD}".replace("4000", "6000"), SLOW)
+    made = Paused(tmp_path, "creep", reading_in_hold(tmp_path), 150, definition)
     go = made.rig.load_frame.go_to_load
 
     def refuse(load_n, rate_n_s):
