@@ -185,27 +185,28 @@ class Engine:
         self._safe_state.command()
         self.context.calls.interrupt()
 
-    def pause(self, who: str) -> str:
+    def pause(self, who: str, *, at_machine: bool = False) -> str:
         """Request a pause without waiting. Any thread may call this method, also repeatedly.
 
         The load frame holds and the stage stops at once, as for an abort, and the engine holds them again
         when it sees the request. Images that are being taken are finished. `who` is recorded. Return why the
-        request is refused, or an empty text. An abort ends a pause.
+        request is refused, or an empty text. A pause by a person `at_machine` ends only by such a person. An
+        abort ends every pause.
         """
         state = self.status.state
         if state is State.IDLE or state.ending or self.context.abort_reason is not None:
             return f"a run can be paused from its beginning until it ends; it is {state.value}"
-        self.context.pauses.switch.pause(who)
+        self.context.pauses.switch.pause(who, at_machine=at_machine)
         self._safe_state.command()
         self.context.calls.interrupt()
         return ""
 
-    def go_on(self, who: str) -> str:
+    def go_on(self, who: str, *, at_machine: bool = False) -> str:
         """Let a paused run go on. Any thread may call this method.
 
         Return why the request is refused, or an empty text.
         """
-        return "" if self.context.pauses.switch.go_on(who) else "the run is not paused"
+        return self.context.pauses.switch.go_on(who, at_machine=at_machine)
 
     def answer(self, word: str, who: str) -> str:
         """Answer the question of the protocol that waits for the operator. Any thread may call this method.

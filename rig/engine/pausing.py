@@ -33,23 +33,31 @@ class PauseSwitch:
     def __init__(self) -> None:
         self._lock = Lock()
         self._asked = self._over = ""
+        self._at_machine = False
 
     @property
     def on(self) -> bool:
         """True from the request of a pause until the run goes on."""
         return bool(self._asked)
 
-    def pause(self, who: str) -> None:
-        """Request a pause. During a pause, take back a request to go on that the engine has not seen."""
+    def pause(self, who: str, *, at_machine: bool = False) -> None:
+        """Request a pause. During a pause, take back a request to go on that the engine has not seen.
+
+        A person `at_machine` may reach into the rig, so only such a person ends this pause.
+        """
         with self._lock:
             self._asked, self._over = self._asked or who, ""
+            self._at_machine = self._at_machine or at_machine
 
-    def go_on(self, who: str) -> bool:
-        """Request that the run goes on. Return False if no pause was requested."""
+    def go_on(self, who: str, *, at_machine: bool = False) -> str:
+        """Request that the run goes on. Return why the request is refused, or an empty text."""
         with self._lock:
-            if self._asked:
-                self._over = who
-            return bool(self._asked)
+            if not self._asked:
+                return "the run is not paused"
+            if self._at_machine and not at_machine:
+                return "the run was paused at its terminal; only the person there can let it go on"
+            self._over = who
+            return ""
 
     def asked(self, _: int, __: str) -> str:
         """Return who asked for a pause, or an empty text.
@@ -65,6 +73,7 @@ class PauseSwitch:
             over = self._over
             if over:
                 self._asked = self._over = ""
+                self._at_machine = False
             return over
 
 

@@ -41,12 +41,16 @@ class NewsOptions:
     on_continue : callable
         Function that is called before a continued run moves anything, with the `Earlier` run and the present
         reading of the machine.
+    on_begin : callable
+        Function that is called with the engine before its run begins. With the engine, another thread can
+        pause or abort the run.
     """
 
     notify: str | None = None
     http: int | None = None
     say: Callable[[str], None] = lambda _: None
     on_continue: Callable[[Any, RigReading], None] = lambda earlier, start: None
+    on_begin: Callable[[Engine], None] = lambda engine: None
 
     def merged(self, settings: NewsSettings) -> NewsSettings:
         """Return the settings of the rig file, replaced by those options that are not None."""

@@ -277,3 +277,22 @@ def test_a_run_that_was_paused_and_then_aborted_goes_on_from_its_finished_steps(
     earlier = read_earlier(made.rig.path, definition, "")
     assert sorted(earlier.readings) == [0, 1, 2, 3, 4, 5]
     assert (earlier.next.index, earlier.next.target) == (6, 6000.0)
+
+
+def test_a_pause_by_the_person_at_the_machine_is_ended_only_there(tmp_path):
+    made = Paused(tmp_path, "to-load", 2000.0, 100)
+    answers = []
+
+    def act():
+        made.engine.pause("HTTP")
+        made.engine.pause("a person", at_machine=True)
+        answers.append(made.engine.go_on("HTTP"))
+        answers.append(made.engine.go_on("a person", at_machine=True))
+
+    made.go_on = lambda: None
+    made.then = (50, act)
+    outcome = made.run()
+    assert outcome.status == "completed", outcome.reason
+    assert "only the person there can let it go on" in answers[0]
+    assert answers[1] == ""
+    assert "goes on by a person after" in " ".join(made.rig.events())
