@@ -18,6 +18,7 @@ class State(Enum):
     PREPARING = "preparing"
     MOVING = "moving"
     IMAGING = "imaging"
+    PAUSED = "paused"
     SAFING = "making safe"
     COMPLETED = "completed"
     ABORTED = "aborted"
@@ -73,6 +74,20 @@ class AtRest:
 
 
 @dataclass(frozen=True)
+class PauseTotals:
+    """The pauses of a run: their number, their whole duration in s, and the steps that they touched.
+
+    The images of a `late` step were taken when the run went on. Those of a `missed` step were not taken,
+    because the next images of the same hold were due as well.
+    """
+
+    count: int = 0
+    duration_s: float = 0.0
+    late_steps: int = 0
+    missed_steps: int = 0
+
+
+@dataclass(frozen=True)
 class LogEntry:
     """One event of the engine, as in the run file. `time_s` is in seconds on the rig's clock."""
 
@@ -109,6 +124,8 @@ class Outcome:
         The readings of load frame and stage after the end of the run.
     timing : Timing or None
         How well the images of an acquisition kept their times; None without timed images.
+    pauses : PauseTotals
+        The pauses of the run, and the steps whose images fell into them.
     """
 
     status: RunStatus
@@ -121,6 +138,7 @@ class Outcome:
     recorded: bool = True
     at_end: AtRest = field(default_factory=AtRest)
     timing: Timing | None = None
+    pauses: PauseTotals = PauseTotals()
 
     @property
     def is_good(self) -> bool:
