@@ -66,9 +66,7 @@ class RunContext:
         )
         self.devices = called(rig, self.calls, on_question)
         self.pulses = Pulses(rig, self.calls)
-        self.channels = RunChannels(
-            rig.channels, rig.clock, recorder.samples, lambda lost: self.log("warning", lost)
-        )
+        self.channels = RunChannels(rig.channels, rig.clock, recorder.samples)
         measured = MeasuredChannels(self.channels.read, rig.measured)
         self.monitor = Monitor(self.devices, self.calls, rig.clock, recorder, self.watch, measured)
         self.pauses = Pauses(self)
@@ -91,6 +89,8 @@ class RunContext:
         """
         self.check_abort()
         reading = self.monitor.read(self.place)
+        for sentence in self.channels.new_losses():
+            self.log("warning", sentence)
         self.news.publish(reading=reading)
         if not self.phase_ended and self.event is not None and self.event(reading):
             self.phase_ended = True

@@ -1,5 +1,6 @@
 """The engine executes the steps of a protocol and makes the rig safe at the end of every run."""
 
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -16,6 +17,7 @@ from rig.engine.filing import record_step
 from rig.engine.imaging import Frames, StepImages
 from rig.engine.listeners import LEAVING_S
 from rig.engine.look import look
+from rig.engine.measuring import begin_channels, end_channels, follow_channels
 from rig.engine.motion import RunMotion
 from rig.engine.preparation import Preparation
 from rig.engine.questions import Questions
@@ -27,6 +29,9 @@ from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
 from rig.recorder.records import STEP_REACHED
+
+KEPT_RECORDS = 1000
+"""Number of the newest steps of an acquisition that the outcome of a run has."""
 
 
 class Engine:
@@ -109,6 +114,8 @@ class Engine:
         self._earlier = dict(earlier or {})
         self._goes_on = bool(earlier)
         self._records: list[StepRecord] = []
+        # An acquisition may have a million images, whose records are in the run file.
+        self._acquired: deque[StepRecord] = deque(maxlen=KEPT_RECORDS)
         planned, before = len(protocol.steps()), len(self._earlier)
         status = EngineStatus(State.IDLE, None, planned, 0, None, rig.simulated, before)
         self._news = Announcements(recorder, rig.clock, status, on_status, on_step, on_news, self.abort)
@@ -160,8 +167,8 @@ class Engine:
         with self.context.clock.activity():
             try:
                 self._preparation.require_devices()
-                self.context.channels.begin()
                 self._questions.require_operator()
+                begin_channels(self.context)
                 self._settings.at_start()
                 self.context.protocol.follow(self._execute)
                 self._end_well()
@@ -188,13 +195,19 @@ class Engine:
         self._safe_state.command()
         self.context.calls.interrupt()
 
-    def request_image(self) -> None:
-        """Ask for an image now, in a protocol that takes images on request. Any thread may call this."""
-        self._acquisition.request_image()
+    def request_image(self) -> str:
+        """Ask for an image now, in a protocol that takes images on request. Any thread may call this.
 
-    def request_end(self) -> None:
-        """End the images of an acquisition now. Any thread may call this."""
-        self._acquisition.request_end()
+        Return why the request is refused, or an empty text.
+        """
+        return self._acquisition.request_image()
+
+    def request_end(self) -> str:
+        """End the images of an acquisition now. Any thread may call this.
+
+        Return why the request is refused, or an empty text.
+        """
+        return self._acquisition.request_end()
 
     def pause(self, who: str, *, at_machine: bool = False) -> str:
         """Request a pause without waiting. Any thread may call this method, also repeatedly.
@@ -281,7 +294,7 @@ class Engine:
 
     def _file(self, record: StepRecord) -> None:
         """Tell that a step is on the disk."""
-        self._records.append(record)
+        (self._records if record.step.kind != "acquired" else self._acquired).append(record)
         self._news.step(record)
 
     def _enter(self, state: State, step: ProtocolStep | None) -> None:
@@ -291,8 +304,12 @@ class Engine:
         self.context.devices.hold()
         self.context.pulses.give("end")
         self.context.pulses.finish()
+        if (last_image_s := self._images.last_exposed_s) is not None:
+            follow_channels(self.context, last_image_s)
         self._settings.at_end()
-        self.context.channels.end()
+        end_channels(self.context)
+        for sentence in self.context.channels.new_losses(whole=True):
+            self.context.log("warning", sentence)
         self.context.log("info", "protocol completed")
         self.context.recorder.close("completed", "", self.context.clock.utc())
         self._enter(State.COMPLETED, self.status.step)
@@ -307,12 +324,14 @@ class Engine:
             reason = f"{run.aborted()}; meanwhile: {reason}"
         if unsafe:
             reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(unsafe)}). {reason}"
-        run.channels.end()
+        end_channels(run)
         # Ignore an error, because the status of the run may be written even if settings and this event
         # cannot.
         with suppress(RigError):
             self._settings.at_end()
         with suppress(RigError):
+            for sentence in run.channels.new_losses(whole=True):
+                self.context.log("warning", sentence)
             self.context.log("error", reason)
         try:
             run.recorder.close(status, reason, run.clock.utc())
@@ -333,9 +352,10 @@ class Engine:
             unsafe,
             tuple(self._news.lost),
             run.rig.lost_devices,
-            tuple(self._records),
+            tuple(sorted([*self._records, *self._acquired], key=lambda record: record.step.index)),
             run.recorder.failure is None,
             at_end,
             self._acquisition.timing if self._acquisition.timing.asked else None,
             run.pauses.totals,
+            {name: lost for name, (_, lost) in run.channels.counts.items() if lost},
         )
