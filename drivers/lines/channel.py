@@ -36,8 +36,11 @@ class _Port(Protocol):
 class Channel(ABC):
     """An open connection. Every method may raise one of `CHANNEL_ERRORS` if the connection is lost.
 
-    `port` is the opened port. `close` closes it.
+    `port` is the opened port. `close` closes it. `is_cleared_by_discard` is True if no answer to an earlier
+    request can arrive after `discard`.
     """
+
+    is_cleared_by_discard = False
 
     def __init__(self, port: _Port) -> None:
         self._port = port
