@@ -33,11 +33,12 @@ class Proof:
     """A question whose answer cannot be the answer to another question, such as the name of the device.
 
     ``is_answer(line)`` tells whether a line can be the answer. The port also expects that the device always
-    gives the same answer.
+    gives the same answer. `expected` describes the answer in error messages.
     """
 
     question: str
     is_answer: Callable[[str], bool]
+    expected: str = "its own answer"
 
 
 @dataclass(frozen=True)
@@ -126,6 +127,10 @@ class LinePort(DevicePort):
                 self._prove(self._syntax.proof, line, timeout_s)
             return answer
 
+    def doubt(self) -> None:
+        """Note that answers may arrive that were not asked for, for example to commands."""
+        self._suspect = True
+
     def close(self) -> None:
         """Release the port. A repeated call has no effect."""
         with self._turn.urgent():
@@ -167,6 +172,7 @@ class LinePort(DevicePort):
         with self._losing(question):
             if suspect:
                 self._resynchronise(question, wake, timeout_s)
+                timeout_s = min(timeout_s, self.call_time.left_s)
             self._buffer = b""
             self._channel.drain()
             self.send(question)
@@ -202,20 +208,30 @@ class LinePort(DevicePort):
         """Make sure that no answer to an earlier question can arrive any more."""
         if self._channel.is_cleared_by_discard:
             self._channel.discard()
-        elif self._syntax.proof is not None:
+        if self._channel.is_cleared_by_discard:
+            return
+        if self._syntax.proof is not None:
             self._ask_proof(self._syntax.proof, wake, timeout_s)
         else:
-            self._discard_answers(question, wake, timeout_s)
+            self._discard_answers(question, wake, min(timeout_s, self._reply_timeout_s))
 
     def _ask_proof(self, proof: Proof, wake: int | None, timeout_s: float) -> None:
         """Ask the proving question and discard all lines before its answer."""
         self.send(proof.question)
         deadline_s = self._clock.now_s() + timeout_s
+        other = ""
         while True:
-            line = self._line(proof.question, wake, timeout_s, deadline_s)
+            try:
+                line = self._line(proof.question, wake, timeout_s, deadline_s)
+            except DeviceTimeout:
+                if other:
+                    got = f"{other[:SHOWN_MAX]!r} instead of {self.proven or proof.expected}"
+                    raise self._timeout(proof.question, timeout_s, got) from None
+                raise
             if proof.is_answer(line) and self.proven in ("", line):
                 self.proven = line
                 return
+            other = line
 
     def _discard_answers(self, question: str, wake: int | None, timeout_s: float) -> None:
         """Ask once, and discard everything until the device has been silent for the reply timeout.

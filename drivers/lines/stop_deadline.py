@@ -1,4 +1,4 @@
-"""A stop command that is repeated until the device confirms it, and its deadline in real and simulated time."""
+"""A repeated stop command, and its deadline in real and in simulated time."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 STAGE, NEWPORT, LOAD_FRAME, CAMERA = "stage", "newport", "load_frame", "camera"
 INTERLOCK = "interlock"
+INSTRUMENT = "instrument"
 MACHINES = (STAGE, NEWPORT, LOAD_FRAME)
-LINES = (*MACHINES, INTERLOCK)
+LINES = (*MACHINES, INTERLOCK, INSTRUMENT)
 DEVICES = (*LINES, CAMERA)
 PICTURE = "picture"
 """Device name of faults in the pictures of all cameras, such as blur. Drivers cannot notice them."""
