@@ -127,9 +127,17 @@ class LinePort(DevicePort):
                 self._prove(self._syntax.proof, line, timeout_s)
             return answer
 
-    def doubt(self) -> None:
-        """Note that answers may arrive that were not asked for, for example to commands."""
+    def settle(self) -> None:
+        """Discard answers to earlier questions and to commands, before the next question.
+
+        Without a `Proof`, wait until nothing arrives for the reply timeout. May raise `DeviceTimeout` or
+        `LinkLost`.
+        """
         self._suspect = True
+        if self._syntax.proof is None and not self._channel.is_cleared_by_discard:
+            with self._turn.ordinary(), self._losing("nothing"):
+                self._discard_until_silent("nothing", self._turn.wake, self._reply_timeout_s)
+            self._suspect = False
 
     def close(self) -> None:
         """Release the port. A repeated call has no effect."""
@@ -213,7 +221,9 @@ class LinePort(DevicePort):
         if self._syntax.proof is not None:
             self._ask_proof(self._syntax.proof, wake, timeout_s)
         else:
-            self._discard_answers(question, wake, min(timeout_s, self._reply_timeout_s))
+            # some devices send a late answer only after the next question
+            self.send(question)
+            self._discard_until_silent(question, wake, min(timeout_s, self._reply_timeout_s))
 
     def _ask_proof(self, proof: Proof, wake: int | None, timeout_s: float) -> None:
         """Ask the proving question and discard all lines before its answer."""
@@ -233,16 +243,12 @@ class LinePort(DevicePort):
                 return
             other = line
 
-    def _discard_answers(self, question: str, wake: int | None, timeout_s: float) -> None:
-        """Ask once, and discard everything until the device has been silent for the reply timeout.
-
-        Some devices send a late answer only after the next question, so a silence alone proves nothing.
-        """
-        self.send(question)
-        end_s = self._clock.now_s() + DISCARDED_TIMEOUTS * timeout_s
-        while self._channel.receive(self._clock.now_s() + timeout_s, wake):
+    def _discard_until_silent(self, question: str, wake: int | None, silence_s: float) -> None:
+        """Discard everything until the device has been silent for some time."""
+        end_s = self._clock.now_s() + DISCARDED_TIMEOUTS * silence_s
+        while self._channel.receive(self._clock.now_s() + silence_s, wake):
             if self._clock.now_s() > end_s:
-                raise self._timeout(question, timeout_s, "lines without an end")
+                raise self._timeout(question, silence_s, "lines without an end")
 
     def _prove(self, proof: Proof, answer: str, timeout_s: float) -> None:
         """Check that `answer` belongs to the latest question.

@@ -64,6 +64,9 @@ class VisaChannel(Channel):
             self._resource = manager.open_resource(resource, open_timeout=self._timeout_ms)
         except Exception as error:
             raise OSError(f"{type(error).__name__}: {error}") from error
+        if not isinstance(self._resource, pyvisa.resources.MessageBasedResource):
+            self.close()
+            raise OSError(f"{resource!r}, which takes no messages")
         try:
             if self._sends_bytes:
                 self._resource.read_termination = end.decode("ascii")
@@ -147,7 +150,7 @@ class VisaChannel(Channel):
             if getattr(error, "error_code", None) == self._timed_out:
                 return b""
             raise _lost(error) from error
-        return data if data.endswith((b"\r", b"\n")) else data + b"\n"
+        return data if not data or data.endswith((b"\r", b"\n")) else data + b"\n"
 
 
 def _lost(error: Exception) -> OSError:

@@ -55,7 +55,9 @@ class AskedText(TextDevice):
         self._due_s = max(asked_s, max(self._due_s, asked_s - 1.0 / self.rate_hz) + 1.0 / self.rate_hz)
         self._count += 1
         values = self._settings.in_units(np.array([[numbers[place] for place in self._order]]))
-        return Samples(values, self._count - 1, self._clock.now_s(), asked_s, device_s)
+        # an answer with a time of its own may be older than the question, and still be true at this time
+        earliest_s = asked_s if device_s is None else -math.inf
+        return Samples(values, self._count - 1, self._clock.now_s(), earliest_s, device_s)
 
     def _numbers(self, fields: LineFields, line: str) -> list[float]:
         """Return the numbers of an answer. Raise `ValueError` if it is the answer to an earlier question."""
@@ -95,7 +97,7 @@ class AskedText(TextDevice):
             self._require(settings.identification, answer, "identify", "check which instrument this is")
         for command in settings.opening:
             port.send(command)
-        port.doubt()
+        port.settle()
         if settings.errors is not None:
             told = port.ask(settings.errors.query, str, ATTEMPTS)
             self._require(settings.errors, told, "check the opening commands", "correct `opening`")

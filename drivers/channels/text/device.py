@@ -79,6 +79,7 @@ class TextDevice(ABC):
             self._clock.sleep(self._settings.start_s)
             with call_time.opening(self._settings.longest_wait_s):
                 self._make_ready(call_time)
+                self._is_ready = True
                 self._read(call_time)
         except BaseException:
             self.close()

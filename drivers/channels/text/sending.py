@@ -17,7 +17,7 @@ from drivers.lines.call_time import CallTime
 from drivers.lines.channel import CHANNEL_ERRORS
 from drivers.signals import Samples
 
-_REMEDY = "check power, cable, baud rate, and the columns or patterns in the rig file"
+_REMEDY = "check power, cable, baud rate, and rate_hz, columns and patterns in the rig file"
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,15 @@ class SendingText(TextDevice):
         self._next = 0
         self._counter: int | None = None
         self._bad = ""
+        self._waited_s = 0.0
         self._before_s = self._arrived_s = self._clock.now_s()
         self._open()
 
     def _read(self, call_time: CallTime) -> Samples:
+        self._waited_s = call_time.last_wait_s(self._settings.longest_wait_s)
         while not self._rows:
             self._require_ready(call_time)
-            for line in self._take(BACKLOG, call_time.first_wait_s(math.inf)):
+            for line in self._take(call_time.last_wait_s(self._settings.longest_wait_s)):
                 self._add(line)
         first = self._rows[0]
         if first.restart:
@@ -118,16 +120,16 @@ class SendingText(TextDevice):
         self._next += passed - 1
         return ""
 
-    def _take(self, count: int, wait_s: float) -> list[ArrivedLine]:
-        """Return lines. Raise `DeviceTimeout` if none comes in time, and `LinkLost` if the line is lost."""
+    def _take(self, wait_s: float) -> list[ArrivedLine]:
+        """Return all lines. Raise `DeviceTimeout` if none comes in time, and `LinkLost` if the line is lost."""
         listener = self._listener
         assert listener is not None  # `_require_ready` has opened it
-        lines = listener.take(count, wait_s)
+        lines = listener.take(BACKLOG, wait_s)
         if not lines and listener.error:
             raise LinkLost(self._name, "read", "an open port", listener.error, "check power and cable")
         if not lines:
             got, self._bad = self._bad or "silence", ""
-            expected = f"a line within {wait_s:.3g} s"
+            expected = f"a line that fits within {self._waited_s:.3g} s"
             raise DeviceTimeout(self._name, "read", expected, got, _REMEDY)
         return lines
 
