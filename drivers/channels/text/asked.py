@@ -4,14 +4,15 @@ import math
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.channels.text.device import TextDevice, described, fits
 from drivers.channels.text.fields import LineFields
 from drivers.channels.text.opening import identity, open_line
 from drivers.channels.text.settings import ENDS, PlaceSettings, TextChannelSettings
+from drivers.errors import DeviceTimeout
 from drivers.interfaces import OpenContext
 from drivers.lines.call_time import CallTime
+from drivers.lines.errand import Errand
 from drivers.lines.line_port import LinePort, LineSyntax, Proof
 from drivers.signals import Samples
 
@@ -31,8 +32,10 @@ class AskedText(TextDevice):
     def __init__(self, settings: TextChannelSettings, context: OpenContext) -> None:
         super().__init__(settings, context)
         self._port: TextPort | None = None
-        self._due_s = -math.inf
+        self._errand: Errand[Samples] = Errand(f"ask {self._name}")
+        self._due_s = self._asked_s = -math.inf
         self._count = 0
+        self._trouble = ""
         self._fields = {query: self._line_fields(names) for query, names in settings.queries.items()}
         names = [name for names in settings.queries.values() for name in names]
         self._order = [names.index(name) for name in settings.signals]
@@ -40,23 +43,43 @@ class AskedText(TextDevice):
         self._count = 0
 
     def _read(self, call_time: CallTime) -> Samples:
+        wait_s = call_time.left_s
         self._wait_until(self._due_s, call_time, f"a rate of {self.rate_hz:g} Hz")
-        self._require_ready(call_time)
-        asked_s = self._clock.now_s()
+        while True:
+            if not self._errand.is_running:
+                self._require_ready(call_time)
+            try:
+                samples = self._errand.result(self._ask, call_time.left_s)
+                break
+            except TimeoutError:
+                expected, got = f"an answer within {wait_s:.3g} s", self._trouble or "silence"
+                raise DeviceTimeout(self._name, "read", expected, got, TextPort.silence_remedy) from None
+            except DeviceTimeout as silence:
+                self._trouble = silence.got
+                if call_time.left_s == 0.0 or not call_time.patient:
+                    raise
+        self._trouble = ""
+        period_s = 1.0 / self.rate_hz
+        asked_s = self._asked_s
+        # a late sample shortens the wait for the next one, but is not made up for by many at once
+        self._due_s = max(asked_s, max(self._due_s, asked_s - period_s) + period_s)
+        return samples
+
+    def _ask(self) -> Samples:
+        """Ask for one sample, on the thread of the errand, because an answer may take longer than a call."""
+        self._asked_s = self._clock.now_s()
         numbers: list[float] = []
         for query, fields in self._fields.items():
             numbers += self._opened.ask(query, partial(self._numbers, fields), ATTEMPTS)
-        device_s: NDArray[np.float64] | None = None
+        # an answer with a time of its own may be older than the question, and still be true at this time
+        earliest_s, device_s = self._asked_s, None
         if self._time is not None:
+            earliest_s = -math.inf
             device_s = np.array([self._time.seconds(numbers.pop(0), self._clock.now_s())])
             if self._time.restart:
                 raise self._restarted(self._time.restart)
-        # a late sample shortens the wait for the next one, but is not made up for by many at once
-        self._due_s = max(asked_s, max(self._due_s, asked_s - 1.0 / self.rate_hz) + 1.0 / self.rate_hz)
         self._count += 1
         values = self._settings.in_units(np.array([[numbers[place] for place in self._order]]))
-        # an answer with a time of its own may be older than the question, and still be true at this time
-        earliest_s = asked_s if device_s is None else -math.inf
         return Samples(values, self._count - 1, self._clock.now_s(), earliest_s, device_s)
 
     def _numbers(self, fields: LineFields, line: str) -> list[float]:
@@ -88,10 +111,10 @@ class AskedText(TextDevice):
             channel = open_line(self._name, self._address, settings)
             self._port = TextPort(self._name, channel, settings.reply_timeout_s, syntax)
             self._is_ready, self._ready_s = False, self._clock.now_s() + settings.start_s
-        self._port.call_time = call_time
 
     def _make_ready(self, call_time: CallTime) -> None:
         settings, port, answer = self._settings, self._opened, ""
+        port.call_time = call_time
         if settings.identification is not None:
             answer = port.ask(settings.identification.query, str, ATTEMPTS)
             self._require(settings.identification, answer, "identify", "check which instrument this is")
@@ -102,6 +125,13 @@ class AskedText(TextDevice):
             told = port.ask(settings.errors.query, str, ATTEMPTS)
             self._require(settings.errors, told, "check the opening commands", "correct `opening`")
         self.info = identity(settings, answer)
+        # an answer to a question for a sample may take longer than the call that waits for it
+        port.call_time = CallTime(patience_s=self._patience_s)
+
+    def close(self) -> None:
+        """Release the line. A repeated call has no effect."""
+        super().close()
+        self._errand.close(2.0 * self._settings.reply_timeout_s)
 
     def _drop(self) -> None:
         port, self._port, self._is_ready = self._port, None, False

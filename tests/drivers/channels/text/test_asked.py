@@ -102,6 +102,25 @@ def test_every_late_answer_is_refused_if_the_instrument_can_be_identified(opened
     assert device.read(2.0).values == 20.0
 
 
+def test_an_answer_that_takes_longer_than_a_call_is_fetched_by_a_later_one(server, meter):
+    clock = SystemClock()
+    table = {"query": "READ?", "rate_hz": 2.0, "reply_timeout_s": 1.0, "signals": {"force": FORCE}}
+    settings = TextChannelSettings(address=server.address, **table)
+    with closing(AskedText(settings, OpenContext("channels.box", clock))) as device:
+        server.faults.switch_on("delay:0.4")
+        device.read(2.0)
+        samples, silences = [], 0
+        while len(samples) < 2:
+            meter.show("force", float(len(samples)))
+            try:
+                samples.append(device.read(0.1))
+            except DeviceTimeout:
+                silences += 1
+    assert silences > 2
+    assert samples[1].received_s - samples[1].asked_s == pytest.approx(0.4, abs=0.1)
+    assert samples[1].values == 1.0
+
+
 def test_samples_come_at_the_rate_and_carry_the_time_of_their_question(opened, clock):
     device = opened(rate_hz=4.0)
     times_s = [device.read(1.0).asked_s for _ in range(5)]
