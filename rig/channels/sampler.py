@@ -49,7 +49,8 @@ class Sampler(DeviceThread):
         self._readings = Readings({signal.name: signal.delay_s for signal in device.signals})
         self.take = self._readings.take
         self._time_line = TimeLine(name)
-        self._silence_s = max(_SILENCE_S, _SILENT_SAMPLES / device.rate_hz) if device.rate_hz else np.inf
+        usual_s = max(_SILENCE_S, _SILENT_SAMPLES / device.rate_hz) if device.rate_hz else np.inf
+        self._silence_s: float = getattr(device, "silence_s", usual_s)
         self._heard_s = clock.now_s()
         self._next: int | None = None
         self.lost = 0
@@ -65,7 +66,11 @@ class Sampler(DeviceThread):
         self.start()
 
     def wait_for_first(self, timeout_s: float) -> None:
-        """Wait until there is a sample. Raise the device's error, or `DeviceTimeout` after `timeout_s`."""
+        """Wait until there is a sample. Raise the device's error, or `DeviceTimeout` after `timeout_s`.
+
+        A device that may be silent for longer is waited for longer.
+        """
+        timeout_s = max(timeout_s, self._silence_s if self._silence_s < np.inf else 0.0)
         if not self._clock.wait(self._first, timeout_s) and self._error is None:
             raise self._silence(timeout_s)
         self.check()

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 STAGE, NEWPORT, LOAD_FRAME, CAMERA = "stage", "newport", "load_frame", "camera"
 INTERLOCK = "interlock"
-INSTRUMENT = "instrument"
+INSTRUMENT, MQTT = "instrument", "mqtt"
 MACHINES = (STAGE, NEWPORT, LOAD_FRAME)
 LINES = (*MACHINES, INTERLOCK, INSTRUMENT)
-DEVICES = (*LINES, CAMERA)
+DEVICES = (*LINES, CAMERA, MQTT)
 PICTURE = "picture"
 """Device name of faults in the pictures of all cameras, such as blur. Drivers cannot notice them."""
 
@@ -64,7 +64,7 @@ FAULTS = {
         Fault("corrupt", "the answer arrives damaged", DEVICES, counted=True),
         Fault("split", "the answer arrives in pieces", LINES, counted=True),
         Fault("delay", "the answer comes SECONDS later", DEVICES, "SECONDS", "0.02", True, 0, 3600),
-        Fault("duplicate", "the answer arrives twice", LINES, counted=True),
+        Fault("duplicate", "the answer arrives twice", (*LINES, MQTT), counted=True),
         Fault("late", "the answer arrives only after the next message", LINES, counted=True),
         Fault("stale", "the previous answer or frame comes again", DEVICES, counted=True),
         Fault(

@@ -4,11 +4,11 @@ import math
 import re
 from collections.abc import Callable, Sequence
 
+from drivers.channels.numbers import number_in
 from drivers.channels.text.settings import SEPARATORS, PlaceSettings, TextChannelSettings
 
 SCPI_INVALID = ("9.9E37", "-9.9E37", "9.91E37")
 """Numbers that mean infinity, its negative, and no number (SCPI 1999.0, Volume 1, 7.2.1.4 and 7.2.1.5)."""
-_NUMBER = re.compile(r"[-+]? *(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 
 
 class LineFields:
@@ -28,9 +28,7 @@ class LineFields:
         self._count = settings.columns or max((place.column or 0 for place in places), default=0)
         self._invalid_texts = {text.strip() for text in settings.invalid}
         self._invalid_numbers = {
-            number
-            for text in (*SCPI_INVALID, *settings.invalid)
-            if (number := _number(text, ".")) is not None
+            number for text in (*SCPI_INVALID, *settings.invalid) if (number := number_in(text)) is not None
         }
         self._texts = [self._text_at(place) for place in places]
 
@@ -71,19 +69,7 @@ class LineFields:
         text = text.strip()
         if text in self._invalid_texts:
             return math.nan
-        number = _number(text, self._decimal)
+        number = number_in(text, self._decimal)
         if number is None:
             raise ValueError(f"{line!r} with {text!r} instead of a number")
         return math.nan if number in self._invalid_numbers else number
-
-
-def _number(text: str, decimal: str) -> float | None:
-    """Return the number in a text, or None if the text is no finite number."""
-    if decimal == ",":
-        if "." in text:
-            return None
-        text = text.replace(",", ".")
-    if _NUMBER.fullmatch(text.strip()) is None:
-        return None
-    number = float(text.replace(" ", ""))
-    return number if math.isfinite(number) else None

@@ -121,7 +121,7 @@ class SendingText(TextDevice):
         return ""
 
     def _take(self, wait_s: float) -> list[ArrivedLine]:
-        """Return all lines. Raise `DeviceTimeout` if none comes in time, or `LinkLost` if the line is lost."""
+        """Return all lines. Raise `DeviceTimeout` if none comes in time, or `LinkLost` without a line."""
         listener = self._listener
         assert listener is not None  # `_require_ready` has opened it
         lines = listener.take(BACKLOG, wait_s)

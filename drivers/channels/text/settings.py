@@ -113,7 +113,8 @@ class TextChannelSettings(ChannelSettings):
     errors: TextCheck | None = None
     query: Words | None = None  # question for a sample
     stream: bool = False  # True if the instrument sends lines by itself
-    rate_hz: float = Field(default=0.0, ge=0.0, le=100_000.0)
+    # how often per second the instrument is asked, or sends a line
+    rate_hz: float = Field(gt=0.0, le=100_000.0)
     reply_timeout_s: float = Field(default=0.5, gt=0.0, le=60.0)
     separator: str = Field(default=",", min_length=1, max_length=10)  # also "tab" or "space"
     decimal: Literal[".", ","] = "."
@@ -139,7 +140,7 @@ class TextChannelSettings(ChannelSettings):
     @property
     def longest_wait_s(self) -> float:
         """Longest wait for a line, in s: the reply timeout or the time between two lines of a slow stream."""
-        return max(self.reply_timeout_s, 2.0 / self.rate_hz if self.stream and self.rate_hz else 0.0)
+        return max(self.reply_timeout_s, 2.0 / self.rate_hz if self.stream else 0.0)
 
     @property
     def queries(self) -> dict[str, list[str]]:
@@ -171,8 +172,6 @@ class TextChannelSettings(ChannelSettings):
             if self.query is not None or own:
                 yield "a stream needs no query; remove query, or stream"
             return
-        if self.rate_hz == 0.0:
-            yield "rate_hz is missing; add how often per second the instrument is asked"
         if lacking := [name for name in self.signals if self.query is None and name not in own]:
             yield f"query is missing for {', '.join(lacking)}; add it, or stream = true"
         if self.counter is not None:

@@ -60,7 +60,7 @@ def opened(sender: Sender) -> Iterator[Callable[..., SendingText]]:
     devices = []
 
     def open_with(*first: str, **changes: Any) -> SendingText:
-        table = {"address": sender.path, "stream": True, "reply_timeout_s": 0.2, "signals": {"force": FORCE}}
+        table = {"address": sender.path, "stream": True, "rate_hz": 10.0, "signals": {"force": FORCE}}
         settings = TextChannelSettings.model_validate({**table, **changes})
         # opening the port discards what came before
         speaking = threading.Timer(0.1, sender.say, first)
@@ -164,9 +164,9 @@ def test_an_instrument_is_identified_between_its_lines(opened, sender):
 
 def test_lines_that_do_not_fit_are_shown_instead_of_silence(opened, sender):
     with pytest.raises(DeviceTimeout, match=r"got '1;2' with '1;2' instead of a number; check .*baud rate"):
-        opened("0", "1;2", rate_hz=10.0)
+        opened("0", "1;2")
     with pytest.raises(DeviceTimeout, match="got silence"):
-        opened(rate_hz=10.0)
+        opened()
 
 
 def test_a_line_that_is_gone_is_told_and_its_samples_before_are_kept(opened, sender):

@@ -27,7 +27,7 @@ def made(*, force: dict[str, object] | None = None, **changes: object) -> TextCh
         ({"force": {"scale": 0.0}}, "scale must not be 0"),
         ({"identification": {"query": "*IDN?", "pattern": "["}}, "a regular expression is expected"),
         ({"query": None}, "query is missing for force; add it, or stream = true"),
-        ({"rate_hz": None}, "rate_hz is missing"),
+        ({"rate_hz": None}, "Field required"),
         ({"stream": True}, "a stream needs no query"),
         ({"counter": {"column": 2}, "force": {"column": 1}}, "a counter belongs to a stream"),
         ({"separator": ",", "decimal": ","}, "separator and decimal are both a comma"),
