@@ -56,7 +56,8 @@ class Sampler(DeviceThread):
         self._readings = Readings({signal.name: signal.delay_s for signal in device.signals})
         self.take = self._readings.take
         self._time_line = TimeLine(name)
-        self._silence_s = max(_SILENCE_S, _SILENT_SAMPLES / device.rate_hz) if device.rate_hz else np.inf
+        usual_s = max(_SILENCE_S, _SILENT_SAMPLES / device.rate_hz) if device.rate_hz else np.inf
+        self._silence_s: float = getattr(device, "silence_s", usual_s)
         self._heard_s = self._begun_s = clock.now_s()
         self._called_s = math.inf
         self._next: int | None = None
@@ -81,7 +82,9 @@ class Sampler(DeviceThread):
         if self.count:
             return True
         rate_hz, waited_s = self._device.rate_hz, self._clock.now_s() - self._begun_s
-        if waited_s > (max(_FIRST_S, _FIRST_SAMPLES / rate_hz) if rate_hz else _FIRST_UNRATED_S):
+        longest_s = max(_FIRST_S, _FIRST_SAMPLES / rate_hz) if rate_hz else _FIRST_UNRATED_S
+        # a device that may be silent for longer is waited for longer
+        if waited_s > max(longest_s, self._silence_s if self._silence_s < np.inf else 0.0):
             raise self._silence(waited_s)
         return False
 
