@@ -142,7 +142,10 @@ def run(
         lines = [done, at_rest_line(outcome.at_end)]
         for sentence in filter(None, (outcome.reason, *outcome.lost_devices, *outcome.lost_listeners)):
             say(f"rig: {sentence}", err=True)
-        good, recorded = outcome.status == "completed", outcome.recorded
+        if outcome.timing is not None:
+            for sentence in outcome.timing.sentences():
+                say(f"rig: {sentence}", err=True)
+        good, recorded = outcome.is_good, outcome.recorded
         table = _run_dict(run_path, outcome) | {"limits": made.limits.table.rows()}
         _finish(lines, table, json_path, good=good, done=recorded)
 
@@ -363,6 +366,7 @@ def _run_dict(run_path: Path, outcome: "Outcome") -> dict[str, Any]:
     return {
         "run_file": str(run_path),
         "status": outcome.status,
+        "timing": None if outcome.timing is None else outcome.timing.as_dict(),
         "reason": outcome.reason,
         "unsafe": list(outcome.unsafe),
         "lost_devices": list(outcome.lost_devices),

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Generic, Protocol, TypeVar
 
-from drivers.cameras.stream import CAPACITY, FrameStream
 from drivers.clock import Clock, VirtualClock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import CameraInfo, Frame, OpenContext, Setting
+from drivers.streams.stream import CAPACITY, FrameStream
 
 SILENCE_S = 1.0
 SILENCE_FRAMES = 10

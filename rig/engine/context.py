@@ -4,11 +4,13 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from dic.runfile.schema import Level
+from rig.channels.run_channels import RunChannels
 from rig.devices import Rig
 from rig.engine.announcements import Announcements
 from rig.engine.calls import Call, Calls
 from rig.engine.devices import OnQuestion, called
-from rig.engine.monitor import Monitor
+from rig.engine.monitor import MeasuredChannels, Monitor
+from rig.engine.pulses import Pulses
 from rig.engine.watch import Watch
 from rig.errors import Aborted
 from rig.limits.run_limits import limits_on
@@ -25,7 +27,7 @@ class RunContext:
 
     Attributes
     ----------
-    protocol, rig, recorder, clock, calls, devices, monitor
+    protocol, rig, recorder, clock, calls, devices, pulses, channels, monitor
         The parts of the run.
     news : Announcements
         What the listeners are told.
@@ -60,7 +62,12 @@ class RunContext:
             rig.clock, self.check_abort, rig.lost, meanwhile=self.read, every_s=self.settle.poll_s
         )
         self.devices = called(rig, self.calls, on_question)
-        self.monitor = Monitor(self.devices, self.calls, rig.clock, recorder, self.watch)
+        self.pulses = Pulses(rig, self.calls)
+        self.channels = RunChannels(
+            rig.channels, rig.clock, recorder.samples, lambda lost: self.log("warning", lost)
+        )
+        measured = MeasuredChannels(self.channels.read, rig.measured)
+        self.monitor = Monitor(self.devices, self.calls, rig.clock, recorder, self.watch, measured)
         self.may_move = True
         self.event: Callable[[RigReading], bool] | None = None
         self.phase_ended = False

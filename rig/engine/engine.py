@@ -8,6 +8,7 @@ from dic.runfile.schema import RunStatus
 from drivers.errors import DeviceError
 from drivers.interfaces import Frame
 from rig.devices import Rig
+from rig.engine.acquisition import AcquisitionRun
 from rig.engine.announcements import Announcements
 from rig.engine.context import RunContext
 from rig.engine.devices import OnQuestion, unannounced
@@ -112,6 +113,7 @@ class Engine:
         self._motion = RunMotion(self.context)
         self._preparation = Preparation(self.context, self._motion)
         self._images = StepImages(self.context, self._motion)
+        self._acquisition = AcquisitionRun(self.context, self._images, self._file)
         self._settings = SettingsRecord(self.context)
         self._safe_state = SafeState(rig)
 
@@ -144,6 +146,7 @@ class Engine:
         with self.context.clock.activity():
             try:
                 self._preparation.require_devices()
+                self.context.channels.begin()
                 self._settings.at_start()
                 self.context.protocol.follow(self._execute)
                 self._end_well()
@@ -170,13 +173,29 @@ class Engine:
         self._safe_state.command()
         self.context.calls.interrupt()
 
+    def request_image(self) -> None:
+        """Ask for an image now, in a protocol that takes images on request. Any thread may call this."""
+        self._acquisition.request_image()
+
+    def request_end(self) -> None:
+        """End the images of an acquisition now. Any thread may call this."""
+        self._acquisition.request_end()
+
     def _execute(self, step: ProtocolStep) -> RigReading:
+        if step.acquisition is not None:
+            self._enter(State.IMAGING, step)
+            return self._acquisition.take(step)
+        if step.index < self._acquisition.next_index:
+            # An acquisition takes as many images as its test needs, and not as many as were planned.
+            step = replace(step, index=self._acquisition.next_index)
         if step.passed:
             return self._leave_out(step)
         if step.index in self._earlier:
             return self._earlier[step.index]
         if self._goes_on or step.kind in ("grid", "reference"):
             self._prepare(step)
+        if step.kind == "reference":
+            self.context.pulses.give("start")
         self._enter(State.MOVING, step)
         frames: Frames | None = None
         for reading in self._motion.moments(step):
@@ -209,6 +228,11 @@ class Engine:
 
     def _finish(self, record: StepRecord) -> None:
         record_step(self.context, record)
+        self.context.pulses.give("step")
+        self._file(record)
+
+    def _file(self, record: StepRecord) -> None:
+        """Tell that a step is on the disk."""
         self._records.append(record)
         self._news.step(record)
 
@@ -217,7 +241,10 @@ class Engine:
 
     def _end_well(self) -> None:
         self.context.devices.hold()
+        self.context.pulses.give("end")
+        self.context.pulses.finish()
         self._settings.at_end()
+        self.context.channels.end()
         self.context.log("info", "protocol completed")
         self.context.recorder.close("completed", "", self.context.clock.utc())
         self._enter(State.COMPLETED, self.status.step)
@@ -232,6 +259,7 @@ class Engine:
             reason = f"{run.aborted()}; meanwhile: {reason}"
         if unsafe:
             reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(unsafe)}). {reason}"
+        run.channels.end()
         # Ignore an error, because the status of the run may be written even if settings and this event
         # cannot.
         with suppress(RigError):
@@ -260,4 +288,5 @@ class Engine:
             tuple(self._records),
             run.recorder.failure is None,
             at_end,
+            self._acquisition.timing if self._acquisition.timing.asked else None,
         )

@@ -6,6 +6,7 @@ from typing import TypeAlias
 
 from dic.runfile.schema import Level, RunStatus
 from drivers.interfaces import LoadFrameState, StageState
+from rig.engine.timing import Timing
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import StepRecord
 
@@ -106,6 +107,8 @@ class Outcome:
         written.
     at_end : AtRest
         The readings of load frame and stage after the end of the run.
+    timing : Timing or None
+        How well the images of an acquisition kept their times; None without timed images.
     """
 
     status: RunStatus
@@ -117,3 +120,9 @@ class Outcome:
     steps: tuple[StepRecord, ...] = ()
     recorded: bool = True
     at_end: AtRest = field(default_factory=AtRest)
+    timing: Timing | None = None
+
+    @property
+    def is_good(self) -> bool:
+        """True if the protocol was completed and no image was late or is missing."""
+        return self.status == "completed" and not (self.timing is not None and self.timing.is_late)

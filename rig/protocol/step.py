@@ -1,11 +1,12 @@
 """One step of a protocol, and a reading of the devices."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 from dic.runfile.schema import StepKind
+from rig.samples import SignalReading
 
 Quantity: TypeAlias = Literal["load", "displacement", "rotation"]
 """The quantity that a device changes or holds: the load, the displacement of the grips, or the angle."""
@@ -24,6 +25,7 @@ UNITS: dict[StepKind, str] = {
     "creep": "N",
     "relaxation": "mm",
     "rest": "",
+    "acquired": "",
 }
 """The unit of a step's target. A reference step has a target only under a preload."""
 
@@ -42,6 +44,7 @@ class RigReading:
     """Load, displacement and angle at the time `time_s` of the rig's clock. A missing device gives NaN.
 
     If the event that ends the phase happens during a step, `ends_phase` is True in the step's last reading.
+    `signals` has the samples of all measured channels since the reading before, by the names of the signals.
     """
 
     time_s: float
@@ -50,6 +53,7 @@ class RigReading:
     angle_deg: float = math.nan
     moving: bool = False
     ends_phase: bool = False
+    signals: Mapping[str, SignalReading] = field(default_factory=dict, compare=False, repr=False)
 
     def by_unit(self) -> dict[str, float]:
         """Return load, displacement and angle under the keys "N", "mm" and "deg". Leave out NaN values."""
@@ -101,6 +105,8 @@ class ProtocolStep:
         True if the target has been passed already, so that the step is left out and nothing moves.
     event : callable or None
         Called with every reading of the step. Returns True at the event that ends the phase at once.
+    acquisition : Acquisition or None
+        For the first image of an acquisition, the part of the course with all its images.
     """
 
     index: int
@@ -117,6 +123,7 @@ class ProtocolStep:
     load_drop: LoadDrop = "break"
     passed: bool = False
     event: Callable[[RigReading], bool] | None = field(default=None, compare=False, repr=False)
+    acquisition: object | None = field(default=None, compare=False, repr=False)
 
     @property
     def quantity(self) -> Quantity | None:

@@ -10,11 +10,11 @@ from typing import Any
 from drivers.cameras.aravis.camera import AravisCamera
 from drivers.cameras.aravis.settings import AravisSettings
 from drivers.cameras.opencv.camera import OpencvCamera, OpencvCameraSettings
-from drivers.cameras.stream import FrameStream
 from drivers.cameras.v4l2.camera import open_camera as open_v4l2
 from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.errors import DeviceFault, LinkLost
 from drivers.interfaces import Frame, OpenContext
+from drivers.streams.stream import FrameStream
 from rig.engine.image_checks import ImageChecks
 from rig.protocol.images import Images
 from simulators.rig.camera import SPEC

@@ -13,10 +13,10 @@ import pytest
 from drivers.cameras.aravis.camera import AravisCamera, open_camera
 from drivers.cameras.aravis.find import vision_cameras
 from drivers.cameras.aravis.settings import AravisSettings
-from drivers.cameras.losses import LossKind
 from drivers.clock import SystemClock
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
+from drivers.streams.losses import LossKind
 
 CLOCK = SystemClock()
 RATE_HZ = 25.0
