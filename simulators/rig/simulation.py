@@ -9,7 +9,7 @@ from typing import Any
 from drivers.clock import SystemClock
 from drivers.interfaces import OpenContext, OperatorAction
 from simulators.rig.camera import SPEC as CAMERA_SPEC
-from simulators.rig.operator import SimulatedOperator, notice
+from simulators.rig.operator import Asked, SimulatedOperator, notice
 from simulators.rig.places import ServerAddresses, served
 from simulators.rig.rig_tables import RigTables
 from simulators.rig.scene_wire import SceneServer
@@ -135,8 +135,9 @@ class Simulation:
         self.rig.faults.switch_on(fault)
         self.log.write("fault", fault=fault.strip(), on=True)
 
-    def _on_action(self, action: OperatorAction, done: bool) -> None:
-        self.log.write("operator", action=action.name, done=done)
+    def _on_action(self, action: Asked, done: bool) -> None:
+        name = action.name if isinstance(action, OperatorAction) else "ASK"
+        self.log.write("operator", action=name, done=done)
         duration_s = self._tables.operator.duration_s
         self.say("simulated operator: done" if done else notice(action, duration_s))
 

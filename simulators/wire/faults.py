@@ -9,12 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 STAGE, NEWPORT, LOAD_FRAME, CAMERA = "stage", "newport", "load_frame", "camera"
-INTERLOCK, CLOSED_MACHINE = "interlock", "closed_machine"
+INTERLOCK, CLOSED_MACHINE, INSTRUMENT, MQTT = "interlock", "closed_machine", "instrument", "mqtt"
 MACHINES = (STAGE, NEWPORT, LOAD_FRAME)
-LINES = (*MACHINES, INTERLOCK, CLOSED_MACHINE)
+LINES = (*MACHINES, INTERLOCK, CLOSED_MACHINE, INSTRUMENT)
 DAQ = "daq"
 """A device that samples by its own clock. It is not in the virtual rig; the tests imitate its library."""
-DEVICES = (*LINES, CAMERA, DAQ)
+DEVICES = (*LINES, CAMERA, DAQ, MQTT)
 PICTURE = "picture"
 """Device name of faults in the pictures of all cameras, such as blur. Drivers cannot notice them."""
 
@@ -65,7 +65,7 @@ FAULTS = {
         Fault("corrupt", "the answer arrives damaged", (*LINES, CAMERA), counted=True),
         Fault("split", "the answer arrives in pieces", LINES, counted=True),
         Fault("delay", "the answer comes SECONDS later", DEVICES, "SECONDS", "0.02", True, 0, 3600),
-        Fault("duplicate", "the answer arrives twice", LINES, counted=True),
+        Fault("duplicate", "the answer arrives twice", (*LINES, MQTT), counted=True),
         Fault("late", "the answer arrives only after the next message", LINES, counted=True),
         Fault("stale", "the previous answer or frame comes again", (*LINES, CAMERA), counted=True),
         Fault(
