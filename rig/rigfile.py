@@ -20,10 +20,7 @@ from rig.notifying import NewsSettings
 from rig.recording import RecordingSettings
 
 TriggerEvent: TypeAlias = Literal["exposure", "start", "step", "end"]
-"""When an output line gives a pulse.
-
-At each image; at the start of the test, after the still images; when a step is on file; when the run ends.
-"""
+"""When an output line gives a pulse: at each image, when images begin, when a step is on file, at its end."""
 
 _Table = TypeVar("_Table", bound=Settings)
 

@@ -17,10 +17,10 @@ from rig.threads import DeviceThread, error_of_driver
 _READ_S = 0.25
 """Longest wait in s for a sample, before the thread looks whether it is to end."""
 _SILENCE_S, _SILENT_SAMPLES = 1.0, 10.0
-_HANG_S = 5.0
+HANG_S = 5.0
 """A call may take this time in s longer than the driver was told, before it counts as hanging."""
 _FIRST_S, _FIRST_UNRATED_S, _FIRST_SAMPLES = 5.0, 30.0, 3.0
-"""Longest wait in s for the first sample with a fixed rate and without; at least this many intervals."""
+"""Longest wait in s for the first sample, with and without a fixed rate, and least number of intervals."""
 _TOLD_S = 10.0
 """Shortest time in s between two sentences about lost samples."""
 ENDING_S = 2.0
@@ -38,6 +38,8 @@ class Sampler(DeviceThread):
     clock : Clock
     record : callable
         Called with all samples in their order, on the thread of the sampler.
+    hang_s : float
+        See `HANG_S`.
 
     Attributes
     ----------
@@ -48,15 +50,21 @@ class Sampler(DeviceThread):
     """
 
     def __init__(
-        self, name: str, device: ChannelDevice, clock: Clock, record: Callable[[TimedSamples], None]
+        self,
+        name: str,
+        device: ChannelDevice,
+        clock: Clock,
+        record: Callable[[TimedSamples], None],
+        hang_s: float = HANG_S,
     ) -> None:
         super().__init__(f"samples of {name}")
         self._device_name, self._device, self._clock = name, device, clock
-        self._record = record
+        self._record, self._hang_s = record, hang_s
         self._readings = Readings({signal.name: signal.delay_s for signal in device.signals})
         self.take = self._readings.take
         self._time_line = TimeLine(name)
-        self._silence_s = max(_SILENCE_S, _SILENT_SAMPLES / device.rate_hz) if device.rate_hz else np.inf
+        usual_s = max(_SILENCE_S, _SILENT_SAMPLES / device.rate_hz) if device.rate_hz else np.inf
+        self._silence_s: float = getattr(device, "silence_s", usual_s)
         self._heard_s = self._begun_s = clock.now_s()
         self._called_s = math.inf
         self._next: int | None = None
@@ -81,7 +89,9 @@ class Sampler(DeviceThread):
         if self.count:
             return True
         rate_hz, waited_s = self._device.rate_hz, self._clock.now_s() - self._begun_s
-        if waited_s > (max(_FIRST_S, _FIRST_SAMPLES / rate_hz) if rate_hz else _FIRST_UNRATED_S):
+        longest_s = max(_FIRST_S, _FIRST_SAMPLES / rate_hz) if rate_hz else _FIRST_UNRATED_S
+        # a device that may be silent for longer is waited for longer
+        if waited_s > max(longest_s, self._silence_s if self._silence_s < np.inf else 0.0):
             raise self._silence(waited_s)
         return False
 
@@ -136,7 +146,7 @@ class Sampler(DeviceThread):
     def _require_running(self) -> None:
         if self._error is not None:
             raise self._error
-        if self._clock.now_s() - self._called_s > _READ_S + _HANG_S:
+        if self._clock.now_s() - self._called_s > _READ_S + self._hang_s:
             raise DeviceTimeout(
                 self._device_name,
                 "read",

@@ -60,7 +60,7 @@ class AcquisitionRun:
     def take(self, step: ProtocolStep) -> RigReading:
         """Take all images of the acquisition that begins with `step`, and return the last reading."""
         acquisition, run = step.acquisition, self._run
-        assert acquisition is not None
+        assert isinstance(acquisition, Acquisition)
         self.timing = Timing(acquisition.interval_s, acquisition.schedule.lateness_max_s, acquisition.planned)
         shots = Shots(run, self._images, self.timing)
         dues = acquisition.dues()
@@ -69,6 +69,8 @@ class AcquisitionRun:
         try:
             shots.open()
             begun_s = self._wait_for_beginning(acquisition, shots)
+            if acquisition.first_is_reference:
+                run.pulses.give("start")
             reading = self._follow(step, dues, shots, begun_s)
             self._runs = False
             self._finish(step, shots)
@@ -107,7 +109,7 @@ class AcquisitionRun:
 
     def _follow(self, step: ProtocolStep, dues: Dues, shots: Shots, begun_s: float) -> RigReading:
         run, acquisition = self._run, step.acquisition
-        assert acquisition is not None
+        assert isinstance(acquisition, Acquisition)
         ends = acquisition.end_of_signals()
         dues.begin(begun_s)
         due_s: float | None = None
@@ -160,7 +162,7 @@ class AcquisitionRun:
 
     def _record_one(self, first: ProtocolStep, shot: Shot) -> None:
         acquisition = first.acquisition
-        assert acquisition is not None
+        assert isinstance(acquisition, Acquisition)
         middle_s = float(np.mean([frame.middle[0] for frame in shot.frames.values()]))
         number = self.timing.take(shot.due_s, middle_s)
         step = acquisition.step(first.index, number, middle_s - self.timing.first_s)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from dic.runfile.schema import RunStatus
 from drivers.errors import DeviceError
-from drivers.interfaces import Frame
+from drivers.interfaces import Frame, OperatorQuestion
 from rig.devices import Rig
 from rig.engine.acquisition import AcquisitionRun
 from rig.engine.announcements import Announcements
@@ -20,6 +20,7 @@ from rig.engine.look import look
 from rig.engine.measuring import begin_channels, end_channels, follow_channels
 from rig.engine.motion import RunMotion
 from rig.engine.preparation import Preparation
+from rig.engine.questions import Questions
 from rig.engine.safety import SafeState
 from rig.engine.settings import SettingsRecord
 from rig.engine.status import EngineStatus, News, Outcome, State
@@ -29,7 +30,6 @@ from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
 from rig.recorder.records import STEP_REACHED
 
-_BEFORE_TEST = ("grid", "reference", "static")
 KEPT_RECORDS = 1000
 """Number of the newest steps of an acquisition that the outcome of a run has."""
 
@@ -44,12 +44,14 @@ class Engine:
                           |            +---step---+
                           +--grid, reference------+
 
+        PREPARING, MOVING, IMAGING --pause--> PAUSED --go on--> the state before
+
         any of these --abort, exception--> SAFING --> ABORTED | FAILED
 
     In the state PREPARING, the engine brings the stage to 0 degrees, asks the operator to attach or remove
-    the grid, and zeroes the load frame. The state MOVING lasts until load, displacement or angle has settled.
-    The state IMAGING ends when the step is in the run file. In the state SAFING, the engine first holds the
-    load frame and stops the stage, and then closes the run file.
+    the grid, zeroes the load frame, or asks a question of the protocol. The state MOVING lasts until load,
+    displacement or angle has settled. The state IMAGING ends when the step is in the run file. In the state
+    SAFING, the engine first holds the load frame and stops the stage, and then closes the run file.
 
     Parameters
     ----------
@@ -111,7 +113,6 @@ class Engine:
         self.leaving_s = LEAVING_S
         self._earlier = dict(earlier or {})
         self._goes_on = bool(earlier)
-        self._started = False
         self._records: list[StepRecord] = []
         # An acquisition may have a million images, whose records are in the run file.
         self._acquired: deque[StepRecord] = deque(maxlen=KEPT_RECORDS)
@@ -123,6 +124,7 @@ class Engine:
         self._preparation = Preparation(self.context, self._motion)
         self._images = StepImages(self.context, self._motion)
         self._acquisition = AcquisitionRun(self.context, self._images, self._file)
+        self._questions = Questions(self.context, self._motion)
         self._settings = SettingsRecord(self.context)
         self._safe_state = SafeState(rig)
 
@@ -139,7 +141,17 @@ class Engine:
     @property
     def waiting_for_operator(self) -> bool:
         """True while the run waits for an answer from the operator."""
-        return self._preparation.asking
+        return self._preparation.asking or self.question is not None
+
+    @property
+    def question(self) -> OperatorQuestion | None:
+        """The question of the protocol that waits for its answer, or None."""
+        return self._questions.open
+
+    @property
+    def pause_requested(self) -> bool:
+        """True from the request of a pause until the run goes on."""
+        return self.context.pauses.switch.on
 
     def run(self) -> Outcome:
         """Execute the protocol and close the run file with the outcome.
@@ -155,6 +167,7 @@ class Engine:
         with self.context.clock.activity():
             try:
                 self._preparation.require_devices()
+                self._questions.require_operator()
                 begin_channels(self.context)
                 self._settings.at_start()
                 self.context.protocol.follow(self._execute)
@@ -196,10 +209,39 @@ class Engine:
         """
         return self._acquisition.request_end()
 
+    def pause(self, who: str, *, at_machine: bool = False) -> str:
+        """Request a pause without waiting. Any thread may call this method, also repeatedly.
+
+        The load frame holds and the stage stops at once, as for an abort, and the engine holds them again
+        when it sees the request. Images that are being taken are finished. `who` is recorded. Return why the
+        request is refused, or an empty text. A pause by a person `at_machine` ends only by such a person. An
+        abort ends every pause.
+        """
+        state = self.status.state
+        if state is State.IDLE or state.ending or self.context.abort_reason is not None:
+            return f"a run can be paused from its beginning until it ends; it is {state.value}"
+        self.context.pauses.switch.pause(who, at_machine=at_machine)
+        self._safe_state.command()
+        self.context.calls.interrupt()
+        return ""
+
+    def go_on(self, who: str, *, at_machine: bool = False) -> str:
+        """Let a paused run go on. Any thread may call this method.
+
+        Return why the request is refused, or an empty text.
+        """
+        return self.context.pauses.switch.go_on(who, at_machine=at_machine)
+
+    def answer(self, word: str, who: str) -> str:
+        """Answer the question of the protocol that waits for the operator. Any thread may call this method.
+
+        Return why the answer is refused, or an empty text.
+        """
+        return self._questions.answer(word, who)
+
     def _execute(self, step: ProtocolStep) -> RigReading:
         if step.acquisition is not None:
             self._enter(State.IMAGING, step)
-            self._give_start()
             return self._acquisition.take(step)
         if step.index < self._acquisition.next_index:
             # An acquisition takes as many images as its test needs, and not as many as were planned.
@@ -210,8 +252,11 @@ class Engine:
             return self._earlier[step.index]
         if self._goes_on or step.kind in ("grid", "reference"):
             self._prepare(step)
-        if step.kind not in _BEFORE_TEST:
-            self._give_start()
+        if step.kind == "reference":
+            self.context.pulses.give("start")
+        if step.question is not None:
+            self._enter(State.PREPARING, step)
+            return self._questions.ask(step, step.question)
         self._enter(State.MOVING, step)
         frames: Frames | None = None
         for reading in self._motion.moments(step):
@@ -223,12 +268,6 @@ class Engine:
         elif not step.images:
             self.context.mark(f"{STEP_REACHED} {step.index}")
         return replace(self._motion.reading, ends_phase=self.context.phase_ended)
-
-    def _give_start(self) -> None:
-        """Give the pulses at the start of the test, once."""
-        if not self._started:
-            self._started = True
-            self.context.pulses.give("start")
 
     def _leave_out(self, step: ProtocolStep) -> RigReading:
         reading = self.context.read()
@@ -317,5 +356,6 @@ class Engine:
             run.recorder.failure is None,
             at_end,
             self._acquisition.timing if self._acquisition.timing.asked else None,
+            run.pauses.totals,
             {name: lost for name, (_, lost) in run.channels.counts.items() if lost},
         )

@@ -46,6 +46,7 @@ class StepImages:
         this step, and `BadImage` if an image violates a limit and `images.on_bad_image` is "stop".
         """
         taken = dict(frames)
+        self._run.pulses.give("exposure")
         for name, frame in self._take_in_spite_of_losses(step, reading).items():
             row = record_frame(self._run, name, frame)
             first, count = taken.get(name, (row, 0))
@@ -70,7 +71,6 @@ class StepImages:
         """Take one image with each camera, all within the time `skew_max_s`."""
         found = ""
         for _ in range(self._settings.attempts):
-            self._run.pulses.give("exposure")
             frames = self._take_one_each(step, settled)
             exposed_s = [frame.exposed_s for frame in frames.values()]
             skew_s = max(exposed_s, default=0.0) - min(exposed_s, default=0.0)

@@ -19,6 +19,7 @@ class State(Enum):
     PREPARING = "preparing"
     MOVING = "moving"
     IMAGING = "imaging"
+    PAUSED = "paused"
     SAFING = "making safe"
     COMPLETED = "completed"
     ABORTED = "aborted"
@@ -76,6 +77,20 @@ class AtRest:
 
 
 @dataclass(frozen=True)
+class PauseTotals:
+    """The pauses of a run: their number, their whole duration in s, and the steps that they touched.
+
+    The images of a `late` step were taken when the run went on. Those of a `missed` step were not taken,
+    because the next images of the same hold were due as well.
+    """
+
+    count: int = 0
+    duration_s: float = 0.0
+    late_steps: int = 0
+    missed_steps: int = 0
+
+
+@dataclass(frozen=True)
 class LogEntry:
     """One event of the engine, as in the run file. `time_s` is in seconds on the rig's clock."""
 
@@ -112,6 +127,8 @@ class Outcome:
         The readings of load frame and stage after the end of the run.
     timing : Timing or None
         How well the images of an acquisition kept their times; None without timed images.
+    pauses : PauseTotals
+        The pauses of the run, and the steps whose images fell into them.
     lost_samples : dict of str to int
         Number of lost samples of each channel device that has lost some.
     """
@@ -126,6 +143,7 @@ class Outcome:
     recorded: bool = True
     at_end: AtRest = field(default_factory=AtRest)
     timing: Timing | None = None
+    pauses: PauseTotals = PauseTotals()
     lost_samples: Mapping[str, int] = field(default_factory=dict)
 
     @property

@@ -10,7 +10,6 @@ import pytest
 from drivers.clock import SystemClock, VirtualClock
 from drivers.errors import DeviceTimeout
 from drivers.signals import Samples, Signal
-from rig.channels import sampler
 from rig.channels.run_channels import RunChannels
 from tests.rig.channels.fake_box import BOX, FORCE, FakeBox
 from tests.rig.engine.test_acquisition import BARE, SHORTEST, beside, steps, with_tables
@@ -148,11 +147,9 @@ class Hanging:
         pass
 
 
-def test_a_call_that_hangs_is_seen_also_without_a_fixed_rate_and_at_the_end(monkeypatch):
-    monkeypatch.setattr(sampler, "_HANG_S", 0.1)
-    monkeypatch.setattr(sampler, "ENDING_S", 0.1)
+def test_a_call_that_hangs_is_seen_also_without_a_fixed_rate_and_at_the_end():
     over, clock = threading.Event(), SystemClock()
-    channels = RunChannels({"box": Hanging(over)}, clock)
+    channels = RunChannels({"box": Hanging(over)}, clock, hang_s=0.1)
     channels.begin()
     try:
         with pytest.raises(DeviceTimeout, match=r"^channels\.box: read: .* the call hangs"):
@@ -162,8 +159,7 @@ def test_a_call_that_hangs_is_seen_also_without_a_fixed_rate_and_at_the_end(monk
         over.set()
 
 
-def test_a_device_whose_driver_hangs_at_the_end_is_not_closed(tmp_path, monkeypatch):
-    monkeypatch.setattr(sampler, "ENDING_S", 0.1)
+def test_a_device_whose_driver_hangs_at_the_end_is_not_closed(tmp_path):
     over = threading.Event()
     rig = beside(tmp_path)
 
