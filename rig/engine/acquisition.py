@@ -171,18 +171,21 @@ class AcquisitionRun:
             findings = self._images.judge(step, shot.frames)
         except BadImage:
             # The run ends, but nothing else shows this moment.
-            self._record_frames(shot)
+            self._record_frames(shot, None)
             raise
         for device, sentence in findings.items():
             self._warnings.warn(device, f"{device}: {step}: {sentence}")
-        frames = self._record_frames(shot)
+        # The reference stays, because every later image is compared with it.
+        frames = self._record_frames(shot, None if step.kind == "reference" else acquisition.schedule.keep_s)
         # Drop the samples, which are in the tables of the channels, so that many steps need little memory.
         reading = replace(shot.reading, time_s=middle_s, signals={})
         self._written.add(StepRecord(step, reading, frames, shot.due_s))
 
-    def _record_frames(self, shot: Shot) -> Frames:
+    def _record_frames(self, shot: Shot, keep_s: float | None) -> Frames:
         self._images.newest |= shot.frames
-        return {name: (record_frame(self._run, name, frame), 1) for name, frame in shot.frames.items()}
+        return {
+            name: (record_frame(self._run, name, frame, keep_s), 1) for name, frame in shot.frames.items()
+        }
 
     def _publish(self, waits_for: str = "") -> None:
         now = self.timing.now(waits_for, on_request=self._asked is not None)

@@ -89,6 +89,12 @@ class Schedule(Settings):
     trigger: Level | None = Field(default=None, description="an image at each rise above, or fall below")
     on_request: Literal[True] | None = Field(default=None, description="an image when the operator asks")
     begin: Level | None = Field(default=None, description="wait for this before the first image")
+    keep_s: float | None = Field(
+        default=None,
+        ge=1.0,
+        le=_SECONDS_MAX,
+        description="only the images of the last seconds stay in the file",
+    )
     tolerance_s: float | None = Field(
         default=None, gt=0.0, le=3600.0, description="an image that is later makes the run end with status 1"
     )

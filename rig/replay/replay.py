@@ -184,11 +184,11 @@ class _ReplayRecorder(Recorder):
         self._counts = {name: iter(counts) for name, counts in script.readings_before.items()}
         self._readings = readings
 
-    def frame(self, camera: str, frame: Frame) -> int:
+    def frame(self, camera: str, frame: Frame, keep_s: float | None = None) -> int:
         """Append one image, after the engine has taken the readings that the record has before this image."""
         self._catch_up(camera)
         self._replayed[camera].recorded += 1
-        return super().frame(camera, frame)
+        return super().frame(camera, frame, keep_s)
 
     def event(self, time_s: float, level: schema.Level, source: str, message: str) -> None:
         """Append an event, after the engine has taken the readings that the record has before this event."""
