@@ -149,6 +149,8 @@ def run(
         if outcome.timing is not None:
             for sentence in outcome.timing.sentences():
                 say(f"rig: {sentence}", err=True)
+        for name, lost in outcome.lost_samples.items():
+            say(f"rig: channels.{name}: {lost} samples were lost", err=True)
         good, recorded = outcome.is_good, outcome.recorded
         table = _run_dict(run_path, outcome) | {"limits": made.limits.table.rows()}
         _finish(lines, table, json_path, good=good, done=recorded)
@@ -249,7 +251,10 @@ def verify(run_file: Path, json_path: Path | None, force: bool) -> None:
 
     require_places([run_file], [json_path], force=force)
     found = verify_run(run_file)
-    lines = [f"{found.path}: {found.status}, {found.steps} of {found.planned} planned steps"]
+    of_all = "" if found.planned is None else f" of {found.planned} planned"
+    lines = [f"{found.path}: {found.status}, {found.steps + found.overwritten}{of_all} steps"]
+    if found.overwritten:
+        lines += [f"the images of the newest {found.steps} steps are kept, as the protocol asks for"]
     lines += [
         f"{name}: {camera.valid} images, {camera.in_steps} in finished steps, {len(camera.damaged)} damaged"
         for name, camera in found.cameras.items()
@@ -257,6 +262,10 @@ def verify(run_file: Path, json_path: Path | None, force: bool) -> None:
     lines += [
         f"interlock {name}: {interlock.readings} readings, {interlock.outside} outside its range"
         for name, interlock in found.interlocks.items()
+    ]
+    lines += [
+        f"channels.{name}: {channel.samples} samples, {channel.lost} lost, {channel.outside} out of range"
+        for name, channel in found.channels.items()
     ]
     lines += [f"digest: {found.digest}"]
     lines += [f"not good: {problem}" for problem in found.problems]
@@ -371,6 +380,7 @@ def _run_dict(run_path: Path, outcome: "Outcome") -> dict[str, Any]:
         "run_file": str(run_path),
         "status": outcome.status,
         "timing": None if outcome.timing is None else outcome.timing.as_dict(),
+        "lost_samples": dict(outcome.lost_samples),
         "reason": outcome.reason,
         "unsafe": list(outcome.unsafe),
         "lost_devices": list(outcome.lost_devices),
