@@ -118,6 +118,20 @@ class Schedule(Settings):
         return [table.signal for table in (self.increment, self.trigger, self.begin) if table is not None]
 
     @property
+    def text(self) -> str:
+        """When images are due, in words."""
+        if self.every_s is not None:
+            return f"every {self.every_s:g} s"
+        if self.times_s is not None:
+            return f"at {len(self.times_s)} times from {self.times_s[0]:g} s to {self.times_s[-1]:g} s"
+        if self.logarithmic is not None:
+            log = self.logarithmic
+            return f"at times that grow tenfold in {log.per_decade} images, from {log.first_s:g} s"
+        if self.increment is not None:
+            return f"at each change of {self.increment.channel} by {self.increment.by:g}"
+        return "whenever the operator asks" if self.trigger is None else f"each time {self.trigger} begins"
+
+    @property
     def lateness_max_s(self) -> float:
         """The longest accepted time between the due time of an image and the middle of its exposure."""
         if self.tolerance_s is not None:
@@ -180,6 +194,19 @@ class End(Settings):
     def signals(self) -> list[str]:
         """The signals that the table names."""
         return [table.signal for table in (self.reaches, self.drop) if table is not None]
+
+    @property
+    def text(self) -> str:
+        """What ends the images, in words."""
+        drop = self.drop
+        ends = [
+            "" if self.duration_s is None else f"{self.duration_s:g} s are over",
+            "" if self.images is None else f"{self.images} images were asked for",
+            "" if self.reaches is None else f"{self.reaches} is reached",
+            "" if drop is None else f"{drop.channel} falls by {drop.fraction:.0%}",
+            "the operator ends them",
+        ]
+        return " or ".join(filter(None, ends))
 
 
 class EndOfSignals:
