@@ -45,6 +45,9 @@ class RunContext:
         The event that ends the present phase, as described for `ProtocolStep`.
     phase_ended : bool
         True if this event has happened during the present step.
+    observers : list of callable
+        Functions that are called with every reading, whichever wait has taken it. A reading has the samples
+        of the channels since the one before, so who looks for an event of a channel must see all readings.
     abort_reason : str or None
         The reason for which the end of the run was requested.
     """
@@ -73,6 +76,7 @@ class RunContext:
         self.may_move = True
         self.event: PhaseEvent | None = None
         self.phase_ended = False
+        self.observers: list[Callable[[RigReading], None]] = []
         self.abort_reason: str | None = None
         self._on_progress = on_progress
 
@@ -89,6 +93,8 @@ class RunContext:
         """
         self.check_abort()
         reading = self.monitor.read(self.place)
+        for observe in self.observers:
+            observe(reading)
         for sentence in self.channels.new_losses():
             self.log("warning", sentence)
         self.news.publish(reading=reading)
