@@ -234,11 +234,12 @@ class GentlBench(NumberedBench):
         super().__init__()
         self.camera = FaultyDevice(self.clock, self.faults)
         self._producers: list[fake_gentl.FakeProducer] = []
+        self.stamp = "arrival"
 
     def opened(self, context: OpenContext) -> Any:
         """Return the driver, opened."""
         self._producers.append(fake_gentl.FakeProducer(self.camera))
-        return fake_gentl.opened(self._producers[-1], context, format="Mono16")
+        return fake_gentl.opened(self._producers[-1], context, format="Mono16", stamp=self.stamp)
 
     def begun_s(self, level: int) -> float:
         """Return the true start of exposure of the picture with the grey level `level`."""
@@ -283,7 +284,15 @@ class AravisStreamBench(StreamBench, AravisBench):
 
 
 class GentlStreamBench(StreamBench, GentlBench):
-    """The driver `gentl` with a stream."""
+    """The driver `gentl` with a stream, whose frames carry time stamps of the camera.
+
+    Without stamps, nothing could tell frames that arrive late for ever from a frame that was lost.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.camera.values |= fake_gentl.CLOCK
+        self.stamp = "start"
 
 
 class SimulatedCameraBench(CameraBench):

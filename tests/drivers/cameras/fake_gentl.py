@@ -18,6 +18,8 @@ from drivers.interfaces import OpenContext
 
 WIDTH, HEIGHT, INTERVAL_S = 32, 16, 1 / 32
 EXPOSURE_S, TRANSFER_S = 0.005, 0.002
+CLOCK = {"TimestampLatch": "", "TimestampLatchValue": 0}
+"""The features of a camera whose clock can be read."""
 
 
 class FakeDevice:
