@@ -108,7 +108,7 @@ def run(
     from rig import NewsOptions, plan_protocol, run_protocol
     from rig.commands.at_rest import at_rest_line
     from rig.commands.continuing import next_segment, say_where_it_stands
-    from rig.commands.progress import run_screen
+    from rig.commands.progress import pause_lines, run_screen
 
     run_path = output or (Path(f"{protocol.stem}.h5") if continues is None else next_segment(continues))
     inputs = [protocol, rig_path, run_path, *([] if continues is None else [continues])]
@@ -143,7 +143,7 @@ def run(
         whole = outcome.recorded and run_path.is_file()
         place = f"in {run_path}" if whole else "were finished; the reason above says where their data are"
         done = f"{outcome.status}: {outcome.steps_done} steps {place}"
-        lines = [done, at_rest_line(outcome.at_end)]
+        lines = [done, *pause_lines(outcome.pauses), at_rest_line(outcome.at_end)]
         for sentence in filter(None, (outcome.reason, *outcome.lost_devices, *outcome.lost_listeners)):
             say(f"rig: {sentence}", err=True)
         good, recorded = outcome.status == "completed", outcome.recorded
@@ -372,6 +372,7 @@ def _run_dict(run_path: Path, outcome: "Outcome") -> dict[str, Any]:
         "lost_devices": list(outcome.lost_devices),
         "lost_listeners": list(outcome.lost_listeners),
         "at_end": at_rest_dict(outcome.at_end),
+        "pauses": vars(outcome.pauses),
         "steps": steps,
     }
 

@@ -121,10 +121,11 @@ class Pauses:
         run.watch.begin(step)
         run.watch.expect(step.load_drop)
         run.news.publish(state=State.PAUSED)
+        self._count(count=1)
         reading, by = self._wait()
         paused_s = reading.time_s - begun.time_s
         self.ended_s = reading.time_s
-        self._count(count=1, duration_s=paused_s)
+        self._count(duration_s=paused_s)
         run.log("info", f"{GOES_ON} by {by} after {paused_s:.1f} s")
         run.news.publish(state=state)
         run.event = event
