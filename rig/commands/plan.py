@@ -27,7 +27,8 @@ def plan_lines(plan: Plan) -> list[str]:
     )
     if not math.isnan(plan.worst_load_n):
         lines.append(
-            f"worst load {plan.worst_load_n:g} N, worst displacement {plan.worst_displacement_mm:g} mm: "
+            f"worst load {_both_ways(plan.least_load_n, plan.worst_load_n)} N, worst displacement "
+            f"{_both_ways(plan.least_displacement_mm, plan.worst_displacement_mm)} mm: "
             "the limits of the protocol"
             + (", as the specimen decides how many increments it takes to yield" if at_most else "")
         )
@@ -88,6 +89,8 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
         "size_bytes": plan.size_bytes,
         "worst_load_n": _known(plan.worst_load_n),
         "worst_displacement_mm": _known(plan.worst_displacement_mm),
+        "least_load_n": plan.least_load_n,
+        "least_displacement_mm": plan.least_displacement_mm,
         "limits": plan.limits.table.rows(),
         "mounting": plan.mounting.model_dump(),
         "objections": plan.objections,
@@ -111,3 +114,8 @@ def _format_s(duration_s: float | None) -> str:
 
 def _known(value: float) -> float | None:
     return None if math.isnan(value) else value
+
+
+def _both_ways(least: float | None, greatest: float) -> str:
+    """Return the limit in tension, or those in compression and tension."""
+    return f"{greatest:g}" if least is None else f"{least:g} to {greatest:g}"
