@@ -6,7 +6,7 @@ from pathlib import Path
 
 from dic.correlation.settings import CorrelationSettings
 from dic.pipeline.result import CameraResult
-from dic.report.numbers import date, fixed
+from dic.report.numbers import date, direction_text, fixed
 from dic.report.series import Run
 from dic.strain.measurement import Measurement
 from dic.strain.measures import MEASURES
@@ -85,6 +85,7 @@ def settings_rows(run: Run) -> list[tuple[str, str]]:
             "Gauge section",
             f"{info.width_mm:g} mm wide, {info.thickness_mm:g} mm thick, {info.gauge_length_mm:g} mm long",
         ),
+        *([] if info.direction_deg is None else [("Direction", direction_text(info.direction_deg))]),
         *correlation_rows(settings),
         (
             "Convergence",

@@ -89,6 +89,9 @@ ENTRY = GroupLayout(
     ),
     ("simulated",),
 )
+DIRECTION = Item("direction_deg", "float64", "deg")
+"""Angle between the load and the rolling direction; NaN if it was not declared, and files of earlier versions
+lack it."""
 SAMPLE = GroupLayout(
     "NXsample",
     (
@@ -96,6 +99,7 @@ SAMPLE = GroupLayout(
         Item("thickness_mm", "float64", "mm"),
         Item("width_mm", "float64", "mm"),
         Item("gauge_length_mm", "float64", "mm"),
+        DIRECTION,
     ),
 )
 TARGET = (Item("target", "S16"), Item("marker_mm", "float64", "mm"), Item("dictionary", "S"))
@@ -195,6 +199,7 @@ LATER: frozenset[Item] = frozenset(
         DIGEST,
         ORDER,
         FIXED_FACE,
+        DIRECTION,
         *TARGET,
         *MAKING,
         *STAGE_FLAGS,

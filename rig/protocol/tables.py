@@ -17,6 +17,9 @@ class Sample(Settings):
     thickness_mm: float = Field(gt=0.0)
     width_mm: float = Field(gt=0.0)
     gauge_length_mm: float = Field(gt=0.0)
+    direction_deg: float | None = Field(
+        default=None, ge=0.0, lt=180.0, description="angle between the load and the rolling direction"
+    )
 
 
 class Settle(Settings):
