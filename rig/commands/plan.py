@@ -22,8 +22,8 @@ def plan_lines(plan: Plan) -> list[str]:
     lines += shown
     at_most = " at most" if any(planned.step.conditional for planned in plan.steps) else ""
     lines.append(
-        f"{len(plan.steps)} steps{at_most}, about {_format_s(plan.duration_s)} without the operator's time; "
-        + _format_images(plan)
+        f"{len(plan.steps)} steps{at_most}, about {format_s(plan.duration_s)} without the operator's time; "
+        + images_text(plan)
     )
     if not math.isnan(plan.worst_load_n):
         lines.append(
@@ -61,7 +61,7 @@ def _step_line(planned: PlannedStep) -> str:
         "" if step.question is None else f'asks "{step.question.text}", word {step.question.word}',
     ]
     note = ", ".join(filter(None, notes))
-    about = _format_s(planned.duration_s)
+    about = format_s(planned.duration_s)
     return f"{step.index:4d}  {step.kind:<12}  {target:<10}  {about:>8}  {note}".rstrip()
 
 
@@ -98,7 +98,8 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
     }
 
 
-def _format_images(plan: Plan) -> str:
+def images_text(plan: Plan) -> str:
+    """Return the number and the size of a plan's images as text."""
     if plan.images is None:
         return "images: as the rig has cameras"
     size = plan.size_bytes
@@ -106,7 +107,8 @@ def _format_images(plan: Plan) -> str:
     return f"{plan.images} images, {shown}"
 
 
-def _format_s(duration_s: float | None) -> str:
+def format_s(duration_s: float | None) -> str:
+    """Return a duration as text, in s or minutes."""
     if duration_s is None:
         return "unknown"
     return f"{duration_s:.1f} s" if duration_s < 120.0 else f"{duration_s / 60.0:.1f} min"
