@@ -101,8 +101,8 @@ def require_places_of(queue: Queue) -> None:
         raise RigError("the queue", "runs within the limits of the rig", got, "; ".join(queue.objections))
     needed: dict[Path, int] = {}
     for job, plan in zip(queue.jobs, queue.plans, strict=True):
-        for path in {job.output, job.own_protocol} - {job.protocol}:
-            if path.exists():
+        for path in (job.output, job.own_protocol):
+            if path != job.protocol and path.exists() and not _has_text(path, job.changed):
                 remedy = "move it away, name another folder with -o, or begin with a later run with --from"
                 raise RigError(f"run {job.number}", f"a new file {path}", "one that exists", remedy)
         try:
@@ -172,6 +172,11 @@ def ask_operator(job: QueueJob, tell: Callable[[str], None]) -> None:
         with suppress(DeviceError):
             if hasattr(operator, "close"):
                 operator.close()
+
+
+def _has_text(path: Path, text: str) -> bool:
+    """Return True if a file is the protocol that an earlier try of the same run has left."""
+    return bool(text) and path.suffix == ".toml" and path.read_bytes() == text.encode()
 
 
 @contextmanager

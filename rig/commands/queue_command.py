@@ -65,7 +65,7 @@ def queue(
 
     def run(job: "QueueJob") -> "Outcome":
         with ExitStack() as ending:
-            outcome = run_on_screen(job.own_protocol, job.rig, job.output, ending, notify=notify, http=http)
+            outcome = run_on_screen(job.own_protocol, job.rig, job.output, ending)
             for line in end_lines(job.output, outcome):
                 say(line)
         return outcome
