@@ -23,6 +23,7 @@ from drivers.interfaces import (
     StageState,
 )
 from drivers.registry import DeviceKind
+from drivers.signals import Samples
 
 _TICK_S = 1e-6
 """A smaller difference between two times, in s, is a rounding error."""
@@ -31,6 +32,7 @@ _STATES: dict[DeviceKind, type] = {
     "stage": StageState,
     "interlock": InterlockState,
 }
+_DESCRIBED = (*_STATES, "channels", "trigger")
 _UNLIKE = "mend the driver, which does not return what its interface declares"
 _WORDS: dict[Any, str] = {
     float: "a number",
@@ -52,12 +54,14 @@ def checked(kind: DeviceKind, name: str, device: Any, clock: Clock) -> Any:
     """
     if kind in _STATES:
         return _CheckedReadings(name, device, clock, _STATES[kind])
+    if kind == "channels":
+        return _CheckedSamples(name, device, clock)
     return _CheckedImages(name, device, clock) if kind == "camera" else device
 
 
 def require_identity(kind: DeviceKind, name: str, device: Any) -> None:
     """Raise `DeviceFault` if a driver opened no device, or one without its description in `info`."""
-    expected = CameraInfo if kind == "camera" else DeviceInfo if kind in _STATES else None
+    expected = CameraInfo if kind == "camera" else DeviceInfo if kind in _DESCRIBED else None
     info = getattr(device, "info", None)
     if expected is not None and not isinstance(info, expected):
         got = _shown(device) if device is None else f"one whose info is {_shown(info)}"
@@ -121,6 +125,29 @@ class _CheckedImages(_Checked):
             expected = "an image received until now"
             raise DeviceFault(self._name, "grab", expected, f"one received {got}", _UNKNOWN_TIMES)
         return frame
+
+
+class _CheckedSamples(_Checked):
+    def read(self, timeout_s: float) -> Samples:
+        """Return the samples. Raise `DeviceFault` if they are none, or their times are impossible."""
+        samples = self._device.read(timeout_s)
+        now_s = self._clock.now_s()
+        if not isinstance(samples, Samples):
+            raise DeviceFault(self._name, "read", "Samples", _shown(samples), _UNLIKE)
+        count, signals = len(samples.values), len(self._device.signals)
+        if count == 0 or samples.values.shape != (count, signals):
+            got = f"values of the shape {samples.values.shape}"
+            raise DeviceFault(self._name, "read", f"values of {signals} signals", got, _UNLIKE)
+        if got := _wrong_time(samples.received_s, max(samples.asked_s, -math.inf), now_s):
+            raise DeviceFault(self._name, "read", "samples received until now", f"some {got}", _UNKNOWN_TIMES)
+        device_s = samples.device_s
+        alone = device_s is None and count == 1 and math.isfinite(samples.asked_s)
+        if not alone and (
+            device_s is None or device_s.shape != (count,) or not (np.diff(device_s) > 0.0).all()
+        ):
+            expected = "a time for each sample, later than the one before"
+            raise DeviceFault(self._name, "read", expected, "others", _UNKNOWN_TIMES)
+        return samples
 
 
 @cache

@@ -117,7 +117,7 @@ def run(
         outcome = run_on_screen(protocol, rig_path, run_path, ending, **options)
         lines = end_lines(run_path, outcome)
         table = run_dict(run_path, outcome) | {"limits": made.limits.table.rows()}
-        good, recorded = outcome.status == "completed", outcome.recorded
+        good, recorded = outcome.is_good, outcome.recorded
         _finish(lines, table, json_path, good=good, done=recorded)
 
 

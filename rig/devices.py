@@ -18,10 +18,11 @@ from drivers.interfaces import (
     Operator,
     RotationStage,
 )
+from drivers.signals import ChannelDevice, TriggerOutput
 from rig.answers import checked, require_identity
 from rig.errors import InterlockOpen
 from rig.limit_settings import RigLimits
-from rig.rigfile import CALL_TIMEOUT_S, DeviceEntry, RigFile
+from rig.rigfile import CALL_TIMEOUT_S, DeviceEntry, RigFile, TriggerEvent
 from rig.threads import Bounded
 
 OPENING_S = 60.0
@@ -67,6 +68,14 @@ class OpenedInterlock:
 
 
 @dataclass(frozen=True)
+class OpenedTrigger:
+    """An opened output line, with the event of a run at which it gives a pulse."""
+
+    device: TriggerOutput
+    at: TriggerEvent
+
+
+@dataclass(frozen=True)
 class Rig:
     """The opened devices of a rig, with the cameras by name. A missing stage or load frame is None.
 
@@ -82,6 +91,12 @@ class Rig:
     limits : RigLimits
         The table [limits] of the rig file.
     interlocks : dict of str to OpenedInterlock
+    channels : dict of str to ChannelDevice
+        The channel devices.
+    measured : dict of str to str
+        The signals that are the load and the displacement of a load frame that is only read, by quantity.
+    triggers : dict of str to OpenedTrigger
+        The output lines.
     """
 
     clock: Clock
@@ -95,6 +110,9 @@ class Rig:
     reopen: Mapping[str, Callable[[], Camera]] = field(default_factory=dict)
     limits: RigLimits = field(default_factory=RigLimits)
     interlocks: Mapping[str, OpenedInterlock] = field(default_factory=dict)
+    channels: Mapping[str, ChannelDevice] = field(default_factory=dict)
+    measured: Mapping[str, str] = field(default_factory=dict)
+    triggers: Mapping[str, OpenedTrigger] = field(default_factory=dict)
 
     @property
     def lost_devices(self) -> tuple[str, ...]:
@@ -110,6 +128,7 @@ class Rig:
         infos: list[DeviceInfo] = [camera.info for camera in self.cameras.values()]
         infos += [device.info for device in (self.stage, self.load_frame) if device is not None]
         infos += [interlock.device.info for interlock in self.interlocks.values()]
+        infos += [device.info for device in self.channels.values()]
         return self.virtual or any(info.simulated for info in infos)
 
 
@@ -156,6 +175,17 @@ def open_rig(
             for name, each in rig_file.interlocks.items()
             if (device := opener.open(each.device)) is not None
         }
+        channels = {
+            name: device
+            for name, entry in rig_file.channels.items()
+            if (device := opener.open(entry)) is not None
+        }
+        triggers = {
+            name: OpenedTrigger(device, each.at)
+            for name, each in rig_file.triggers.items()
+            if (device := opener.open(each.device)) is not None
+        }
+        measured = rig_file.measured_load
         yield Rig(
             clock=opener.clock,
             operator=operator,
@@ -168,6 +198,9 @@ def open_rig(
             reopen={name: partial(opener.reopen, entry) for name, entry in rig_file.cameras.items()},
             limits=rig_file.limits,
             interlocks=interlocks,
+            channels=channels,
+            measured={} if measured is None else measured.signals,
+            triggers=triggers,
         )
 
 

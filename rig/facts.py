@@ -24,11 +24,12 @@ class RigFacts:
     """Limits and image sizes of a rig, for the check of a plan. None means that a value is unknown.
 
     `image_bytes` is the total size of one image from each camera. `interlocks` are the allowed ranges of all
-    interlocks.
+    interlocks. `signals` are the names of all measured channels.
     """
 
     has_stage: bool | None = None
     has_load_frame: bool | None = None
+    has_measured_load: bool = False
     cameras: int | None = None
     image_bytes: int | None = None
     load_min_n: float | None = None
@@ -41,6 +42,7 @@ class RigFacts:
     angle_max_deg: float | None = None
     speed_deg_s: float | None = None
     interlocks: tuple[AllowedRange, ...] = ()
+    signals: frozenset[str] | None = None
 
 
 UNKNOWN_RIG = RigFacts()
@@ -67,12 +69,14 @@ def facts_of_file(rig_file: RigFile) -> RigFacts:
     return RigFacts(
         has_stage=rig_file.stage is not None,
         has_load_frame=rig_file.load_frame is not None,
+        has_measured_load=rig_file.measured_load is not None,
         cameras=len(sizes),
         image_bytes=None if any(None in size for size in sizes) else sum(_bytes(*size) for size in sizes),
         interlocks=tuple(
             AllowedRange(name, each.device.setting("quantity") or "", each.allowed_min, each.allowed_max)
             for name, each in rig_file.interlocks.items()
         ),
+        signals=frozenset(rig_file.signals),
         **facts,
     )
 
@@ -124,6 +128,15 @@ def objections(protocol: Protocol, facts: RigFacts) -> list[str]:
         f"a {protocol.kind} protocol needs a [{device}] in the rig file; add it, or take another rig"
         for device in sorted(conditions.devices)
         if getattr(facts, f"has_{device}") is False
+    ]
+    if facts.has_load_frame is False and facts.has_measured_load and "load_frame" in conditions.devices:
+        missing = [
+            f"a {protocol.kind} protocol moves the load frame, and that of this rig is only read; use a "
+            'protocol of the kind "acquire", or a rig whose [load_frame] has a driver'
+        ]
+    missing += [
+        f"the protocol needs channels.{name}; add it to the rig file, or name another signal"
+        for name in sorted(conditions.signals - facts.signals if facts.signals is not None else ())
     ]
     if missing:
         return missing

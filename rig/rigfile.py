@@ -1,19 +1,26 @@
 """Read the rig file, which gives the driver and the settings of each device."""
 
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, Literal, Self, TypeAlias, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
 from drivers.errors import ConfigurationError
 from drivers.registry import DeviceKind, DriverSpec, find_driver
 from drivers.settings import Settings, mistakes_in, read_toml_text
+from drivers.signals import Signal
 from rig.guarding import GuardianSettings
 from rig.limit_settings import RigLimits
+from rig.measured_load import MeasuredLoad
 from rig.mounting import Mounting
 from rig.notifying import NewsSettings
 from rig.recording import RecordingSettings
+
+TriggerEvent: TypeAlias = Literal["exposure", "start", "step", "end"]
+"""When an output line gives a pulse: at each image, when images begin, when a step is on file, at its end."""
 
 _Table = TypeVar("_Table", bound=Settings)
 
@@ -53,6 +60,14 @@ class InterlockEntry:
 
 
 @dataclass(frozen=True)
+class TriggerEntry:
+    """An output line in the rig file: the device, and the event of a run at which it gives a pulse."""
+
+    device: DeviceEntry
+    at: TriggerEvent
+
+
+@dataclass(frozen=True)
 class RigFile:
     """The checked content of a rig file.
 
@@ -78,6 +93,12 @@ class RigFile:
     interlocks : dict of str to InterlockEntry
     news : NewsSettings
     mounting : Mounting
+    channels : dict of str to DeviceEntry
+        The channel devices in the order of the file.
+    measured_load : MeasuredLoad or None
+        The signals of a load frame that is only read. Then `load_frame` is None.
+    triggers : dict of str to TriggerEntry
+        The output lines.
     """
 
     path: Path
@@ -96,6 +117,14 @@ class RigFile:
     interlocks: dict[str, "InterlockEntry"] = field(default_factory=dict)
     news: NewsSettings = field(default_factory=NewsSettings)
     mounting: Mounting = field(default_factory=Mounting)
+    channels: dict[str, DeviceEntry] = field(default_factory=dict)
+    measured_load: MeasuredLoad | None = None
+    triggers: dict[str, TriggerEntry] = field(default_factory=dict)
+
+    @property
+    def signals(self) -> dict[str, Signal]:
+        """All signals of the rig, by their names."""
+        return _signals(self.channels)
 
 
 class _RigTable(Settings):
@@ -126,11 +155,21 @@ def read_rig(path: str | Path) -> RigFile:
     limits = _read_table("limits", RigLimits, data, mistakes)
     news = _read_table("news", NewsSettings, data, mistakes)
     mounting = _read_table("mounting", Mounting, data, mistakes)
+    measured = None
+    tables = dict(data)
+    if isinstance(frame := data.get("load_frame"), dict) and "driver" not in frame and "load" in frame:
+        measured = _read_table("load_frame", MeasuredLoad, data, mistakes)
+        del tables["load_frame"]
     devices = {
-        key: _read_device(key, data[key], kind, mistakes) for key, kind in _SINGLE.items() if key in data
+        key: _read_device(key, tables[key], kind, mistakes) for key, kind in _SINGLE.items() if key in tables
     }
+    channels = _read_named("channels", "channels", data.get("channels", {}), mistakes)
+    mistakes += _mistakes_of_signals(channels)
+    if measured is not None:
+        mistakes += measured.mistakes(_signals(channels))
     cameras = _read_cameras(data.get("cameras"), mistakes)
     interlocks = _read_interlocks(data.get("interlocks", {}), mistakes)
+    triggers = _read_triggers(data.get("triggers", {}), mistakes)
     operator = devices.get("operator")
     if "operator" not in data:
         mistakes.append('operator: is missing; add it, such as [operator] with driver = "console-operator"')
@@ -153,10 +192,14 @@ def read_rig(path: str | Path) -> RigFile:
         interlocks=interlocks,
         news=news or NewsSettings(),
         mounting=mounting or Mounting(),
+        channels=channels,
+        measured_load=measured,
+        triggers=triggers,
     )
 
 
-_KNOWN = {"rig", "cameras", "interlocks", "limits", "recording", "guardian", "news", "mounting", *_SINGLE}
+_TABLES = ("cameras", "channels", "triggers", "interlocks")
+_KNOWN = {"rig", "limits", "recording", "guardian", "news", "mounting", *_TABLES, *_SINGLE}
 
 
 def _read_table(key: str, settings: type[_Table], data: dict[str, Any], mistakes: list[str]) -> _Table | None:
@@ -227,6 +270,55 @@ def _read_interlocks(tables: object, mistakes: list[str]) -> dict[str, Interlock
         if entry is not None:
             interlocks[name] = InterlockEntry(entry, allowed.allowed_min, allowed.allowed_max)
     return interlocks
+
+
+class _At(Settings):
+    at: TriggerEvent = Field(default="exposure", description="when a pulse is given")
+
+
+def _read_triggers(tables: object, mistakes: list[str]) -> dict[str, TriggerEntry]:
+    events: dict[str, TriggerEvent] = {}
+    devices = {}
+    for name, table in tables.items() if isinstance(tables, dict) else ():
+        if not isinstance(table, dict):
+            continue
+        try:
+            events[name] = _At.model_validate({key: table[key] for key in ("at",) if key in table}).at
+        except ValidationError as error:
+            mistakes += mistakes_in(error, f"triggers.{name}")
+        devices[name] = {key: value for key, value in table.items() if key != "at"}
+    found = _read_named("triggers", "trigger", devices if isinstance(tables, dict) else tables, mistakes)
+    return {name: TriggerEntry(entry, events[name]) for name, entry in found.items() if name in events}
+
+
+def _read_named(group: str, kind: DeviceKind, tables: object, mistakes: list[str]) -> dict[str, DeviceEntry]:
+    """Read the tables `[group.NAME]` of devices of one kind."""
+    if not isinstance(tables, dict):
+        mistakes.append(f"{group}: tables [{group}.NAME] are expected; correct them")
+        return {}
+    found = {}
+    for name, table in tables.items():
+        where = f"{group}.{name}"
+        if not name.isidentifier():
+            mistakes.append(f"{where}: a name of letters, digits and _ is expected, such as box")
+        entry = _read_device(where, table, kind, mistakes)
+        if entry is not None:
+            found[name] = entry
+    return found
+
+
+def _signals(channels: Mapping[str, DeviceEntry]) -> dict[str, Signal]:
+    return {signal.name: signal for entry in channels.values() for signal in entry.setting("declared") or ()}
+
+
+def _mistakes_of_signals(channels: Mapping[str, DeviceEntry]) -> list[str]:
+    """Return one sentence for each name that two signals have."""
+    names = [signal.name for entry in channels.values() for signal in entry.setting("declared") or ()]
+    return [
+        f"channels: a name of its own is expected for each signal, {name!r} is used {count} times"
+        for name, count in Counter(names).items()
+        if count > 1
+    ]
 
 
 def _read_device(where: str, table: object, kind: DeviceKind, mistakes: list[str]) -> DeviceEntry | None:

@@ -19,7 +19,7 @@ from rig.news.run_news import NewsOptions, RunNews
 from rig.plan import Plan, make_plan, require_feasible
 from rig.protocol.protocol import Protocol, read_protocol, read_protocol_text
 from rig.recorder import Recorder, StepRecord
-from rig.recorder.header import interlock_records, make_header
+from rig.recorder.header import channel_records, interlock_records, make_header
 from rig.recorder.room import make_room
 from rig.resume import FinishedPart, read_earlier, require_same_folder, require_unchanged
 from rig.rigfile import RigFile, read_rig
@@ -157,6 +157,7 @@ def _begin_recording(files: _ReadFiles, rig: Rig, run_path: Path, told: RunNews,
         stage=None if rig.stage is None else rig.stage.info,
         load_frame=None if rig.load_frame is None else rig.load_frame.info,
         interlocks=interlock_records(rig),
+        channels=channel_records(rig),
         settings=files.rig_file.recording,
     )
     for caution in cautions(files.rig_file):

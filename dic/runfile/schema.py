@@ -12,8 +12,18 @@ Level: TypeAlias = Literal["info", "warning", "error"]
 Moment: TypeAlias = Literal["start", "end"]
 """When the settings of a device were read: before the first image, or at the end of the run."""
 StepKind: TypeAlias = Literal[
-    "grid", "reference", "static", "load", "displacement", "rotation", "creep", "relaxation", "rest"
+    "grid",
+    "reference",
+    "static",
+    "load",
+    "displacement",
+    "rotation",
+    "creep",
+    "relaxation",
+    "rest",
+    "acquired",
 ]
+"""Images of a step of kind "acquired" were taken beside a motion that this program does not command."""
 FixedFace: TypeAlias = Literal["middle", "back", "front"]
 """What the grips hold in place while the specimen becomes thinner; the cameras see the front."""
 
@@ -138,6 +148,9 @@ This dataset is in the same group as the columns of `DETECTOR`.
 
 PIXELS_ATTRIBUTES = {"units": "1", "interpretation": "image"}
 
+MIDDLE = (Item("middle_s", "float64", "s"), Item("middle_std_s", "float64", "s"))
+"""The middle of an exposure and its standard deviation; files of earlier versions lack it."""
+
 DETECTOR = GroupLayout(
     "NXdetector",
     (
@@ -148,6 +161,7 @@ DETECTOR = GroupLayout(
         Item("flags", "int64", "1"),
         Item("exposure_us", "float64", "us"),
         Item("gain", "float64", "1"),
+        *MIDDLE,
         Item("step", "int64", "1"),
         DIGEST,
         ORDER,
@@ -179,6 +193,18 @@ INTERLOCK = GroupLayout(
     (Item("value", "float64", "by attribute unit"), ORDER, Item("time_s", "float64", "s")),
     (*_IDENTITY, "unit", "allowed_min", "allowed_max"),
 )
+CHANNELS_GROUP = "channels"
+"""Name of the group that has one table for each channel device; a run without channels has no such group."""
+CHANNELS = GroupLayout("NXcollection")
+SIGNALS = Item("signals", "S")
+"""What a channel device measures, as JSON.
+
+For each signal in the order of its columns: `unit`, `low`, `high`, `delay_s`, `delay_std_s`, `std`, and
+`quantity`, which is "load" or "displacement" if the rig file takes it for that of a load frame, and otherwise
+empty.
+"""
+DUE = Item("due_s", "float64", "s")
+"""The time at which the images of a step were due on the rig's clock; NaN if no clock asked for them."""
 STEP_ITEMS = (
     Item("index", "int64", "1"),
     Item("kind", "S16"),
@@ -198,6 +224,8 @@ LATER: frozenset[Item] = frozenset(
         SETTINGS,
         DIGEST,
         ORDER,
+        DUE,
+        *MIDDLE,
         FIXED_FACE,
         DIRECTION,
         *TARGET,
@@ -250,4 +278,25 @@ def row_count(camera: str) -> str:
 def steps(cameras: Iterable[str]) -> GroupLayout:
     """Return the layout of the table of steps for a run with the given cameras."""
     rows = [Item(name(camera), "int64", "1") for camera in cameras for name in (first_row, row_count)]
-    return GroupLayout("NXcollection", (*STEP_ITEMS, *rows, ORDER, COMPLETE))
+    return GroupLayout("NXcollection", (*STEP_ITEMS, *rows, DUE, ORDER, COMPLETE))
+
+
+def value_of(signal: str) -> str:
+    """Return the name of the column that holds the values of a signal, in the signal's unit."""
+    return f"value_{signal}"
+
+
+def channels(signals: Iterable[str]) -> GroupLayout:
+    """Return the layout of the table of a channel device with the given signals.
+
+    `number` counts the samples of the device, so that a gap shows lost ones. `device_s` is the time on the
+    device's own clock, NaN without one. `time_s` is the time of the sample on the rig's clock, without the
+    delay of the signal, and `time_std_s` its standard deviation.
+    """
+    values = [Item(value_of(signal), "float64", "by signals") for signal in signals]
+    times = (Item("device_s", "float64", "s"), Item("time_std_s", "float64", "s"))
+    return GroupLayout(
+        "NXsensor",
+        (Item("number", "int64", "1"), *times, *values, ORDER, Item("time_s", "float64", "s")),
+        _IDENTITY,
+    )

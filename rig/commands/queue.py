@@ -27,6 +27,11 @@ class QueueResult:
     reason: str = ""
     outcome: Outcome | None = None
 
+    @property
+    def is_good(self) -> bool:
+        """True if the run was completed and no image was late or is missing."""
+        return self.outcome is not None and self.outcome.is_good
+
     def as_dict(self) -> dict[str, Any]:
         """Return the result as a table for JSON."""
         outcome = self.outcome
@@ -126,7 +131,7 @@ def execute(
     """Execute runs one after the other, and yield what became of each, also of those that did not begin.
 
     `ready` is called before each run and returns when the operator has mounted the specimen. A run that is
-    refused, aborted or failed ends the queue.
+    refused, aborted or failed, or whose images came late, ends the queue.
     """
     left = list(jobs)
     while left:
@@ -142,8 +147,10 @@ def execute(
         except KeyboardInterrupt:
             yield QueueResult(job, "refused", "the operator ended the queue")
             break
-        yield QueueResult(job, outcome.status, outcome.reason, outcome)
-        if outcome.status != "completed":
+        timing = [] if outcome.timing is None or outcome.is_good else outcome.timing.sentences()
+        reason = "; ".join(filter(None, (outcome.reason, *timing)))
+        yield QueueResult(job, outcome.status, reason, outcome)
+        if not outcome.is_good:
             break
     yield from (QueueResult(job) for job in left)
 

@@ -71,7 +71,7 @@ def queue(
         return outcome
 
     results = list(execute(made.jobs, ready, run))
-    completed = sum(result.status == "completed" for result in results)
+    completed = sum(result.is_good for result in results)
     table = {"completed": completed, "runs": [result.as_dict() for result in results]}
     lines = [result.line() for result in results]
     lines.append(f"{completed} of {len(results)} runs completed")

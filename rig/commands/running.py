@@ -60,6 +60,8 @@ def end_lines(run_path: Path, outcome: "Outcome") -> list[str]:
     place = f"in {run_path}" if whole else "were finished; the reason above says where their data are"
     for sentence in filter(None, (outcome.reason, *outcome.lost_devices, *outcome.lost_listeners)):
         say(f"rig: {sentence}", err=True)
+    for sentence in [] if outcome.timing is None else outcome.timing.sentences():
+        say(f"rig: {sentence}", err=True)
     done = f"{outcome.status}: {outcome.steps_done} steps {place}"
     return [done, *pause_lines(outcome.pauses), at_rest_line(outcome.at_end)]
 
@@ -82,6 +84,7 @@ def run_dict(run_path: Path, outcome: "Outcome") -> dict[str, Any]:
     return {
         "run_file": str(run_path),
         "status": outcome.status,
+        "timing": None if outcome.timing is None else outcome.timing.as_dict(),
         "reason": outcome.reason,
         "unsafe": list(outcome.unsafe),
         "lost_devices": list(outcome.lost_devices),

@@ -117,6 +117,11 @@ class Call(Generic[T]):
         return self._real_due_s - SystemClock().now_s()
 
     @property
+    def is_over(self) -> bool:
+        """True if the call has ended or exceeded its deadline, so that `Calls.finish` returns at once."""
+        return self.done or self.left_s <= _TICK_S or self.real_left_s <= 0.0
+
+    @property
     def waited_s(self) -> float:
         """Time in s for which the call was ready to go on and got no processor."""
         return waited_for_processor_s(self._thread) - self._before_s if self._thread else 0.0

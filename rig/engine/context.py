@@ -4,12 +4,14 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from dic.runfile.schema import Level
+from rig.channels.run_channels import RunChannels
 from rig.devices import Rig
 from rig.engine.announcements import Announcements
 from rig.engine.calls import Call, Calls
 from rig.engine.devices import OnQuestion, called
-from rig.engine.monitor import Monitor
+from rig.engine.monitor import MeasuredChannels, Monitor
 from rig.engine.pausing import Pauses
+from rig.engine.pulses import Pulses
 from rig.engine.watch import Watch
 from rig.errors import Aborted
 from rig.limits.run_limits import limits_on
@@ -27,7 +29,7 @@ class RunContext:
 
     Attributes
     ----------
-    protocol, rig, recorder, clock, calls, devices, monitor
+    protocol, rig, recorder, clock, calls, devices, pulses, channels, monitor
         The parts of the run.
     news : Announcements
         What the listeners are told.
@@ -44,6 +46,9 @@ class RunContext:
         The event that ends the present phase, as described for `ProtocolStep`.
     phase_ended : bool
         True if this event has happened during the present step.
+    observers : list of callable
+        Functions that are called with every reading, whichever wait has taken it. A reading has the samples
+        of the channels since the one before, so who looks for an event of a channel must see all readings.
     abort_reason : str or None
         The reason for which the end of the run was requested.
     """
@@ -65,11 +70,15 @@ class RunContext:
             rig.clock, self.check_abort, rig.lost, meanwhile=self.read, every_s=self.settle.poll_s
         )
         self.devices = called(rig, self.calls, on_question)
-        self.monitor = Monitor(self.devices, self.calls, rig.clock, recorder, self.watch)
+        self.pulses = Pulses(rig, self.calls)
+        self.channels = RunChannels(rig.channels, rig.clock, recorder.samples)
+        measured = MeasuredChannels(self.channels.read, rig.measured)
+        self.monitor = Monitor(self.devices, self.calls, rig.clock, recorder, self.watch, measured)
         self.pauses = Pauses(self)
         self.may_move = True
         self.event: PhaseEvent | None = None
         self.phase_ended = False
+        self.observers: list[Callable[[RigReading], None]] = []
         self.abort_reason: str | None = None
         self._on_progress = on_progress
 
@@ -86,6 +95,10 @@ class RunContext:
         """
         self.check_abort()
         reading = self.monitor.read(self.place)
+        for observe in self.observers:
+            observe(reading)
+        for sentence in self.channels.new_losses():
+            self.log("warning", sentence)
         self.news.publish(reading=reading)
         if not self.phase_ended and self.event is not None and self.event(reading):
             self.phase_ended = True

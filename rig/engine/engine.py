@@ -1,5 +1,6 @@
 """The engine executes the steps of a protocol and makes the rig safe at the end of every run."""
 
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -8,6 +9,7 @@ from dic.runfile.schema import RunStatus
 from drivers.errors import DeviceError
 from drivers.interfaces import Frame, OperatorQuestion
 from rig.devices import Rig
+from rig.engine.acquisition import AcquisitionRun
 from rig.engine.announcements import Announcements
 from rig.engine.context import RunContext
 from rig.engine.devices import OnQuestion, unannounced
@@ -15,6 +17,7 @@ from rig.engine.filing import record_step
 from rig.engine.imaging import Frames, StepImages
 from rig.engine.listeners import LEAVING_S
 from rig.engine.look import look
+from rig.engine.measuring import begin_channels, end_channels, follow_channels
 from rig.engine.motion import RunMotion
 from rig.engine.preparation import Preparation
 from rig.engine.questions import Questions
@@ -26,6 +29,9 @@ from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
 from rig.recorder.records import STEP_REACHED
+
+KEPT_RECORDS = 1000
+"""Number of the newest steps of an acquisition that the outcome of a run has."""
 
 
 class Engine:
@@ -108,6 +114,8 @@ class Engine:
         self._earlier = dict(earlier or {})
         self._goes_on = bool(earlier)
         self._records: list[StepRecord] = []
+        # An acquisition may have a million images, whose records are in the run file.
+        self._acquired: deque[StepRecord] = deque(maxlen=KEPT_RECORDS)
         planned, before = len(protocol.steps()), len(self._earlier)
         status = EngineStatus(State.IDLE, None, planned, 0, None, rig.simulated, before)
         self._news = Announcements(recorder, rig.clock, status, on_status, on_step, on_news, self.abort)
@@ -115,6 +123,7 @@ class Engine:
         self._motion = RunMotion(self.context)
         self._preparation = Preparation(self.context, self._motion)
         self._images = StepImages(self.context, self._motion)
+        self._acquisition = AcquisitionRun(self.context, self._images, self._file)
         self._questions = Questions(self.context, self._motion)
         self._settings = SettingsRecord(self.context)
         self._safe_state = SafeState(rig)
@@ -159,6 +168,7 @@ class Engine:
             try:
                 self._preparation.require_devices()
                 self._questions.require_operator()
+                begin_channels(self.context)
                 self._settings.at_start()
                 self.context.protocol.follow(self._execute)
                 self._end_well()
@@ -184,6 +194,20 @@ class Engine:
             self.context.abort_reason = reason
         self._safe_state.command()
         self.context.calls.interrupt()
+
+    def request_image(self) -> str:
+        """Ask for an image now, in a protocol that takes images on request. Any thread may call this.
+
+        Return why the request is refused, or an empty text.
+        """
+        return self._acquisition.request_image()
+
+    def request_end(self) -> str:
+        """End the images of an acquisition now. Any thread may call this.
+
+        Return why the request is refused, or an empty text.
+        """
+        return self._acquisition.request_end()
 
     def pause(self, who: str, *, at_machine: bool = False) -> str:
         """Request a pause without waiting. Any thread may call this method, also repeatedly.
@@ -216,12 +240,20 @@ class Engine:
         return self._questions.answer(word, who)
 
     def _execute(self, step: ProtocolStep) -> RigReading:
+        if step.acquisition is not None:
+            self._enter(State.IMAGING, step)
+            return self._acquisition.take(step)
+        if step.index < self._acquisition.next_index:
+            # An acquisition takes as many images as its test needs, and not as many as were planned.
+            step = replace(step, index=self._acquisition.next_index)
         if step.passed:
             return self._leave_out(step)
         if step.index in self._earlier:
             return self._earlier[step.index]
         if self._goes_on or step.kind in ("grid", "reference"):
             self._prepare(step)
+        if step.kind == "reference":
+            self.context.pulses.give("start")
         if step.question is not None:
             self._enter(State.PREPARING, step)
             return self._questions.ask(step, step.question)
@@ -257,7 +289,12 @@ class Engine:
 
     def _finish(self, record: StepRecord) -> None:
         record_step(self.context, record)
-        self._records.append(record)
+        self.context.pulses.give("step")
+        self._file(record)
+
+    def _file(self, record: StepRecord) -> None:
+        """Tell that a step is on the disk."""
+        (self._records if record.step.kind != "acquired" else self._acquired).append(record)
         self._news.step(record)
 
     def _enter(self, state: State, step: ProtocolStep | None) -> None:
@@ -265,7 +302,14 @@ class Engine:
 
     def _end_well(self) -> None:
         self.context.devices.hold()
+        self.context.pulses.give("end")
+        self.context.pulses.finish()
+        if (last_image_s := self._images.last_exposed_s) is not None:
+            follow_channels(self.context, last_image_s)
         self._settings.at_end()
+        end_channels(self.context)
+        for sentence in self.context.channels.new_losses(whole=True):
+            self.context.log("warning", sentence)
         self.context.log("info", "protocol completed")
         self.context.recorder.close("completed", "", self.context.clock.utc())
         self._enter(State.COMPLETED, self.status.step)
@@ -280,11 +324,14 @@ class Engine:
             reason = f"{run.aborted()}; meanwhile: {reason}"
         if unsafe:
             reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(unsafe)}). {reason}"
+        end_channels(run)
         # Ignore an error, because the status of the run may be written even if settings and this event
         # cannot.
         with suppress(RigError):
             self._settings.at_end()
         with suppress(RigError):
+            for sentence in run.channels.new_losses(whole=True):
+                self.context.log("warning", sentence)
             self.context.log("error", reason)
         try:
             run.recorder.close(status, reason, run.clock.utc())
@@ -305,8 +352,10 @@ class Engine:
             unsafe,
             tuple(self._news.lost),
             run.rig.lost_devices,
-            tuple(self._records),
+            tuple(sorted([*self._records, *self._acquired], key=lambda record: record.step.index)),
             run.recorder.failure is None,
             at_end,
+            self._acquisition.timing if self._acquisition.timing.asked else None,
             run.pauses.totals,
+            {name: lost for name, (_, lost) in run.channels.counts.items() if lost},
         )

@@ -1,5 +1,7 @@
 """Take the images of a step. Check each image, repeat bad images, and reopen a camera that fails."""
 
+import math
+from collections.abc import Mapping
 from contextlib import suppress
 
 from drivers.errors import DeviceError, DeviceFault
@@ -23,17 +25,17 @@ Frames = dict[str, tuple[int, int]]
 class StepImages:
     """Takes and records the images of all cameras during one run.
 
-    `newest` is the newest good image of each camera. Any thread may read this attribute.
+    `newest` is the newest good image of each camera. Any thread may read this attribute. `cameras` are the
+    cameras, of which one that was opened again replaces the lost one.
     """
 
     def __init__(self, run: RunContext, motion: RunMotion) -> None:
         self.newest: dict[str, Frame] = {}
         self._run = run
         self._motion = motion
-        # a camera that is opened again replaces the lost camera in this dictionary
-        self._cameras = run.devices.cameras
+        self.cameras = run.devices.cameras
         self._settings = run.protocol.images
-        self._checks = {name: ImageChecks(each.info, self._settings) for name, each in self._cameras.items()}
+        self._checks = {name: ImageChecks(each.info, self._settings) for name, each in self.cameras.items()}
 
     def take(self, step: ProtocolStep, reading: RigReading, frames: Frames) -> Frames:
         """Take and record one image of each camera, and return the images of the step including these.
@@ -44,6 +46,7 @@ class StepImages:
         this step, and `BadImage` if an image violates a limit and `images.on_bad_image` is "stop".
         """
         taken = dict(frames)
+        self._run.pulses.give("exposure")
         for name, frame in self._take_in_spite_of_losses(step, reading).items():
             row = record_frame(self._run, name, frame)
             first, count = taken.get(name, (row, 0))
@@ -56,7 +59,7 @@ class StepImages:
             try:
                 return self._take_at_once(step, settled)
             except CameraLost as lost:
-                self._bring_back(lost, step)
+                self.bring_back(lost, str(step))
                 self._run.log("info", f"{step} is repeated, because a camera had dropped out")
                 settled = self._motion.settle_again(step)
         try:
@@ -73,10 +76,7 @@ class StepImages:
             skew_s = max(exposed_s, default=0.0) - min(exposed_s, default=0.0)
             if skew_s <= self._settings.skew_max_s:
                 return frames
-            found = (
-                f"the images of all cameras are {skew_s:.2f} s apart, more than images.skew_max_s, "
-                f"{self._settings.skew_max_s:g}"
-            )
+            found = _apart(skew_s, self._settings.skew_max_s)
             self._run.log("warning", f"cameras: {step}: {found}")
         self._keep_or_stop("cameras", step, found)
         return frames
@@ -84,7 +84,7 @@ class StepImages:
     def _take_one_each(self, step: ProtocolStep, settled: RigReading) -> dict[str, Frame]:
         frames: dict[str, Frame] = {}
         try:
-            for name in self._cameras:
+            for name in self.cameras:
                 frames[name] = self._take_one(name, step, settled)
         except CameraLost:
             raise
@@ -104,7 +104,7 @@ class StepImages:
         found: list[str] = []
         for _ in range(self._settings.attempts):
             asked_s = self._run.clock.now_s()
-            frame = self._cameras[name].grab(self._settings.timeout_s)
+            frame = self.cameras[name].grab(self._settings.timeout_s)
             checks.require_format(frame, device, str(step))
             # Read the devices after every image, because a reading checks the limits and resets the watchdog.
             reading = self._run.read()
@@ -131,7 +131,49 @@ class StepImages:
         checks.accept(*kept, reference=step.kind == "reference")
         return kept[0]
 
-    def _bring_back(self, lost: CameraLost, step: ProtocolStep) -> None:
+    def judge(self, step: ProtocolStep, frames: Mapping[str, Frame]) -> dict[str, str]:
+        """Return one sentence for each camera whose image is not good, for images that cannot be repeated.
+
+        A damaged or frozen image is kept, because nothing else shows this moment. Raise `DeviceFault` if an
+        image has another format than its camera announced, and `BadImage` if `images.on_bad_image` is "stop".
+        """
+        found: dict[str, str] = {}
+        for name, frame in frames.items():
+            device, checks = f"cameras.{name}", self._checks[name]
+            checks.require_format(frame, device, str(step))
+            measured = checks.measure(frame)
+            wrong = checks.findings(measured)
+            if (stale := checks.not_fresh(frame, -math.inf)) is not None:
+                wrong.append(f"{stale[0]} is expected, it is {stale[1]}")
+            if checks.is_frozen(measured):
+                wrong.append("its pixels are those of the image before: the picture is frozen")
+            checks.accept(frame, measured, reference=step.kind == "reference")
+            if wrong:
+                found[device] = "; ".join(wrong)
+        middles_s = [frame.middle[0] for frame in frames.values()]
+        skew_s = max(middles_s, default=0.0) - min(middles_s, default=0.0)
+        if skew_s > self._settings.skew_max_s:
+            found["cameras"] = _apart(skew_s, self._settings.skew_max_s)
+        if found and self._settings.on_bad_image == "stop":
+            sentences = "; ".join(f"{device}: {sentence}" for device, sentence in found.items())
+            raise BadImage(str(step), "good images", sentences, _MEND)
+        return found
+
+    @property
+    def last_exposed_s(self) -> float | None:
+        """The end of the newest exposure on the rig's clock, None before the first image."""
+        ends_s = [
+            frame.middle[0] + (0.0 if math.isnan(frame.exposure_us) else 0.5e-6 * frame.exposure_us)
+            for frame in self.newest.values()
+        ]
+        return max(ends_s, default=None)
+
+    def begin_numbers_anew(self) -> None:
+        """Forget the numbers of the last frames, because a stream may have numbers of its own."""
+        for checks in self._checks.values():
+            checks.reopened()
+
+    def bring_back(self, lost: CameraLost, step: str) -> None:
         """Try to reopen a camera until it delivers images or the protocol's `camera_return_s` has passed."""
         device, error = f"cameras.{lost.name}", lost.error
         wait_s = self._settings.camera_return_s
@@ -154,10 +196,10 @@ class StepImages:
 
     def _delivers(self, name: str) -> bool:
         """Reopen a camera, and return whether it then delivers an image."""
-        camera = self._cameras[name].reopened()
+        camera = self.cameras[name].reopened()
         if isinstance(camera, DeviceError):
             return False
-        self._cameras[name] = camera
+        self.cameras[name] = camera
         self._checks[name].reopened()
         try:
             # Take an image, because some drivers report no error when they open a camera that is not
@@ -176,15 +218,20 @@ class StepImages:
             f"{device}, {step}",
             f"a good image within {attempts} attempts",
             found,
-            'mend the light or the lens, or raise the limit, or set images.on_bad_image = "keep"',
+            _MEND,
         )
 
 
+_MEND = 'mend the light or the lens, or raise the limit, or set images.on_bad_image = "keep"'
 _FROZEN = (
     "a new picture",
     "exactly the pixels of the image before: the picture is frozen",
     "switch the camera off and on, and check its driver",
 )
+
+
+def _apart(skew_s: float, most_s: float) -> str:
+    return f"the images of all cameras are {skew_s:.2f} s apart, more than images.skew_max_s, {most_s:g}"
 
 
 def _motion(step: ProtocolStep, settled: RigReading, reading: RigReading) -> list[str]:

@@ -1,6 +1,8 @@
 """Read stage, load frame and interlocks together. Record every reading, and check it against the limits."""
 
 import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 from drivers.clock import Clock
 from drivers.errors import DeviceFault
@@ -10,10 +12,26 @@ from rig.engine.devices import Devices
 from rig.engine.watch import Watch
 from rig.protocol.step import RigReading
 from rig.recorder import Recorder
+from rig.samples import SignalReading
+
+
+@dataclass(frozen=True)
+class MeasuredChannels:
+    """The channels of a run, and which of their signals are load and displacement.
+
+    `read` returns what all signals did since the last call. `names` has the signals' names by quantity.
+    """
+
+    read: Callable[[], dict[str, SignalReading]] = dict
+    names: Mapping[str, str] = field(default_factory=dict)
+
+    def quantities(self, signals: Mapping[str, SignalReading]) -> dict[str, float]:
+        """Return the newest load in N and displacement in mm, if they are measured."""
+        return {quantity: signals[name].newest for quantity, name in self.names.items() if name in signals}
 
 
 class Monitor:
-    """Takes readings of the stage, the load frame and the interlocks.
+    """Takes readings of the stage, the load frame, the interlocks and the measured channels.
 
     The recorder records every reading, and `watch` checks it against the limits of the run. A motion by hand
     has neither of them.
@@ -26,12 +44,14 @@ class Monitor:
         clock: Clock,
         recorder: Recorder | None = None,
         watch: Watch | None = None,
+        channels: "MeasuredChannels | None" = None,
     ) -> None:
         self._devices = devices
         self._calls = calls
         self._clock = clock
         self._recorder = recorder
         self._watch = watch
+        self._channels = channels or MeasuredChannels()
         self.homed = False
 
     def read(self, step: str) -> RigReading:
@@ -72,8 +92,12 @@ class Monitor:
                     "find out whether its power failed or something pushed it, then begin a new run",
                 )
             self.homed = turned.homed
+        signals = self._channels.read()
+        measured = self._channels.quantities(signals)
+        load_n = measured.get("load", load_n)
+        displacement_mm = measured.get("displacement", displacement_mm)
         time_s = self._clock.now_s() if time_s == -math.inf else time_s
-        reading = RigReading(time_s, load_n, displacement_mm, angle_deg, moving)
+        reading = RigReading(time_s, load_n, displacement_mm, angle_deg, moving, signals=signals)
         if self._watch is not None:
             self._watch.check(reading, step)
         # Wait for the interlocks only after the limits were checked, because a slow interlock must not delay

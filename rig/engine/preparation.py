@@ -23,6 +23,7 @@ class Preparation:
 
     def __init__(self, run: RunContext, motion: RunMotion) -> None:
         self.asking = False
+        self._has_grid = False
         self._run = run
         self._motion = motion
         self._conditions = run.protocol.conditions
@@ -46,10 +47,12 @@ class Preparation:
         if self._conditions.zero_tolerance_deg is not None:
             self._bring_to_zero(self._conditions.zero_tolerance_deg)
         self._ask(OperatorAction.ATTACH_GRID)
+        self._has_grid = True
 
     def for_reference(self, step: ProtocolStep) -> None:
         """Ask the operator to remove the grid, and set load and displacement to zero."""
-        self._ask(OperatorAction.REMOVE_GRID)
+        if self._has_grid or self._run.protocol.kind != "acquire":
+            self._ask(OperatorAction.REMOVE_GRID)
         if self._conditions.zeroing is not None:
             self._zero_load_frame(self._conditions.zeroing, step)
 

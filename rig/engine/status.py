@@ -1,11 +1,13 @@
 """The state of a run, a snapshot of a run, and the outcome of a run."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import TypeAlias
 
 from dic.runfile.schema import Level, RunStatus
 from drivers.interfaces import LoadFrameState, StageState
+from rig.engine.timing import Timing, TimingNow
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import StepRecord
 
@@ -34,7 +36,8 @@ class EngineStatus:
     """A snapshot of a run: the state, the current step, the number of steps and the latest reading.
 
     `simulated` is True if any device of the rig is simulated. `steps_before` is the number of steps that an
-    earlier run has finished, if this run continues it; `steps_done` does not count these steps.
+    earlier run has finished, if this run continues it; `steps_done` does not count these steps. `acquisition`
+    has the numbers of images, once an acquisition has begun.
     """
 
     state: State
@@ -44,6 +47,7 @@ class EngineStatus:
     reading: RigReading | None
     simulated: bool = False
     steps_before: int = 0
+    acquisition: TimingNow | None = None
 
     @property
     def steps_finished(self) -> int:
@@ -115,14 +119,18 @@ class Outcome:
     lost_devices : tuple of str
         One sentence for each device in whose driver a call hangs. Such a device is not closed.
     steps : tuple of StepRecord
-        The steps in the run file.
+        The steps in the run file; of an acquisition only the newest ones.
     recorded : bool
         True if everything was written into the run file. False if the run ended because the file could not be
         written.
     at_end : AtRest
         The readings of load frame and stage after the end of the run.
+    timing : Timing or None
+        How well the images of an acquisition kept their times; None without timed images.
     pauses : PauseTotals
         The pauses of the run, and the steps whose images fell into them.
+    lost_samples : dict of str to int
+        Number of lost samples of each channel device that has lost some.
     """
 
     status: RunStatus
@@ -134,4 +142,11 @@ class Outcome:
     steps: tuple[StepRecord, ...] = ()
     recorded: bool = True
     at_end: AtRest = field(default_factory=AtRest)
+    timing: Timing | None = None
     pauses: PauseTotals = PauseTotals()
+    lost_samples: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def is_good(self) -> bool:
+        """True if the protocol was completed and no image was late or is missing."""
+        return self.status == "completed" and not (self.timing is not None and self.timing.is_late)

@@ -8,6 +8,7 @@ from rig.limit_settings import RigLimits
 from rig.limits.in_force import limit_table, table_objections
 from rig.limits.stiffness import LoadStringBounds, load_string
 from rig.limits.table import LimitTable
+from rig.protocol.acquire import AcquireProtocol
 from rig.protocol.protocol import Protocol
 from rig.protocol.rotation import RotationProtocol
 from rig.rigfile import RigFile
@@ -56,6 +57,6 @@ def slowed(rig_file: RigFile, protocol: Protocol) -> RigFile:
 
 
 def _string(protocol: Protocol, rig: RigLimits) -> LoadStringBounds | None:
-    if isinstance(protocol, RotationProtocol) or protocol.conditions.pull is None:
+    if isinstance(protocol, RotationProtocol | AcquireProtocol) or protocol.conditions.pull is None:
         return None
     return load_string(protocol, rig)

@@ -14,7 +14,7 @@ from rig.protocol.images import Images
 from rig.protocol.step import Execute, ProtocolStep
 from rig.protocol.tables import Sample
 
-KINDS = ("tension", "rotation", "phases")
+KINDS = ("tension", "rotation", "phases", "acquire")
 
 
 class BaseProtocol(Settings, ABC):

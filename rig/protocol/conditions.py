@@ -90,3 +90,4 @@ class Conditions:
     zero_tolerance_deg: float | None = None
     demands: tuple[Demand, ...] = ()
     turns: tuple[StageTurn, ...] = ()
+    signals: frozenset[str] = frozenset()  # the measured channels that the protocol needs

@@ -162,6 +162,8 @@ class Beginning:
     still_every_s: float = 1.0
     # the step of the reference images. The index of this step is set when the steps are listed.
     reference: ProtocolStep = field(default_factory=lambda: ProtocolStep(1, "reference"))
+    grid: bool = True
+    has_reference: bool = True
 
     @classmethod
     def of(cls, images: Images) -> "Beginning":
@@ -170,9 +172,11 @@ class Beginning:
 
     def steps(self, index: int, _: Positions) -> list[ProtocolStep]:
         """Return the steps of the grid images, of the reference images and of the still images."""
+        grid = [ProtocolStep(0, "grid")] if self.grid else []
+        reference = [self.reference] if self.has_reference else []
         still = [
             ProtocolStep(
-                index + 1 + number,
+                0,
                 "static",
                 at_s=number * self.still_every_s,
                 begins=number == 1,
@@ -181,7 +185,8 @@ class Beginning:
             )
             for number in range(1, self.still + 1)
         ]
-        return [ProtocolStep(index, "grid"), replace(self.reference, index=index + 1), *still]
+        steps = [*grid, *reference, *still]
+        return [replace(step, index=number) for number, step in enumerate(steps, index)]
 
     def follow(self, index: int, place: Positions, _: RigReading | None, execute: Execute) -> RigReading:
         """Execute all steps, and return the reading at the last one."""

@@ -10,14 +10,15 @@ from pydantic import ValidationError
 
 from drivers.errors import ConfigurationError
 from drivers.settings import mistakes_in, read_toml_text
+from rig.protocol.acquire import AcquireProtocol
 from rig.protocol.base import KINDS
 from rig.protocol.phased import PhasesProtocol
 from rig.protocol.rotation import RotationProtocol
 from rig.protocol.tension import TensionProtocol
 
-Protocol: TypeAlias = TensionProtocol | RotationProtocol | PhasesProtocol
+Protocol: TypeAlias = TensionProtocol | RotationProtocol | PhasesProtocol | AcquireProtocol
 _MODELS: dict[object, type[Protocol]] = dict(
-    zip(KINDS, (TensionProtocol, RotationProtocol, PhasesProtocol), strict=True)
+    zip(KINDS, (TensionProtocol, RotationProtocol, PhasesProtocol, AcquireProtocol), strict=True)
 )
 
 
@@ -51,7 +52,7 @@ def parse_protocol(table: dict[str, Any]) -> Protocol:
     # too.
     kind = table.get("kind")
     if kind not in KINDS:
-        kind = next((name for name in ("phases", "rotation") if name in table), "tension")
+        kind = next((name for name in ("phases", "rotation", "acquire") if name in table), "tension")
     return _MODELS[kind].model_validate(table)
 
 

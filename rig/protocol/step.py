@@ -1,12 +1,13 @@
 """One step of a protocol, and a reading of the devices."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol, TypeAlias
 
 from dic.runfile.schema import StepKind
 from drivers.interfaces import OperatorQuestion
+from rig.samples import SignalReading
 
 Quantity: TypeAlias = Literal["load", "displacement", "rotation"]
 """The quantity that a device changes or holds: the load, the displacement of the grips, or the angle."""
@@ -28,6 +29,7 @@ UNITS: dict[Kind, str] = {
     "creep": "N",
     "relaxation": "mm",
     "rest": "",
+    "acquired": "",
     "ask": "",
 }
 """The unit of a step's target. A reference step has a target only under a preload."""
@@ -47,6 +49,7 @@ class RigReading:
     """Load, displacement and angle at the time `time_s` of the rig's clock. A missing device gives NaN.
 
     If the event that ends the phase happens during a step, `ends_phase` is True in the step's last reading.
+    `signals` has the samples of all measured channels since the reading before, by the names of the signals.
     """
 
     time_s: float
@@ -55,6 +58,7 @@ class RigReading:
     angle_deg: float = math.nan
     moving: bool = False
     ends_phase: bool = False
+    signals: Mapping[str, SignalReading] = field(default_factory=dict, compare=False, repr=False)
 
     def by_unit(self) -> dict[str, float]:
         """Return load, displacement and angle under the keys "N", "mm" and "deg". Leave out NaN values."""
@@ -125,6 +129,8 @@ class ProtocolStep:
         Time of the next images of the same hold, in s after its beginning. NaN if none follow.
     question : OperatorQuestion or None
         What the operator is asked in a step of the kind "ask".
+    acquisition : Acquisition or None
+        For the first image of an acquisition, the part of the course with all its images.
     """
 
     index: int
@@ -143,6 +149,7 @@ class ProtocolStep:
     event: PhaseEvent | None = field(default=None, compare=False, repr=False)
     next_s: float = math.nan
     question: OperatorQuestion | None = None
+    acquisition: object | None = field(default=None, compare=False, repr=False)
 
     @property
     def quantity(self) -> Quantity | None:

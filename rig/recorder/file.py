@@ -2,7 +2,7 @@
 
 import errno
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from datetime import datetime
@@ -17,9 +17,17 @@ from dic.runfile.digests import BLOCK_BYTES, UserBlock, file_digest
 from dic.runfile.superblock import SUPERBLOCK_BYTES, mark_closed
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame
 from rig.recorder.place import content, require_in_place, require_untouched, rescue
-from rig.recorder.records import NO_INTERLOCKS, InterlockRecord, RunHeader, StepRecord
+from rig.recorder.records import (
+    NO_CHANNELS,
+    NO_INTERLOCKS,
+    ChannelsRecord,
+    InterlockRecord,
+    RunHeader,
+    StepRecord,
+)
 from rig.recorder.space import ReservedSpace
 from rig.recorder.tables import CameraTable, Table, create_entry, create_group, create_text, fit
+from rig.samples import TimedSamples
 from rig.threads import never_release
 
 ROW_BYTES = 256 << 10
@@ -46,6 +54,7 @@ class OpenRunFile:
         cameras: Mapping[str, CameraInfo],
         devices: Mapping[str, DeviceInfo],
         interlocks: Mapping[str, InterlockRecord] = NO_INTERLOCKS,
+        channels: Mapping[str, ChannelsRecord] = NO_CHANNELS,
     ) -> None:
         self._path = unfinished = _unfinished(path)
         self._abandoned = False
@@ -60,9 +69,9 @@ class OpenRunFile:
         try:
             self._space = ReservedSpace(self._descriptor)
             texts = [header.definition, header.configuration, header.provenance, *header.devices.values()]
-            tables = len(cameras) + len(interlocks) + 5
+            tables = len(cameras) + len(interlocks) + len(channels) + 5
             self.require_space(len("".join(texts).encode()) + tables * ROW_BYTES)
-            self._create(header, cameras, devices, interlocks)
+            self._create(header, cameras, devices, interlocks, channels)
             # Rename the file only now, so that a program killed earlier leaves no run file that cannot be
             # read.
             if path.exists():
@@ -84,6 +93,7 @@ class OpenRunFile:
         cameras: Mapping[str, CameraInfo],
         devices: Mapping[str, DeviceInfo],
         interlocks: Mapping[str, InterlockRecord],
+        channels: Mapping[str, ChannelsRecord],
     ) -> None:
         self._entry = create_entry(self._hdf5, header)
         instrument = create_group(self._entry, "instrument", schema.INSTRUMENT)
@@ -99,6 +109,8 @@ class OpenRunFile:
             create_text(instrument[name], schema.SETTINGS, header.devices.get(name, "{}"))
         if interlocks:
             self._create_interlocks(header, interlocks)
+        if channels:
+            self._create_channels(header, channels)
         steps = schema.steps(cameras)
         self._steps = Table(create_group(self._entry, "steps", steps), steps)
         self._events = Table(create_group(self._entry, "events", schema.EVENTS), schema.EVENTS)
@@ -123,6 +135,16 @@ class OpenRunFile:
             self._states[device] = Table(group, schema.INTERLOCK)
             create_text(group, schema.SETTINGS, header.devices.get(device, "{}"))
 
+    def _create_channels(self, header: RunHeader, channels: Mapping[str, ChannelsRecord]) -> None:
+        parent = create_group(self._entry, schema.CHANNELS_GROUP, schema.CHANNELS)
+        for name, record in channels.items():
+            device = f"{schema.CHANNELS_GROUP}.{name}"
+            layout = schema.channels(record.names)
+            group = create_group(parent, name, layout, record.info)
+            self._states[device] = Table(group, layout)
+            create_text(group, schema.SETTINGS, header.devices.get(device, "{}"))
+            create_text(group, schema.SIGNALS, record.as_json())
+
     def require_space(self, size: int) -> None:
         """Reserve disk space for `size` more bytes and for closing the file. Raise OSError if there is too
         little."""
@@ -136,6 +158,21 @@ class OpenRunFile:
         """Add a reading of the stage, of the load frame, or of an interlock such as ``interlocks.door``."""
         self._states[device].append(**values)
 
+    def add_samples(self, device: str, names: Sequence[str], samples: TimedSamples, order: int) -> None:
+        """Add the samples of a channel device such as ``channels.box``, whose signals have these `names`."""
+        count = len(samples.values)
+        values = {schema.value_of(name): samples.values[:, k] for k, name in enumerate(names)}
+        self._states[device].extend(
+            {
+                "number": range(samples.first, samples.first + count),
+                "device_s": samples.device_s,
+                "time_s": samples.time_s,
+                "time_std_s": samples.time_std_s,
+                "order": [order] * count,
+                **values,
+            }
+        )
+
     def add_step(self, record: StepRecord, order: int) -> None:
         """Add a finished step, whose images must have been added before."""
         firsts = {schema.first_row(name): first for name, (first, _) in record.frames.items()}
@@ -148,6 +185,7 @@ class OpenRunFile:
             displacement_mm=record.reading.displacement_mm,
             angle_deg=record.reading.angle_deg,
             time_s=record.reading.time_s,
+            due_s=record.due_s,
             **firsts,
             **counts,
             order=order,

@@ -19,7 +19,7 @@ from drivers.interfaces import DeviceInfo
 from rig.device_settings import reports_settings
 from rig.devices import Rig
 from rig.protocol.protocol import Protocol
-from rig.recorder.records import InterlockRecord, RunHeader
+from rig.recorder.records import ChannelsRecord, InterlockRecord, RunHeader, SignalRecord
 from rig.rigfile import DeviceEntry, RigFile
 
 _PACKAGES = ("offaxis", "numpy", "h5py", "pydantic")
@@ -62,6 +62,18 @@ def interlock_records(rig: Rig) -> dict[str, InterlockRecord]:
     return records
 
 
+def channel_records(rig: Rig) -> dict[str, ChannelsRecord]:
+    """Return the channel devices of an opened rig as the run file describes them."""
+    quantities = {name: quantity for quantity, name in rig.measured.items()}
+    return {
+        name: ChannelsRecord(
+            device.info,
+            tuple(SignalRecord(signal, quantities.get(signal.name, "")) for signal in device.signals),
+        )
+        for name, device in rig.channels.items()
+    }
+
+
 def _devices(rig_file: RigFile, rig: Rig) -> dict[str, str]:
     opened: dict[str, tuple[DeviceEntry | None, Any]] = {
         name: (rig_file.cameras.get(name), camera) for name, camera in rig.cameras.items()
@@ -73,6 +85,8 @@ def _devices(rig_file: RigFile, rig: Rig) -> dict[str, str]:
     for name, interlock in rig.interlocks.items():
         entry = rig_file.interlocks.get(name)
         opened[f"interlocks.{name}"] = None if entry is None else entry.device, interlock.device
+    for name, device in rig.channels.items():
+        opened[f"channels.{name}"] = rig_file.channels.get(name), device
     return {name: _json(_device(*found)) for name, found in opened.items()}
 
 

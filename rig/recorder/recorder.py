@@ -22,9 +22,17 @@ from drivers.interfaces import CameraInfo, DeviceInfo, Frame, InterlockState, Lo
 from rig.errors import RecordingError
 from rig.recorder.file import OpenRunFile
 from rig.recorder.place import Misplaced, Overwritten
-from rig.recorder.records import NO_INTERLOCKS, InterlockRecord, RunHeader, StepRecord
+from rig.recorder.records import (
+    NO_CHANNELS,
+    NO_INTERLOCKS,
+    ChannelsRecord,
+    InterlockRecord,
+    RunHeader,
+    StepRecord,
+)
 from rig.recorder.writer import WriteJob, Writer
 from rig.recording import RecordingSettings
+from rig.samples import TimedSamples
 
 _STAGE = ("angle_deg", "moving", "homed", "time_s")
 _LOAD_FRAME = ("load_n", "displacement_mm", "moving", "at_target", "holding", "sample", "time_s")
@@ -50,6 +58,8 @@ class Recorder:
         The descriptions of the stage and the load frame, or None for a missing device.
     interlocks : mapping of str to InterlockRecord, optional
         The interlocks, by their names in the rig file.
+    channels : mapping of str to ChannelsRecord, optional
+        The channel devices, by their names in the rig file.
     settings : RecordingSettings, optional
     """
 
@@ -62,6 +72,7 @@ class Recorder:
         stage: DeviceInfo | None = None,
         load_frame: DeviceInfo | None = None,
         interlocks: Mapping[str, InterlockRecord] = NO_INTERLOCKS,
+        channels: Mapping[str, ChannelsRecord] = NO_CHANNELS,
         settings: RecordingSettings | None = None,
     ) -> None:
         self.path = Path(path)
@@ -70,8 +81,9 @@ class Recorder:
         devices = {"stage": stage, "load_frame": load_frame}
         self._devices = {name: info for name, info in devices.items() if info is not None}
         self._interlocks = frozenset(interlocks)
+        self._channels = dict(channels)
         try:
-            file = OpenRunFile(self.path, header, self._cameras, self._devices, interlocks)
+            file = OpenRunFile(self.path, header, self._cameras, self._devices, interlocks, channels)
         except FileExistsError as error:
             raise run_file_exists(self.path) from error
         except (OSError, RuntimeError, ValueError) as error:
@@ -126,6 +138,19 @@ class Recorder:
         values = {"value": state.value, "time_s": state.time_s}
         if name in self._interlocks:
             self._state(f"{schema.INTERLOCKS_GROUP}.{name}", f"recording interlock {name}", values)
+
+    def samples(self, name: str, samples: TimedSamples) -> None:
+        """Append samples of a channel device, if the run file has this device."""
+        if (record := self._channels.get(name)) is None:
+            return
+        device = f"{schema.CHANNELS_GROUP}.{name}"
+        with self._order:
+            order = next(self._numbers)
+            self._put(
+                f"recording {device}",
+                lambda file: file.add_samples(device, record.names, samples, order),
+                size=2 * samples.values.nbytes,
+            )
 
     def settings(self, device: str, moment: schema.Moment, values: Mapping[str, str], time_s: float) -> None:
         """Append the settings that a device reported, by name, each value as JSON."""

@@ -1,11 +1,13 @@
 """Records for the run file: the data about a run, and its finished steps."""
 
+import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import datetime
 
 from drivers.interfaces import DeviceInfo
+from drivers.signals import Signal
 from rig.mounting import Mounting
 from rig.protocol.grid import AnyGrid
 from rig.protocol.step import ProtocolStep, RigReading
@@ -80,12 +82,52 @@ NO_INTERLOCKS: Mapping[str, InterlockRecord] = {}
 
 
 @dataclass(frozen=True)
+class SignalRecord:
+    """A signal of a run, as the run file describes it: the signal, and what the rig file takes it for.
+
+    `quantity` is "load" or "displacement" for the signal of a load frame that is only read.
+    """
+
+    signal: Signal
+    quantity: str = ""
+
+
+@dataclass(frozen=True)
+class ChannelsRecord:
+    """A channel device of a run, with its signals in the order of its samples."""
+
+    info: DeviceInfo
+    signals: tuple[SignalRecord, ...]
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the signals."""
+        return [each.signal.name for each in self.signals]
+
+    def as_json(self) -> str:
+        """Return what the run file says about the signals."""
+        return json.dumps(
+            {
+                each.signal.name: {key: value for key, value in asdict(each.signal).items() if key != "name"}
+                | {"quantity": each.quantity}
+                for each in self.signals
+            },
+            ensure_ascii=False,
+        )
+
+
+NO_CHANNELS: Mapping[str, ChannelsRecord] = {}
+
+
+@dataclass(frozen=True)
 class StepRecord:
     """A finished step, its settled reading and its images.
 
     `frames` gives for each camera the row of the step's first image in the run file and the number of images.
+    `due_s` is the time on the rig's clock at which the images were due, NaN if no clock asked for them.
     """
 
     step: ProtocolStep
     reading: RigReading
     frames: Mapping[str, tuple[int, int]]
+    due_s: float = math.nan

@@ -32,6 +32,10 @@ class Table:
         """Keep a row in memory until `write` is called."""
         self._rows.append(values)
 
+    def extend(self, columns: Mapping[str, Sequence[Any] | NDArray[Any]]) -> None:
+        """Keep several rows in memory, given by their columns."""
+        self._rows += [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
     def write(self) -> None:
         """Write and flush all columns of the collected rows except the last column."""
         for column in self._columns if self._rows else ():
@@ -111,6 +115,8 @@ class CameraTable:
             "flags": frame.flags,
             "exposure_us": frame.exposure_us,
             "gain": frame.gain,
+            "middle_s": frame.middle[0],
+            "middle_std_s": frame.middle[1],
             "step": step,
             "order": order,
             "valid": 1,

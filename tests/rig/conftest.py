@@ -23,14 +23,15 @@ from drivers.interfaces import (
     OperatorQuestion,
     StageState,
 )
-from rig.devices import OpenedInterlock, Rig
+from drivers.signals import ChannelDevice
+from rig.devices import OpenedInterlock, OpenedTrigger, Rig
 from rig.engine.engine import Engine
 from rig.limit_settings import RigLimits
 from rig.protocol.protocol import Protocol
 from rig.protocol.rotation import RotationProtocol
 from rig.protocol.tension import TensionProtocol
 from rig.recorder import Recorder, RunHeader, StepRecord
-from rig.recorder.header import interlock_records
+from rig.recorder.header import channel_records, interlock_records
 from rig.rigfile import CALL_TIMEOUT_S
 from tests.command_line import Program
 from tests.places import example
@@ -211,6 +212,9 @@ class FakeRig:
     definition: str = ""
     clock: Clock = field(default_factory=VirtualClock)
     interlocks: dict[str, OpenedInterlock] = field(default_factory=dict)
+    channels: dict[str, ChannelDevice] = field(default_factory=dict)
+    measured: dict[str, str] = field(default_factory=dict)
+    triggers: dict[str, OpenedTrigger] = field(default_factory=dict)
     limits: RigLimits = field(default_factory=RigLimits)
     configuration: str = ""
     call_timeout_s: float = CALL_TIMEOUT_S
@@ -234,6 +238,9 @@ class FakeRig:
             virtual=True,
             limits=self.limits,
             interlocks=self.interlocks,
+            channels=self.channels,
+            measured=self.measured,
+            triggers=self.triggers,
             call_timeout_s=self.call_timeout_s,
         )
         header = RunHeader(
@@ -254,6 +261,7 @@ class FakeRig:
             stage=self.stage.info if self.stage else None,
             load_frame=self.load_frame.info if self.load_frame else None,
             interlocks=interlock_records(rig),
+            channels=channel_records(rig),
         )
         engine = Engine(
             self.protocol, rig, recorder, on_status=[self._note, *on_status], on_step=on_step, **options

@@ -1,0 +1,186 @@
+"""Take the images of an acquisition at their times, while the channels are recorded densely beside them."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from rig.engine.context import RunContext
+from rig.engine.filing import record_frame
+from rig.engine.imaging import Frames, StepImages
+from rig.engine.seldom import SeldomWarnings
+from rig.engine.shots import Shot, Shots
+from rig.engine.timing import Timing
+from rig.engine.written import WrittenSteps
+from rig.errors import BadImage
+from rig.protocol.acquire import Acquisition
+from rig.protocol.dues import AskedDues, Dues
+from rig.protocol.step import ProtocolStep, RigReading
+from rig.recorder import StepRecord
+
+_LAST_IMAGES_S = 2.0
+"""After the end, images that are due already are waited for at most for this time in s, added to the timeout
+of an image."""
+_PAUSE_LEAST_S = 1e-3
+
+
+class AcquisitionRun:
+    """Takes all images of acquisitions during one run.
+
+    `filed` is called with each step that is on the disk. Any thread may call `request_image` and
+    `request_end`.
+    """
+
+    def __init__(self, run: RunContext, images: StepImages, filed: Callable[[StepRecord], None]) -> None:
+        self._run, self._images = run, images
+        self._written = WrittenSteps(run, filed)
+        self._warnings = SeldomWarnings(run.clock, lambda sentence: run.log("warning", sentence))
+        self._asked: AskedDues | None = None
+        self._runs = self._end_requested = False
+        self.timing = Timing()
+        self.next_index = 0
+
+    def request_image(self) -> str:
+        """Ask for an image now. Return why the request is refused, or an empty text."""
+        if not self._runs:
+            return "no images are being taken now"
+        if (asked := self._asked) is None:
+            return "this protocol does not take images on request"
+        asked.ask(self._run.clock.now_s())
+        return ""
+
+    def request_end(self) -> str:
+        """End the images; the run goes on with what follows them. Return why the request is refused."""
+        if not self._runs:
+            return "no images are being taken now"
+        self._end_requested = True
+        return ""
+
+    def take(self, step: ProtocolStep) -> RigReading:
+        """Take all images of the acquisition that begins with `step`, and return the last reading."""
+        acquisition, run = step.acquisition, self._run
+        assert isinstance(acquisition, Acquisition)
+        self.timing = Timing(acquisition.interval_s, acquisition.schedule.lateness_max_s, acquisition.planned)
+        shots = Shots(run, self._images, self.timing)
+        dues = acquisition.dues()
+        self._asked = dues if isinstance(dues, AskedDues) else None
+        self._end_requested, self._runs = False, True
+        try:
+            shots.open()
+            begun_s = self._wait_for_beginning(acquisition, shots)
+            if acquisition.first_is_reference:
+                run.pulses.give("start")
+            reading = self._follow(step, dues, shots, begun_s)
+            self._runs = False
+            self._finish(step, shots)
+        except BaseException:
+            shots.leave()
+            raise
+        finally:
+            self._runs, run.observers = False, []
+        shots.close()
+        self._written.finish()
+        self._warnings.finish()
+        self._publish()
+        for sentence in self.timing.sentences():
+            run.log("warning" if self.timing.is_late else "info", sentence)
+        return reading
+
+    def _wait_for_beginning(self, acquisition: Acquisition, shots: Shots) -> float:
+        run, begin = self._run, acquisition.schedule.begin
+        if begin is None:
+            return run.clock.now_s()
+        run.log("info", f"waiting for {begin}")
+        self._publish(waits_for=str(begin))
+        while not begin.is_met(reading := run.read()):
+            if self._end_requested:
+                return run.clock.now_s()
+            shots.poll()
+            run.calls.pause(run.settle.poll_s)
+        run.log("info", f"{begin} was reached")
+        found = reading.signals[begin.signal]
+        beyond = [begin.is_beyond(value) for value in found.values.tolist()]
+        return float(found.time_s[beyond.index(True)])
+
+    def _follow(self, step: ProtocolStep, dues: Dues, shots: Shots, begun_s: float) -> RigReading:
+        run, acquisition = self._run, step.acquisition
+        assert isinstance(acquisition, Acquisition)
+        ends = acquisition.end_of_signals()
+        dues.begin(begun_s)
+        run.observers = [dues.see, ends.see]
+        due_s: float | None = None
+        self._publish()
+        while True:
+            reading = run.read()
+            ended = self._ended(acquisition, ends.met, shots, begun_s)
+            while self.timing.asked < acquisition.images and not self._end_requested:
+                due_s = dues.next_s() if due_s is None else due_s
+                if due_s is None or due_s > run.clock.now_s():
+                    break
+                shots.ask(due_s, reading)
+                due_s = None
+            self._record(step, shots.poll())
+            if ended or (due_s == math.inf and not shots.waits):
+                run.log("info", f"images end: {ended or 'all are taken'}")
+                return reading
+            left_s = math.inf if due_s is None else due_s - run.clock.now_s()
+            run.calls.pause(min(run.settle.poll_s, max(left_s, _PAUSE_LEAST_S)))
+
+    def _ended(self, acquisition: Acquisition, of_signals: str, shots: Shots, begun_s: float) -> str:
+        if self._end_requested:
+            return "the operator has ended them"
+        if of_signals:
+            return of_signals
+        if self.timing.asked >= acquisition.images and not shots.waits:
+            return f"{acquisition.images} images were asked for"
+        # the image at the very end is still due
+        late_s = self._run.clock.now_s() - begun_s - acquisition.duration_s
+        return f"{acquisition.duration_s:g} s are over" if late_s > 0.0 and not shots.waits else ""
+
+    def _finish(self, step: ProtocolStep, shots: Shots) -> None:
+        """Wait for the images that were asked for before the end."""
+        run = self._run
+        end_s = run.clock.now_s() + run.protocol.images.timeout_s + _LAST_IMAGES_S
+        while shots.waits and run.clock.now_s() < end_s:
+            run.read()
+            self._record(step, shots.poll())
+            run.calls.pause(run.settle.poll_s)
+        shots.drop()
+
+    def _record(self, first: ProtocolStep, shots: list[Shot]) -> None:
+        missing = self.timing.missing
+        for shot in shots:
+            self._record_one(first, shot)
+        self._written.check()
+        if shots or missing != self.timing.missing:
+            self._publish()
+
+    def _record_one(self, first: ProtocolStep, shot: Shot) -> None:
+        run, acquisition = self._run, first.acquisition
+        assert isinstance(acquisition, Acquisition)
+        middle_s = float(np.mean([frame.middle[0] for frame in shot.frames.values()]))
+        number = self.timing.take(shot.due_s, middle_s)
+        step = acquisition.step(first.index, number, middle_s - self.timing.first_s)
+        self.next_index = step.index + 1
+        try:
+            findings = self._images.judge(step, shot.frames)
+        except BadImage:
+            # The run ends, but nothing else shows this moment.
+            self._record_frames(shot)
+            raise
+        for device, sentence in findings.items():
+            self._warnings.warn(device, f"{device}: {step}: {sentence}")
+        frames = self._record_frames(shot)
+        # Drop the samples, which are in the tables of the channels, so that many steps need little memory.
+        reading = replace(shot.reading, time_s=middle_s, signals={})
+        self._written.add(StepRecord(step, reading, frames, shot.due_s))
+        run.pulses.give("step")
+
+    def _record_frames(self, shot: Shot) -> Frames:
+        self._images.newest |= shot.frames
+        return {name: (record_frame(self._run, name, frame), 1) for name, frame in shot.frames.items()}
+
+    def _publish(self, waits_for: str = "") -> None:
+        now = self.timing.now(waits_for, on_request=self._asked is not None)
+        self._run.news.publish(acquisition=now)
