@@ -17,6 +17,7 @@ from rig.errors import Aborted
 from rig.limits.run_limits import limits_on
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import PhaseEvent, RigReading
+from rig.protocol.tables import Settle
 from rig.recorder import Recorder
 from rig.recorder.records import PHASE_ENDED
 
@@ -62,7 +63,8 @@ class RunContext:
         on_question: OnQuestion,
     ) -> None:
         self.protocol, self.rig, self.recorder, self.news = protocol, rig, recorder, news
-        self.clock, self.settle = rig.clock, protocol.settle
+        self.clock = rig.clock
+        self.settle: Settle = protocol.settle
         self.watch = Watch(protocol, limits_on(protocol, rig))
         self.calls = Calls(
             rig.clock, self.check_abort, rig.lost, meanwhile=self.read, every_s=self.settle.poll_s
