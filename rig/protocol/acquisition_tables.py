@@ -209,20 +209,41 @@ class End(Settings):
         return " or ".join(filter(None, ends))
 
 
+class FirstBeyond:
+    """Looks in every reading for the first sample beyond a level; `time_s` is its time, NaN before it."""
+
+    def __init__(self, level: Level) -> None:
+        self._level = level
+        self.time_s = math.nan
+
+    def see(self, reading: RigReading) -> None:
+        """Search the new samples of the signal."""
+        found = reading.signals.get(self._level.signal)
+        if found is None or not found.is_new or not math.isnan(self.time_s):
+            return
+        for time_s, value in zip(found.time_s.tolist(), found.values.tolist(), strict=True):
+            if self._level.is_beyond(value):
+                self.time_s = time_s
+                return
+
+
 class EndOfSignals:
-    """Looks in every reading for the events of a channel that end the images."""
+    """Looks in every reading for the events of a channel that end the images.
+
+    `met` is what has happened, or an empty text.
+    """
 
     def __init__(self, end: End) -> None:
+        self.met = ""
         self._end = end
         self._highest = -math.inf
 
-    def met(self, reading: RigReading) -> str:
-        """Return what has happened, or an empty text."""
+    def see(self, reading: RigReading) -> None:
+        """Look at the new samples of a reading."""
         if (reaches := self._end.reaches) is not None and reaches.is_met(reading):
-            return f"{reaches} was reached"
+            self.met = self.met or f"{reaches} was reached"
         if (drop := self._end.drop) is not None:
             for value in drop.new(reading):
                 self._highest = max(self._highest, value)
                 if self._highest >= drop.least and value < (1.0 - drop.fraction) * self._highest:
-                    return f"{drop.channel} fell from {self._highest:.6g} to {value:.6g}"
-        return ""
+                    self.met = self.met or f"{drop.channel} fell from {self._highest:.6g} to {value:.6g}"

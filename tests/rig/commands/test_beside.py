@@ -59,10 +59,10 @@ def test_hold_still_stops_the_stage(folder):
     assert "the stage stands at 0.00 deg" in done.out.casefold()
 
 
-def test_jog_still_turns_the_stage(folder):
+def test_jog_still_reads_the_stage(folder):
     done = run_rig("jog", write_rig(folder, ("[operator]", STAGE)), "--angle-deg", "1", "--yes")
-    assert (done.status, done.err) == (0, "")
-    assert "1.00 deg" in done.out
+    assert done.status == 1
+    assert "home the stage first" in done.err
 
 
 def test_plan_tells_the_number_of_images_and_their_size(folder):
