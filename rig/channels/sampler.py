@@ -60,7 +60,7 @@ class Sampler(DeviceThread):
         super().__init__(f"samples of {name}")
         self._device_name, self._device, self._clock = name, device, clock
         self._record, self._hang_s = record, hang_s
-        self._readings = Readings({signal.name: signal.delay_s for signal in device.signals})
+        self._readings = Readings(device.signals)
         self.take = self._readings.take
         self._time_line = TimeLine(name)
         usual_s = max(_SILENCE_S, _SILENT_SAMPLES / device.rate_hz) if device.rate_hz else np.inf

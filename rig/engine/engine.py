@@ -117,7 +117,9 @@ class Engine:
         # An acquisition may have a million images, whose records are in the run file.
         self._acquired: deque[StepRecord] = deque(maxlen=KEPT_RECORDS)
         planned, before = len(protocol.steps()), len(self._earlier)
-        status = EngineStatus(State.IDLE, None, planned, 0, None, rig.simulated, before)
+        status = EngineStatus(
+            State.IDLE, None, planned, 0, None, rig.simulated, before, load_is_measured=bool(rig.measured)
+        )
         self._news = Announcements(recorder, rig.clock, status, on_status, on_step, on_news, self.abort)
         self.context = RunContext(protocol, rig, recorder, self._news, on_progress, on_question)
         self._motion = RunMotion(self.context)
