@@ -60,7 +60,7 @@ class Delay:
 
 
 def find_delay(light: Edges, signal: Edges, span_s: tuple[float, float]) -> Delay | str:
-    """Return the delay of the signal's edges against the light's, or one sentence that says why none is known.
+    """Return the delay of the signal's edges against the light's, or a sentence that says why none is known.
 
     `span_s` are the times of the first and the last sample of the signal.
     """

@@ -22,6 +22,7 @@ from dic.quality.quality import assess_quality
 from drivers.clock import SystemClock
 from drivers.errors import DeviceError
 from drivers.interfaces import Camera, Frame, LoadFrame, RotationStage, Setting
+from rig.commands.check_channels import check_channels, check_trigger
 from rig.device_settings import read_settings, reports_settings
 from rig.devices import OpenedInterlock, Rig
 from rig.engine.calls import CAMERA_MARGIN_S, PATIENCE_S
@@ -106,9 +107,15 @@ def check_rig(rig: Rig, keep: Callable[[str, Image], None] = lambda name, image:
         checks[f"interlocks.{name}"] = partial(_check_interlock, found, name, interlock, call)
     for name, camera in rig.cameras.items():
         checks[f"cameras.{name}"] = partial(_check_camera, found, name, camera, call, keep)
+    for name in rig.channels:
+        checks[f"channels.{name}"] = partial(check_channels, found, rig, name)
+    for name, trigger in rig.triggers.items():
+        checks[f"triggers.{name}"] = partial(check_trigger, found, name, trigger)
     devices: dict[str, Any] = {"stage": rig.stage, "load_frame": rig.load_frame}
     devices |= {f"interlocks.{name}": interlock.device for name, interlock in rig.interlocks.items()}
     devices |= {f"cameras.{name}": camera for name, camera in rig.cameras.items()}
+    devices |= {f"channels.{name}": device for name, device in rig.channels.items()}
+    devices |= {f"triggers.{name}": trigger.device for name, trigger in rig.triggers.items()}
     for name, check in checks.items():
         try:
             check()
