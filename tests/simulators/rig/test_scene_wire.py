@@ -28,6 +28,13 @@ def test_errors_of_its_cameras_come_through(simulation, rig):
     assert rig.cameras["front"].grab(5.0).flags == 0
 
 
+def test_a_frame_keeps_the_middle_of_its_exposure_on_the_way(rig):
+    frame = rig.cameras["front"].grab(5.0)
+    assert frame.exposed_s < frame.middle_s < frame.received_s
+    # in real time the simulated camera needs a moment to look
+    assert 0.0 <= frame.middle_std_s < 0.05
+
+
 def test_one_camera_exposes_one_frame_at_a_time_whoever_asks(simulation, monkeypatch):
     camera = CAMERA_SPEC.open(
         CAMERA_SPEC.settings(width_px=16, height_px=16),
