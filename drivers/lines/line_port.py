@@ -186,7 +186,9 @@ class LinePort(DevicePort):
             self.send(question)
             # the device owes exactly one answer until `_line` has received it
             self._owed = True
-            line = self._line(question, wake, timeout_s, self._clock.now_s() + timeout_s)
+            deadline_s = self._clock.now_s() + timeout_s
+            while self._is_proof(line := self._line(question, wake, timeout_s, deadline_s), question):
+                continue
             self._owed = False
         try:
             answer = read(line)
@@ -282,6 +284,11 @@ class LinePort(DevicePort):
                 got = f"the part {self._buffer[:SHOWN_MAX]!r}" if self._buffer.strip() else "silence"
                 raise self._timeout(question, timeout_s, got)
             self._buffer += data
+
+    def _is_proof(self, line: str, question: str) -> bool:
+        """Return whether a line is the answer to the proving question, which came twice, and to no other."""
+        proof = self._syntax.proof
+        return proof is not None and line == self.proven and question != proof.question
 
     def _text(self, line: bytes) -> str:
         return line.decode(self._syntax.encoding, "backslashreplace").strip()

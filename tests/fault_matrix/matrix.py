@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
-from simulators.wire.faults import CAMERA, FAULTS, INTERLOCK, Fault
+from simulators.wire.faults import CAMERA, FAULTS, INSTRUMENT, INTERLOCK, MQTT, Fault
 from tests.fault_matrix.bench import Bench, ReportedFault, UnprovenError, WrongAnswerError
 from tests.fault_matrix.columns import COLUMNS, Column
 from tests.open_lines import open_lines
@@ -53,7 +53,8 @@ LIES = {"zero-load", "tenth-load", "reversed-load", "stuck-load", "drifting-load
 MUST_WORK = {"split:1", "split", "delay", "duplicate:1", "duplicate"}
 """Faults with which every call of a driver must succeed, because nothing is lost or late."""
 AT_A_TIME = 7
-_OWN_TABLE = (INTERLOCK, CAMERA)
+_OWN_TABLES = ((), (INTERLOCK,), (INSTRUMENT, MQTT), (CAMERA,))
+"""The kinds of devices of each table; all others are in the first."""
 DEADLINE_S = 5.0
 """A longer call counts as hanging. The longest calls take a few reply times, or a stop's deadline."""
 SIGNS = {DeviceTimeout: "T", LinkLost: "L", DeviceFault: "F", DeviceError: "E"}
@@ -201,9 +202,10 @@ def sampled(place: int, every: int = 1) -> list[str]:
 
 def try_all(every: int = 1, at_a_time: int = AT_A_TIME) -> dict[str, dict[str, Cell]]:
     """Try faults with every driver, several drivers at the same time, because most calls only wait."""
+    places = [place for place, column in enumerate(COLUMNS) if not column.missing]
     with ProcessPoolExecutor(at_a_time, multiprocessing.get_context("spawn")) as pool:
-        found = pool.map(partial(_try_column, every=every), range(len(COLUMNS)))
-        return {column.name: cells for column, cells in zip(COLUMNS, found, strict=True)}
+        found = pool.map(partial(_try_column, every=every), places)
+        return {COLUMNS[place].name: cells for place, cells in zip(places, found, strict=True)}
 
 
 def _try_column(place: int, every: int) -> dict[str, Cell]:
@@ -223,12 +225,13 @@ def table(columns: dict[str, dict[str, str]]) -> str:
 
 
 def tables(found: dict[str, dict[str, Cell]]) -> str:
-    """Return a table of the machines, one of the interlocks and one of the cameras."""
-    kinds = {column.name: column.device if column.device in _OWN_TABLE else "" for column in COLUMNS}
+    """Return a table of the machines, one of the interlocks, one of the channels and one of the cameras."""
     told = {name: {form: str(cell) for form, cell in cells.items()} for name, cells in found.items()}
+    devices = {column.name: column.device for column in COLUMNS}
+    places = {device: place for place, kinds in enumerate(_OWN_TABLES) for device in kinds}
     return "\n\n".join(
-        table({name: cells for name, cells in told.items() if kinds[name] == kind})
-        for kind in ("", *_OWN_TABLE)
+        table({name: cells for name, cells in told.items() if places.get(devices[name], 0) == place})
+        for place in range(len(_OWN_TABLES))
     )
 
 

@@ -11,6 +11,7 @@ from drivers.channels.text.fields import LineFields
 from drivers.channels.text.listener import BACKLOG, ArrivedLine, Listener
 from drivers.channels.text.opening import identity, open_line
 from drivers.channels.text.settings import ENDS, TextChannelSettings, TextCheck
+from drivers.clock import SystemClock
 from drivers.errors import DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
 from drivers.lines.call_time import CallTime
@@ -53,10 +54,11 @@ class SendingText(TextDevice):
         self._open()
 
     def _read(self, call_time: CallTime) -> Samples:
-        self._waited_s = call_time.last_wait_s(self._settings.longest_wait_s)
+        self._waited_s, real = call_time.last_wait_s(self._settings.longest_wait_s), SystemClock()
+        end_s = real.now_s() + self._waited_s
         while not self._rows:
             self._require_ready(call_time)
-            for line in self._take(call_time.last_wait_s(self._settings.longest_wait_s)):
+            for line in self._take(end_s - real.now_s()):
                 self._add(line)
         first = self._rows[0]
         if first.restart:
