@@ -276,6 +276,18 @@ class OperatorAction(Enum):
     )
 
 
+@dataclass(frozen=True)
+class OperatorQuestion:
+    """A request of a protocol to the person at the rig, in one line, and the word that confirms it."""
+
+    text: str
+    word: str
+
+    def is_confirmed_by(self, typed: str) -> bool:
+        """Return True if a typed text is the word. Capital letters and spaces around it do not matter."""
+        return typed.strip().casefold() == self.word.casefold()
+
+
 class Operator(Protocol):
     """The person at the rig, or a substitute for that person.
 
@@ -284,10 +296,25 @@ class Operator(Protocol):
 
     An operator may also have a method ``close()``, which ends a waiting `perform` with a `DeviceError`. A run
     that ends while it waits for the operator calls this method.
+
+    An operator who can be asked the questions of a protocol also has the methods of `AsksQuestions`.
     """
 
     def perform(self, action: OperatorAction) -> None:
         """Wait until the person has done the action. Raise `DeviceError` if the person refuses the action."""
+
+
+class AsksQuestions(Protocol):
+    """Optional part of the interface of an operator: questions with a word that the protocol declares.
+
+    A run with a phase `ask` needs these methods. Its questions are also given to ``notice``, if there is one.
+    """
+
+    def ask(self, question: OperatorQuestion) -> None:
+        """Wait until the person has confirmed a question with its word. Raise `DeviceError` on a refusal."""
+
+    def withdraw(self) -> None:
+        """End a waiting `ask`, because the question was answered elsewhere. Later questions are asked."""
 
 
 @dataclass(frozen=True)

@@ -116,11 +116,15 @@ def run(
     made = plan_protocol(protocol, rig_path)
     for caution in made.cautions:
         say(f"rig: caution: {caution}", err=True)
-    news = NewsOptions(
-        notify, http, lambda line: say(f"rig: {line}", err=True), on_continue=say_where_it_stands
-    )
     with ExitStack() as ending:
         with run_screen() as screen:
+            news = NewsOptions(
+                notify,
+                http,
+                lambda line: say(f"rig: {line}", err=True),
+                on_continue=say_where_it_stands,
+                on_begin=screen.listen,
+            )
             try:
                 outcome = run_protocol(
                     protocol,

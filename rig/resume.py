@@ -21,7 +21,7 @@ from rig.devices import Rig
 from rig.errors import ProtocolError, RigError
 from rig.protocol.protocol import Protocol, recorded_protocol
 from rig.protocol.step import ProtocolStep, RigReading
-from rig.recorder.records import PHASE_ENDED, STEP_REACHED
+from rig.recorder.records import PHASE_ENDED, STEP_MISSED, STEP_REACHED
 
 _TOLERANCES = 5.0
 """Largest accepted change of load, displacement or angle since the earlier run, in settling tolerances."""
@@ -176,7 +176,7 @@ def _finished(run: RunFile) -> dict[int, RigReading]:
     events = run.columns("events")
     # Run files of earlier versions do not record the order of rows, so leave the events out.
     rows = list(zip(events["message"], events["order"], strict=True)) if "order" in events else []
-    for beginning in (STEP_REACHED, PHASE_ENDED):
+    for beginning in (STEP_REACHED, STEP_MISSED, PHASE_ENDED):
         said = re.compile(rf"{re.escape(beginning)} (\d+)")
         for message, order in rows:
             if found := said.match(message.decode(errors="replace")):

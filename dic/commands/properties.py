@@ -198,8 +198,8 @@ def _say_all(found: dic.properties.Properties) -> None:
         say(f"{symbol:<6}{value.value:>9.{digits}f}{std}{unit}")
         for flag in value.flags:
             say(f"{'':<17}{flag}")
-    if found.join_text:
-        say(found.join_text)
+    for text in found.time_texts:
+        say(text)
     if found.not_counted:
         say(f"± is one standard deviation, without that of: {', '.join(found.not_counted)}")
     for flag in found.flags:

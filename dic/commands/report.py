@@ -256,8 +256,9 @@ def _write(
 
 
 def _area_mm2(results: Path) -> float | None:
-    """Return the area of a run's specimen; None for a series of images."""
+    """Return the area of a run's specimen; None for a series of images, or if the protocol states none."""
     if dic.pipeline.is_series_result(results):
         return None
     info = dic.load_run_result(results).info
-    return info.width_mm * info.thickness_mm
+    area_mm2 = info.width_mm * info.thickness_mm
+    return area_mm2 if area_mm2 == area_mm2 else None

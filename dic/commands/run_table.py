@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Set
 from itertools import starmap
 from typing import Any
 
@@ -15,6 +15,8 @@ from dic.files import by_index
 
 _READINGS = (("load_n", "load N", 0), ("displacement_mm", "displ. mm", 3), ("angle_deg", "angle °", 1))
 """The device readings in the table: attribute of a step, heading, and number of decimals."""
+_MOST_STEPS, _ENDS = 60, 20
+"""Of more steps than the first number, only the second number at the beginning and at the end is printed."""
 
 
 def table(result: dic.pipeline.RunResult) -> str:
@@ -45,19 +47,25 @@ def _camera_lines(result: dic.pipeline.RunResult, camera: dic.pipeline.CameraRes
     ]
     if not camera.measurements:
         return lines
+    timing = dic.pipeline.ImageTiming.of(camera.steps, result.info.definition)
+    lines += [f"  {text}" for text in [*([] if timing is None else [timing.text]), *camera.remarks]]
     readings = _readings(camera.steps)
     shares = Column("% points", len("% points"))
     made = StrainTable([*_step_columns(camera.steps, readings), shares])
     lines.append(made.heading())
     images = result.corrections.cameras[camera.camera].images
     declined: dict[str, list[str]] = {}
-    for step, measurement, correction in by_index(camera.steps, camera.measurements, images):
-        summary = measurement.summary() | {"corrected": correction.as_dict()}
-        share = share_text(summary)
-        lines += made.lines([*_step_cells(step, readings), share], strains_of(summary))
-        lines += [f"  {note}" for note in _notes(measurement, summary["remarks"])]
+    shown = _shown(len(camera.steps))
+    for k, (step, measurement, correction) in enumerate(by_index(camera.steps, camera.measurements, images)):
         if correction.declined is not None:
             declined.setdefault(correction.declined, []).append(_name(step))
+        if k in shown:
+            summary = measurement.summary() | {"corrected": correction.as_dict()}
+            share = share_text(summary)
+            lines += made.lines([*_step_cells(step, readings), share], strains_of(summary))
+            lines += [f"  {note}" for note in _notes(measurement, summary["remarks"])]
+        elif k - 1 in shown:
+            lines.append(_left_out_text(len(camera.steps)))
         # Free the memory of this step before the next one is read.
         del measurement, correction
     findings = result.corrections.findings[camera.camera]
@@ -76,7 +84,11 @@ def _joint_lines(result: dic.pipeline.RunResult, joint: dic.pipeline.JointCorrec
     readings = _readings(steps)
     made = StrainTable(_step_columns(steps, readings))
     lines.append(made.heading())
-    for step in steps:
+    shown = _shown(len(steps))
+    for k, step in enumerate(steps):
+        if k not in shown:
+            lines += [_left_out_text(len(steps))] if k - 1 in shown else []
+            continue
         found = joint.steps[step.index]
         cells = _step_cells(step, readings)
         if found.declined or found.mean is None or found.plane is None or found.plane_std is None:
@@ -89,6 +101,17 @@ def _joint_lines(result: dic.pipeline.RunResult, joint: dic.pipeline.JointCorrec
             f" slopes x {slopes[0]:z.4f}°, y {slopes[1]:z.4f}°"
         )
     return lines
+
+
+def _shown(count: int) -> Set[int]:
+    """Return the indices of the steps that are printed."""
+    if count <= _MOST_STEPS:
+        return set(range(count))
+    return {*range(_ENDS), *range(count - _ENDS, count)}
+
+
+def _left_out_text(count: int) -> str:
+    return f"  … {count - 2 * _ENDS} more of {count} steps; --json and --csv have all …"
 
 
 def _notes(measurement: dic.strain.Measurement, remarks: list[str]) -> list[str]:
@@ -151,6 +174,7 @@ def as_dict(result: dic.pipeline.RunResult) -> dict[str, Any]:
         corrections = result.corrections.cameras[camera.camera]
         steps = starmap(_step_as_dict, by_index(camera.steps, camera.measurements, corrections.images))
         calibration = camera.require_calibration()
+        timing = dic.pipeline.ImageTiming.of(camera.steps, result.info.definition)
         cameras[camera.camera] = {
             "calibration": {
                 "found": calibration.grid.found,
@@ -162,6 +186,8 @@ def as_dict(result: dic.pipeline.RunResult) -> dict[str, Any]:
             },
             "alignment": None if corrections.alignment is None else corrections.alignment.as_dict(),
             "findings": result.corrections.findings[camera.camera],
+            "remarks": list(camera.remarks),
+            "timing": None if timing is None else timing.as_dict(),
             "steps": list(steps),
             "failures": camera.failures,
         }
@@ -184,7 +210,7 @@ def _step_as_dict(
     measurement: dic.strain.Measurement,
     correction: dic.out_of_plane.Correction,
 ) -> dict[str, Any]:
-    readings = {k: None if v != v else v for k, v in vars(step).items()}
+    readings = {k: None if v != v else v for k, v in step.known().items()}
     summary = measurement.summary() | {"corrected": correction.as_dict()}
     return readings | summary | {"good": measurement.good}
 

@@ -13,7 +13,6 @@ from dic.exports.image import (
     Exporter,
     ExportImage,
     ExportSeries,
-    readings_of,
     stem_of,
     unique_names,
 )
@@ -23,6 +22,7 @@ from dic.pipeline.measured_images import CameraView, MeasuredImage, require_came
 from dic.pipeline.result_file import Loaded, Results, with_results
 from dic.results.points import PointValues
 from dic.results.provenance import versions
+from dic.results.readings import channel_units, known_readings
 from dic.results.strain_table import STRAIN_FILE, write_strain_table
 from dic.strain.measurement import Measurement
 from dic.typing import PathLike
@@ -64,6 +64,8 @@ class ExportSource:
     known: list[dict[str, Any]]
     """The known values of each step of a run, such as its load; empty for a series."""
     about: Mapping[str, str | float]
+    channels: Mapping[str, str] = field(default_factory=dict)
+    """The units of the values of channels."""
 
     def exported(
         self, failed: Callable[[MeasuredImage], None] = lambda image: None, *, raw_strain: bool = False
@@ -77,7 +79,7 @@ class ExportSource:
             # The time of a file's last change is lost if the file is copied, and most formats name no source.
             taken = {} if image.time.source == "file" else image.time.as_dict()
             known = taken | (self.known[k] if k < len(self.known) else {})
-            yield ExportImage(k + 1, self.names[k], points, readings_of(known), image.row() | known)
+            yield ExportImage(k + 1, self.names[k], points, known_readings(known), image.row() | known)
 
     def series(self, first: Measurement) -> ExportSeries:
         """Return the properties that all images share; the settings are those of the first measurement."""
@@ -92,7 +94,7 @@ class ExportSource:
         }
         if first.gauge_mm is not None:
             settings["strain_gauge_mm"] = first.gauge_mm
-        return ExportSeries(self.camera, {**self.about, **settings}, len(self.images))
+        return ExportSeries(self.camera, {**self.about, **settings}, len(self.images), self.channels)
 
 
 def export_results(
@@ -170,7 +172,8 @@ def _source_of(results: Loaded, view: CameraView) -> ExportSource:
     if view.camera:
         names = [f"{view.camera}_{step.kind}_{step.index}" for step in view.steps]
         known = [view.known(k) for k in range(len(view.steps))]
-        return ExportSource(view.camera, images, names, known, about | {"camera": view.camera})
+        about |= {"camera": view.camera}
+        return ExportSource(view.camera, images, names, known, about, channel_units(view.steps))
     outcomes = getattr(results, "outcomes", ())
     labels = [each.label for each in outcomes] or [image.label for image in images]
     names = unique_names([stem_of(label) for label in labels], [Path(STRAIN_FILE).stem])

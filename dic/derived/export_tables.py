@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dic.derived.export import ExportSource, sources_of
 from dic.errors import OutputError, RunFileError
-from dic.exports.image import FIXED, ExportImage, long_name, unit_of, units
+from dic.exports.image import FIXED, ExportImage, long_name, units
 from dic.pipeline.measured_images import only_camera
 from dic.pipeline.result_file import Loaded, Results, with_results
 
@@ -47,7 +47,9 @@ def to_pandas(results: Results, *, camera: str | None = None, raw_strain: bool =
     """
     pandas = _package("pandas", "to_pandas")
     frames, names = [], dict[str, None]()
-    for source, image in _images(results, camera, raw_strain=raw_strain):
+    found = _images(results, camera, raw_strain=raw_strain)
+    sources = [source for source, _ in found]
+    for source, image in found:
         points = image.points
         rows, columns = np.nonzero(points.active)
         own: dict[str, Any] = {"image": image.number, "label": points.label}
@@ -57,7 +59,9 @@ def to_pandas(results: Results, *, camera: str | None = None, raw_strain: bool =
         frames.append(pandas.DataFrame({**own, **image.known, **places, **values}))
         names |= dict.fromkeys(frames[-1].columns)
     table = pandas.concat(frames, ignore_index=True)[list(names)]
-    table.attrs["units"] = units(name for name in names if name not in ("image", "label", "camera"))
+    channels = {name: unit for source in sources for name, unit in source.channels.items()}
+    named = (name for name in names if name not in ("image", "label", "camera"))
+    table.attrs["units"] = units(named) | {name: unit for name, unit in channels.items() if name in names}
     return table
 
 
@@ -101,10 +105,10 @@ def to_xarray(results: Results, *, camera: str | None = None, raw_strain: bool =
         fields[name] = ("image",), np.array([image.known.get(name, np.nan) for _, image in found])
     fields["label"] = ("image",), [image.points.label for _, image in found]
     along = {"image": [image.number for _, image in found], "x_px": first.x_px, "y_px": first.y_px}
-    about = found[0][0].series(first.measurement).about
-    dataset: xarray.Dataset = package.Dataset(fields, along, dict(about))
+    series = found[0][0].series(first.measurement)
+    dataset: xarray.Dataset = package.Dataset(fields, along, dict(series.about))
     for name in (*names, *known, *_GRID):
-        dataset[name].attrs.update({"units": unit_of(name), "long_name": long_name(name)})
+        dataset[name].attrs.update({"units": series.unit_of(name), "long_name": long_name(name)})
     return dataset
 
 

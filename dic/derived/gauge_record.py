@@ -1,17 +1,25 @@
 """Join the record of a testing machine to images, and form the curve of a tensile test from gauges."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from dic.derived.image_clock import ImageClock
 from dic.errors import CurveError, GaugeError
+from dic.gauges.channel import MEASURED
 from dic.gauges.reading import Reading, SharedPart
 from dic.gauges.series import GaugeImage, GaugeSeries
 from dic.gauges.strains import covariance_along
 from dic.properties.curve import Curve
 from dic.properties.properties import Properties
-from dic.properties.shared_error import JoinError, with_join_error, with_shared_error
+from dic.properties.shared_error import (
+    JoinError,
+    with_delay_error,
+    with_join_error,
+    with_shared_error,
+)
 from dic.records.joining import JOINS, JoinedRecord, join_by_name, join_by_row, join_by_time
 from dic.records.machine import MachineRecord
 from dic.typing import Float, Mask
@@ -126,6 +134,11 @@ class GaugeCurve:
         The image or the run's step of each point, shape (n,).
     joined : JoinError or None
         The errors of the loads by the machine's clock; None if they were not joined by time.
+    lag_n : ndarray, shape (n,), or None
+        Change of the load at each point if all images were taken later by one standard deviation of the
+        delays; None if the loads do not come from a run.
+    lag_strain : ndarray, shape (n,), or None
+        The same for the strain of a channel; None for a gauge in the images.
     """
 
     curve: Curve
@@ -136,10 +149,14 @@ class GaugeCurve:
     left_out: int
     labels: tuple[str, ...]
     joined: JoinError | None = None
+    lag_n: Float | None = None
+    lag_strain: Float | None = None
 
     def judged(self, found: Properties) -> Properties:
         """Return the properties of this curve with deviations that contain all errors of this curve."""
         found = with_shared_error(found, self.shared_std, self.shared_transverse, self.followed)
+        if self.lag_n is not None:
+            found = with_delay_error(found, self.lag_n, self.lag_strain)
         return found if self.joined is None else with_join_error(found, self.joined)
 
 
@@ -158,7 +175,7 @@ def gauge_curve(
     series : GaugeSeries
         A series with the load of each image. The load comes from a run file, or from `join_record`.
     gauge : str
-        Name of the gauge along the specimen.
+        Name of the gauge along the specimen, or of a channel in a unit of strain, such as "channels.clip".
     transverse : str, optional
         Name of the gauge across the specimen.
     kind : str, optional
@@ -174,9 +191,9 @@ def gauge_curve(
     source = series.source or "gauges"
     series = _of_camera(series, camera)
     chosen = kind or series.kinds[0] if series.kinds else "raw"
-    strain, _ = series.strain(gauge, chosen)
+    channel, known = series.channels.get(gauge), [image.known for image in series.images]
+    strain = series.strain(gauge, chosen)[0] if channel is None else channel.strain(known)
     across = None if transverse is None else series.strain(transverse, chosen)[0]
-    known = [image.known for image in series.images]
     if not any("load_n" in each for each in known):
         remedy = "give the machine's record with --record"
         raise CurveError(source, "load", "a load for each image", "none", remedy)
@@ -195,9 +212,9 @@ def gauge_curve(
         _passed(load_n, use),
     )
     followed = _followed(series, gauge, transverse, chosen)
-    # For raw strain, only the errors that the images cause are known.
+    # For raw strain, only the errors that the images cause are known; for a channel, only those of its time.
     shared = np.full(len(use), np.nan)
-    if chosen != "raw":
+    if chosen != "raw" and channel is None:
         shared = _shared_std(series, gauge, chosen, followed)
     beside = None
     if transverse is not None:
@@ -208,7 +225,24 @@ def gauge_curve(
     joined = None
     if series.joined is not None and series.joined.errors_n is not None and series.joined.clock is not None:
         joined = JoinError(series.joined.errors_n[use], series.joined.clock.correlation)
-    return GaugeCurve(curve, shared[use], beside, followed[use], chosen, left_out, kept, joined)
+    return GaugeCurve(
+        curve,
+        shared[use],
+        beside,
+        followed[use],
+        chosen if channel is None else MEASURED,
+        left_out,
+        kept,
+        joined,
+        _lag_n(known, use),
+        None if channel is None else channel.lag(known)[use],
+    )
+
+
+def _lag_n(known: Sequence[Mapping[str, Any]], use: Mask) -> Float | None:
+    """Return `GaugeCurve.lag_n`; the change is 0 at images where it is not known."""
+    found = np.array([float(each.get("load_lag_n", np.nan)) for each in known])[use]
+    return np.nan_to_num(found) if np.isfinite(found).any() else None
 
 
 def _passed(load_n: Float, use: Mask) -> Float | None:

@@ -9,6 +9,7 @@ from typing import Any
 from dic.calibration.calibration import Calibration
 from dic.errors import GaugeError, RunFileError
 from dic.files.reading import opened
+from dic.gauges.channel import gauge_channels
 from dic.gauges.declared import Gauge
 from dic.gauges.picture import draw_gauges
 from dic.gauges.placed import PlacedGauges
@@ -18,6 +19,7 @@ from dic.pipeline.result import SeriesResult
 from dic.pipeline.result_file import Loaded, Results, with_results
 from dic.pipeline.series_image import of_page
 from dic.results.job import ImageOutcome, content_of
+from dic.results.readings import reading_names
 from dic.typing import PathLike
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -90,7 +92,9 @@ def _read_all(results: Loaded, gauges: Sequence[Gauge], camera: str | None) -> G
     images = tuple(_images(results, gauges, camera))
     source, run = getattr(results, "source", ""), getattr(results, "info", None)
     outcomes: Sequence[ImageOutcome] | None = getattr(results, "outcomes", None)
-    found = GaugeSeries(source, tuple(gauges), images, outcomes is None or bool(outcomes), run)
+    in_order = outcomes is None or bool(outcomes)
+    channels = gauge_channels(next((view.steps for view in results.views if view.steps), ()))
+    found = GaugeSeries(source, tuple(gauges), images, in_order, run, channels=channels)
     if not isinstance(results, SeriesResult):
         return found
     reference = results.reference_name
@@ -149,9 +153,6 @@ def is_results(path: PathLike) -> bool:
         raise RunFileError(str(path), "read", "a table or a result file", got, remedy) from error
 
 
-_KNOWN = ("camera", "step", "load_n", "displacement_mm", "angle_deg", "time_s")
-
-
 def reader_of(
     results: Loaded, gauges: Sequence[Gauge], camera: str | None
 ) -> Iterator[tuple[CameraView, GaugeReader]]:
@@ -170,7 +171,8 @@ def _images(results: Loaded, gauges: Sequence[Gauge], camera: str | None) -> Ite
     for view, reader in reader_of(results, gauges, camera):
         for k, image in enumerate(view.series.images):
             known = view.known(k) if view.camera else {}
-            yield reader.read(image, **{name: known[name] for name in _KNOWN if name in known})
+            names = ["camera", "step", *reading_names([known])]
+            yield reader.read(image, **{name: known[name] for name in names if name in known})
 
 
 def _contents(images: Sequence[GaugeImage], outcomes: Sequence[ImageOutcome]) -> tuple[str, ...]:

@@ -36,7 +36,7 @@ def _rows(result: RunResult) -> Iterator[dict[str, Any]]:
     for camera in result.cameras:
         corrections = result.corrections.cameras[camera.camera].images
         for step, measurement, correction in by_index(camera.steps, camera.measurements, corrections):
-            steps[step.index] = vars(step) | {"step": f"{step.kind} {step.index}"}
+            steps[step.index] = step.known() | {"step": f"{step.kind} {step.index}"}
             row = measurement.summary() | {"corrected": correction.as_dict()}
             yield row | steps[step.index] | {"camera": camera.camera, "error": measurement.objection}
             del measurement, correction

@@ -4,13 +4,14 @@ import re
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from dic.image.pages import split_page
 from dic.image.video import is_video
 from dic.results.points import CORRECTED, RAW, PointValues
+from dic.results.readings import unit_of_reading
 from dic.results.schema import units_of
 
 FIXED = ("X_mm", "Y_mm")
@@ -25,7 +26,6 @@ LONG_NAMES = {
     "exx": "normal strain to the right", "eyy": "normal strain upwards", "exy": "shear strain",
     "direction_deg": "direction of e1 from x towards y",
 }  # fmt: skip
-_READINGS = {"load_n": "N", "displacement_mm": "mm", "angle_deg": "deg", "time_s": "s"}
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,17 @@ class ExportSeries:
     """Where the results come from and how they were made."""
     count: int
     """Number of images."""
+    channels: Mapping[str, str] = field(default_factory=dict)
+    """The units of the values of channels."""
 
     @property
     def name(self) -> str:
         """Name of a file that contains the whole series."""
         return file_name(self.camera) or "series"
+
+    def unit_of(self, name: str) -> str:
+        """Return the unit of a value, a reading, or the value of a channel."""
+        return self.channels.get(name) or unit_of(name)
 
 
 @dataclass(frozen=True)
@@ -55,7 +61,7 @@ class ExportImage:
     """Name of the image's files, without suffix."""
     points: PointValues
     known: Mapping[str, float]
-    """Known readings: load_n, displacement_mm, angle_deg of a run's step, and time_s."""
+    """Known readings and values of channels at a run's step, and time_s."""
     row: Mapping[str, Any]
     """The image's row in the table of mean strains, in the form that `write_strain_table` needs. A run's row
     has the best correction of the step.
@@ -82,12 +88,6 @@ class Exporter(ABC):
         """Remove files that are not complete; called after an error."""
 
 
-def readings_of(known: Mapping[str, Any]) -> dict[str, float]:
-    """Return the device readings of a step that exist and are not NaN."""
-    numbers = {name: float(known[name]) for name in _READINGS if known.get(name) is not None}
-    return {name: value for name, value in numbers.items() if value == value}
-
-
 def long_name(name: str) -> str:
     """Return the description of an exported value, in words, from its name such as "exx_std"."""
     bare = name.removeprefix(CORRECTED).removeprefix(RAW)
@@ -106,7 +106,7 @@ def units(names: Iterable[str]) -> dict[str, str]:
 
 def unit_of(name: str) -> str:
     """Return the unit of a value or a reading: "px", "mm", "deg", "N", "s", or "1" for none."""
-    return _READINGS.get(name, units_of(name))
+    return unit_of_reading(name) or units_of(name)
 
 
 def file_name(text: str) -> str:

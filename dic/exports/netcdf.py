@@ -11,7 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from dic.exports.image import FIXED, Exporter, ExportImage, ExportSeries, long_name, unit_of
+from dic.exports.image import FIXED, Exporter, ExportImage, ExportSeries, long_name
 from dic.files.writing import replacing
 from dic.hdf5.writing import NewFile
 
@@ -110,7 +110,7 @@ class NetcdfExporter(Exporter):
         for k, dimension in enumerate(dimensions):
             dataset.dims[k].attach_scale(self._file[dimension])
         if name != "label":
-            dataset.attrs.update({"units": unit_of(name), "long_name": long_name(name)})
+            dataset.attrs.update({"units": self.series.unit_of(name), "long_name": long_name(name)})
         if dataset.dtype.kind == "f":
             dataset.attrs["_FillValue"] = np.array([np.nan], dataset.dtype)
         return dataset

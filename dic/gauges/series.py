@@ -13,6 +13,7 @@ from dic.gauges.reading import Reading
 from dic.typing import Float
 
 if TYPE_CHECKING:
+    from dic.gauges.channel import GaugeChannel
     from dic.records.joining import JoinedRecord
     from dic.runfile.reader import RunInfo
 
@@ -32,8 +33,8 @@ class GaugeImage:
         Keyed by the gauge's name, and then by "raw", "calibrated" or "corrected". Empty if the image could
         not be measured.
     known : mapping of str to (str or float)
-        Further data of the image. In a series: time_s and time_source. In a run: camera, step, load_n,
-        displacement_mm, angle_deg, time_s.
+        Further data of the image. In a series: time_s and time_source. In a run: camera, step, the readings
+        and the values of channels (`RunStep.known`).
     failure : str or None
         The reason why the image could not be measured.
     digest : str
@@ -77,6 +78,8 @@ class GaugeSeries:
         Name of the reference image; "" for a run or a series in memory.
     joined : JoinedRecord or None
         How the record of a testing machine was joined to the images; None if none was.
+    channels : mapping of str to GaugeChannel
+        The channels of a run, by names such as "channels.oven".
     """
 
     source: str
@@ -88,6 +91,7 @@ class GaugeSeries:
     contents: tuple[str, ...] = ()
     reference: str = ""
     joined: "JoinedRecord | None" = None
+    channels: Mapping[str, "GaugeChannel"] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"GaugeSeries({', '.join(gauge.name for gauge in self.gauges)}; {len(self.images)} images)"

@@ -11,9 +11,9 @@ from dic.gauges.declared import Gauge
 from dic.gauges.reading import Profile, Reading
 from dic.gauges.series import GaugeImage, GaugeSeries
 from dic.results.csv import write_rows
+from dic.results.readings import reading_names
 from dic.typing import PathLike
 
-_KNOWN = ("camera", "step", "load_n", "displacement_mm", "angle_deg", "time_s", "time_source")
 _ORDER = ("raw", "calibrated", "corrected")
 _LENGTHS = ("extension", "extension_std", "length", "u", "u_std", "v", "v_std")
 _DIGITS = 9
@@ -78,7 +78,8 @@ def _cells(image: GaugeImage, cuts: set[str]) -> Iterator[tuple[str, Any]]:
 
 
 def _begin(image: GaugeImage) -> dict[str, Any]:
-    known = {name: image.known.get(name) for name in _KNOWN}
+    names = ("camera", "step", *reading_names([image.known]), "time_source")
+    known = {name: image.known.get(name) for name in names}
     return {"image": image.label} | {
         name: value for name, value in known.items() if value is not None and value == value
     }

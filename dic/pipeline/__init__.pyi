@@ -9,6 +9,7 @@ from .corrections import (
     corrected_rotation as corrected_rotation,
 )
 from .image_task import load_correlation as load_correlation
+from .image_timing import ImageTiming as ImageTiming
 from .images import (
     measure_images as measure_images,
     measure_series as measure_series,

@@ -31,6 +31,10 @@ class CorrectedCamera(Protocol):
     def reference(self) -> NDArray[Any]:
         """Grey levels of the reference image, shape (height, width)."""
 
+    @property
+    def remarks(self) -> Sequence[str]:
+        """Sentences about readings of a run that are not known at all images."""
+
 
 @dataclass
 class CameraImages:
@@ -54,6 +58,8 @@ class CameraImages:
     """The images at the beginning that an earlier measurement has finished."""
     known: bool = False
     """True if all images are finished already."""
+    remarks: Sequence[str] = ()
+    """Sentences about readings of a run that are not known at all images."""
     specimen: Specimen | None = field(default=None, init=False)
     """The specimen in the reference image; not known before the first image is correlated."""
 

@@ -1,8 +1,9 @@
 """Settings of the corrections of a run's strains for out-of-plane motion."""
 
 import json
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import field, replace
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from dic.calibration.grid_making import (
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from dic.out_of_plane.alignment import Alignment
     from dic.out_of_plane.shift import Shift
     from dic.runfile.mounting import RunMounting
+    from dic.runfile.steps import RunStep
 else:
     # The options of commands are made from these classes, and NumPy would delay their help.
     Alignment = Any
@@ -75,8 +77,12 @@ class CorrectionSettings:
     def completed(
         self, mounting: "RunMounting", thickness_mm: float, making: Mapping[str, Any]
     ) -> "CorrectionSettings":
-        """Return the settings; a setting that is not given has the value that the run file declares."""
-        declared: dict[str, Any] = {"thickness_mm": thickness_mm, **vars(mounting), **making}
+        """Return the settings; a setting that is not given has the value that the run file declares.
+
+        `thickness_mm` is NaN if the run file states no thickness.
+        """
+        known_mm = thickness_mm if isfinite(thickness_mm) else None
+        declared: dict[str, Any] = {"thickness_mm": known_mm, **vars(mounting), **making}
         names = ("shift_std_um", "tilt_axis_mm", "thickness_mm", "fixed_face", *MAKING)
         values: dict[str, Any] = {name: declared.get(name) for name in names if getattr(self, name) is None}
         return replace(self, **values)
@@ -140,6 +146,14 @@ class CorrectionSettings:
             content.get("fixed_face"),
             **{name: content.get(name) for name in MAKING},
         )
+
+
+def kinds_of(steps: Iterable["RunStep"]) -> set[str]:
+    """Return the kinds of a run's steps, from which `motion_of` concludes the specimen's motion.
+
+    Images beside a machine whose load is measured count as those of a test with load steps.
+    """
+    return {"load" if step.kind == "acquired" and isfinite(step.load_n) else step.kind for step in steps}
 
 
 def motion_of(kinds: Set[str]) -> str:

@@ -187,7 +187,7 @@ class CameraView:
         if place >= len(self.steps):
             return {"camera": self.camera}
         step = self.steps[place]
-        return vars(step) | {"camera": self.camera, "step": f"{step.kind} {step.index}"}
+        return step.known() | {"camera": self.camera, "step": f"{step.kind} {step.index}"}
 
 
 def require_camera(views: Sequence[CameraView], camera: str | None, source: str) -> list[CameraView]:

@@ -7,7 +7,7 @@ from dic.calibration.calibration import Calibration
 from dic.correlation.settings import CorrelationSettings
 from dic.files.lazy import Computed
 from dic.out_of_plane.diagnosis import Sensitivity
-from dic.pipeline.correction_settings import CorrectionSettings, motion_of
+from dic.pipeline.correction_settings import CorrectionSettings, kinds_of, motion_of
 from dic.pipeline.corrections import Corrector, RunCorrections
 from dic.pipeline.measured_images import CameraView, MeasuredImage, MeasuredSeries, require_camera
 from dic.results.fields import StoredFields
@@ -45,6 +45,8 @@ class CameraResult:
         The outcome of each image except the reference; empty for files of earlier versions.
     fields : StoredFields or None
         The fields of the measurements in a result file; None without a file or without a measurement.
+    remarks : sequence of str
+        Sentences about readings that are not known at all images.
     """
 
     camera: str
@@ -56,6 +58,7 @@ class CameraResult:
     specimen: Specimen | None = None
     outcomes: Sequence[ImageOutcome] = ()
     fields: StoredFields | None = None
+    remarks: Sequence[str] = ()
 
     def __repr__(self) -> str:
         return f"CameraResult({self.camera!r}, {len(self.steps)} steps, {len(self.failures)} failed)"
@@ -253,7 +256,7 @@ def measured_steps(cameras: Sequence[CameraResult]) -> Iterator[tuple[RunStep, d
 
 def correct_run(cameras: Sequence[CameraResult], settings: CorrectionSettings) -> RunCorrections:
     """Correct the strains of all measurements of a run for out-of-plane motion."""
-    kind = motion_of({step.kind for camera in cameras for step in camera.steps})
+    kind = motion_of(kinds_of(step for camera in cameras for step in camera.steps))
     motions = {camera.camera: settings.motion(kind, camera.camera) for camera in cameras}
     corrector = Corrector.of(cameras, motions)
     for camera in cameras:

@@ -32,8 +32,9 @@ from dic.results.fields import NOT_SMOOTHED, StoredFields, plain, read_reference
 from dic.results.job import ImageOutcome, read_outcomes
 from dic.results.loading import Result, load_result, require_known, use_result
 from dic.results.reader import read_corrections, read_measurements, read_provenance, read_two_cameras
-from dic.results.schema import FINISHED, FORMAT, JOINT, STEP_UNITS, VERSION, CameraLayout
+from dic.results.schema import FINISHED, FORMAT, JOINT, VERSION, CameraLayout
 from dic.results.shapes import require_shapes
+from dic.results.steps import read_steps
 from dic.runfile.reader import RunInfo, RunStep
 from dic.runfile.schema import FORMAT as RUN_FORMAT
 from dic.strain.measurement import Measurement
@@ -305,17 +306,17 @@ def _read_camera(name: str, file: h5py.File, *, local_strain: bool) -> CameraRes
     camera, layout = _read_fields(name, file), CameraLayout.of(name)
     group, measurements = file[layout.place], list[Measurement]()
     failures: list[str] = []
-    steps = []
+    steps: list[RunStep] = []
+    remarks: list[str] = []
     if name:
-        columns = {column: group["steps"][column][:] for column in STEP_UNITS}
-        for k, kind in enumerate(group["steps"].attrs["kind"]):
-            values = {column: float(values[k]) for column, values in columns.items() if column != "index"}
-            steps.append(RunStep(index=int(columns["index"][k]), kind=str(kind), **values))
+        steps, remarks = read_steps(group)
         failures = [line for line in str(group.attrs["failures"]).split("\n") if line]
     if steps or not name:
         found = read_measurements(file[layout.rows], camera.calibration, local_strain=local_strain)
-        return replace(camera, steps=steps, measurements=found, failures=failures)
-    return replace(camera, steps=steps, measurements=measurements, failures=failures, fields=None)
+        return replace(camera, steps=steps, measurements=found, failures=failures, remarks=remarks)
+    return replace(
+        camera, steps=steps, measurements=measurements, failures=failures, fields=None, remarks=remarks
+    )
 
 
 def _read_corrections(group: h5py.Group, camera: CameraResult, anew: RunCorrections | None) -> Corrections:

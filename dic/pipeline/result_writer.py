@@ -31,7 +31,8 @@ from dic.results.finished import FinishedImage
 from dic.results.job import ImageOutcome
 from dic.results.place import ResultPlace
 from dic.results.provenance import Provenance
-from dic.results.schema import JOINT, STEP_UNITS, CameraLayout
+from dic.results.schema import JOINT, CameraLayout
+from dic.results.steps import write_steps
 from dic.results.writer import ResultWriter
 from dic.runfile.reader import RunStep
 from dic.strain.settings import StrainSettings
@@ -59,6 +60,7 @@ class MeasurementWriter:
         self._cameras, self._set_up = list(cameras), set_up
         self._stored: dict[str, StoredFields] = {}
         self._shared: dict[str, dict[str, Any]] = {}
+        self._remarks = {camera.camera: camera.remarks for camera in cameras}
         self._failed: dict[str, list[ImageOutcome]] = {camera.camera: [] for camera in cameras}
 
     def __enter__(self) -> Self:
@@ -142,7 +144,7 @@ class MeasurementWriter:
             else:
                 sentences = [f"{self._source()}: {camera}, {label}: {why}" for label, why in failed]
                 group.attrs["failures"] = "\n".join(sentences if failures is None else failures[camera])
-                _write_steps(group, steps[camera])
+                write_steps(group, steps[camera], self._remarks[camera])
                 _write_texts(group, "findings", corrections.findings[camera])
         if corrections is not None:
             # Also a run without any measured step has results: the reasons.
@@ -234,14 +236,6 @@ def _write_reference(group: Any, reference: NDArray[Any]) -> None:
     for rows in bands_of(len(reference), chunk * max(1, _ROWS // chunk)):
         stored[rows] = reference[rows].astype(np.float32)
     stored.attrs["units"] = "grey level"
-
-
-def _write_steps(group: Any, measured: Sequence[RunStep]) -> None:
-    steps = group.create_group("steps")
-    steps.attrs["kind"] = [step.kind for step in measured]
-    for column, units in STEP_UNITS.items():
-        data = [getattr(step, column) for step in measured]
-        steps.create_dataset(column, data=data).attrs["units"] = units
 
 
 def _write_texts(group: Any, name: str, texts: Sequence[str]) -> None:

@@ -13,7 +13,7 @@ from dic.correlation.settings import CorrelationSettings
 from dic.errors import require_kind
 from dic.image.stored import is_large
 from dic.keywords import takes_settings
-from dic.pipeline.correction_settings import CorrectionSettings
+from dic.pipeline.correction_settings import CorrectionSettings, kinds_of
 from dic.pipeline.correlated import FIRST_GUESSES
 from dic.pipeline.measuring import measuring_into
 from dic.pipeline.result import RunResult
@@ -102,17 +102,16 @@ def process_run(
         place = chosen or ResultPlace(file)
         run.step_of_kind("reference")
         plate_mm = run.mounting.plate_mm if plate_mm is None else plate_mm
-        correcting.require_use(str(source.path), list(run.cameras), {step.kind for step in run.series()[1:]})
+        correcting.require_use(str(source.path), list(run.cameras), kinds_of(run.series()[1:]))
         correcting = correcting.completed(run.mounting, run.info.thickness_mm, grid.grid_making)
-        first, *others = run.series()
+        regions = source.masks(run)
+        cameras = RunCameras(run, regions, settings, incremental, plate_mm, correcting.grid, grid, workers)
+        first, *others = cameras.exposed[run.cameras[0]].steps
         reference_s = first.time_s if any(step.kind == "static" for step in others) else nan
         known = run.info, settings, strain or StrainSettings(), correcting, plate_mm, reference_s
         set_up = RunSetUp(str(run.path), *known)
-        regions = source.masks(run)
-        cameras = RunCameras(run, regions, settings, incremental, plate_mm, correcting.grid, grid, workers)
-        job = Job.of(
-            _fields_job(run, grid, settings, incremental) | region_digests(regions), set_up.as_dict()
-        )
+        of_fields = _fields_job(run, grid, settings, incremental) | region_digests(regions)
+        job = Job.of(of_fields, set_up.as_dict())
         with alone(place.path):
             earlier = look_up(place, job, cameras.outcomes)
             if isinstance(earlier.same, RunResult):

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from dic.pipeline.run_image import RunImage
 from dic.pipeline.series_image import UNREADABLE, SeriesImage
 from dic.results.finished import FinishedImage
 from dic.results.job import ImageOutcome, content_of
+from dic.runfile.at_exposure import ExposedSteps, steps_at_exposure
 from dic.runfile.reader import RunFile, RunStep
 from dic.settings import either
 from dic.specimen.find import SpecimenNotFound
@@ -53,6 +54,11 @@ class RunCameras:
     workers: Workers | None = None
     """Workers that correlate the images of all cameras. By default each camera has a thread of its own."""
 
+    @cached_property
+    def exposed(self) -> dict[str, ExposedSteps]:
+        """The steps as each camera saw them, with the readings at the middle of its exposures."""
+        return steps_at_exposure(self.run)
+
     def calibrated(self) -> list[CameraImages]:
         """Calibrate all cameras at the same time, and return them with their images."""
         with ThreadPoolExecutor() as pool:
@@ -72,11 +78,13 @@ class RunCameras:
 
     def _calibrated(self, camera: str, lines: Calibration) -> CameraImages:
         run = self.run
-        first, *others = run.series()
+        exposed = self.exposed[camera]
         # The fields do not depend on the thickness of the plate, so a new thickness needs no new correlation.
         calibration = behind(lines, self.plate_mm) if self.plate_mm else lines
         correlate = partial(self._correlated, lines)
-        return CameraImages(camera, run.image(camera, first), calibration, correlate, others)
+        reference = run.image(camera, run.series()[0])
+        steps, remarks = exposed.steps[1:], exposed.remarks
+        return CameraImages(camera, reference, calibration, correlate, steps, remarks=remarks)
 
     def _correlated(
         self, lines: Calibration, camera: CameraImages, kept: Kept | None

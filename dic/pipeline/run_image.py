@@ -36,7 +36,7 @@ class RunImage:
 
     def __reduce__(self) -> "tuple[Callable[..., RunImage], tuple[str, str, int]]":
         # The other process may work in another folder.
-        return _received, (str(self.run.path.absolute()), self.camera, self.run.steps.index(self.step))
+        return _received, (str(self.run.path.absolute()), self.camera, self.run.place(self.step))
 
 
 def _received(path: str, camera: str, index: int) -> RunImage:

@@ -10,7 +10,7 @@ from dic.calibration.calibration import Calibration
 from dic.correlation.settings import CorrelationSettings
 from dic.errors import CalibrationError, CorrelationError, require_kind
 from dic.out_of_plane.motion import Motion
-from dic.pipeline.correction_settings import CorrectionSettings, motion_of
+from dic.pipeline.correction_settings import CorrectionSettings, kinds_of, motion_of
 from dic.results.job import Job
 from dic.runfile.reader import RunInfo, RunStep
 from dic.strain.settings import StrainSettings
@@ -94,7 +94,7 @@ class RunSetUp:
 
     def motions(self, steps: Mapping[str, Sequence[RunStep]]) -> dict[str, Motion | None]:
         """Return the motion of the specimen in the images of each camera, from the kinds of their steps."""
-        kind = motion_of({step.kind for own in steps.values() for step in own})
+        kind = motion_of(kinds_of(step for own in steps.values() for step in own))
         return {camera: self.correcting.motion(kind, camera) for camera in steps}
 
 

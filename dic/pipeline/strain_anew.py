@@ -4,7 +4,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 from dic.calibration.calibration import Calibration
@@ -14,7 +14,7 @@ from dic.calibration.plate import behind
 from dic.files.lazy import Computed
 from dic.out_of_plane.motion import Motion
 from dic.pipeline.camera import CameraImages, Kept
-from dic.pipeline.correction_settings import CorrectionSettings
+from dic.pipeline.correction_settings import CorrectionSettings, kinds_of
 from dic.pipeline.corrections import corrected_images
 from dic.pipeline.measured import measurement_of
 from dic.pipeline.measured_images import MeasuredImage, MeasuredSeries
@@ -30,8 +30,6 @@ from dic.results.provenance import Provenance
 from dic.runfile.reader import RunStep
 from dic.strain.settings import StrainSettings
 from dic.typing import PathLike
-
-_READINGS = len(fields(RunStep)) - 2
 
 
 def origin_anew(result: SeriesResult | RunResult, inputs: Iterable[Path | None], job: Job) -> Provenance:
@@ -128,7 +126,7 @@ def strain_of_run(
     if correcting is None:
         correcting = result.correcting
     else:
-        kinds = {step.kind for camera in result.cameras for step in camera.steps}
+        kinds = kinds_of(step for camera in result.cameras for step in camera.steps)
         if correcting.grid != result.correcting.grid:
             accuracy = correcting.grid
         correcting.require_use(result.source, [camera.camera for camera in result.cameras], kinds)
@@ -173,26 +171,31 @@ def _cameras(result: RunResult, plate_mm: float, accuracy: GridAccuracy | None) 
 
     `accuracy`: another accuracy of the grid, with which the cameras are fitted again.
     """
-    steps: dict[int, RunStep] = {}
-    for camera in result.cameras:
-        measured = iter(camera.steps)
-        for k, outcome in enumerate(camera.outcomes):
-            if outcome.failure is None:
-                steps[k] = next(measured)
-    # A step that no camera could measure is not in the file, and has no result.
+    of_cameras = [_steps_of(camera) for camera in result.cameras]
+    # A step that a camera could not measure has the readings of another camera. A step that no camera could
+    # measure is not in the file, and has no result.
+    steps = {k: step for own in reversed(of_cameras) for k, step in own.items()}
     count = max((len(camera.outcomes) for camera in result.cameras), default=0)
-    every = [steps.get(k, RunStep(0, "", *[math.nan] * _READINGS)) for k in range(count)]
+    nan = math.nan
+    unknown = RunStep(0, "", nan, nan, nan, nan, nan)
     found = []
     calibrations = [camera.calibration for camera in result.cameras]
     if accuracy is not None:
         made = tuple(known.fitted_again(accuracy=accuracy) for known in calibrations if known is not None)
         calibrations = [*of_one_grid(made)]
-    for camera, calibration in zip(result.cameras, calibrations, strict=True):
+    for camera, own, calibration in zip(result.cameras, of_cameras, calibrations, strict=True):
         moved_mm = 0.0 if calibration is None else plate_mm - calibration.plate_mm
         if calibration is not None and moved_mm:
             calibration = behind(calibration, moved_mm)
+        every = [own.get(k, steps.get(k, unknown)) for k in range(count)]
         found.append(_known(camera, calibration, every))
     return found
+
+
+def _steps_of(camera: CameraResult) -> dict[int, RunStep]:
+    """Return the measured steps of a camera by the index of the image."""
+    measured = iter(camera.steps)
+    return {k: next(measured) for k, outcome in enumerate(camera.outcomes) if outcome.failure is None}
 
 
 def _known(camera: CameraResult, calibration: Calibration | None, steps: Sequence[RunStep]) -> CameraImages:
@@ -200,4 +203,13 @@ def _known(camera: CameraResult, calibration: Calibration | None, steps: Sequenc
         return iter(())
 
     images = camera.finished_images
-    return CameraImages(camera.camera, camera.reference, calibration, none_left, steps, images, known=True)
+    return CameraImages(
+        camera.camera,
+        camera.reference,
+        calibration,
+        none_left,
+        steps,
+        images,
+        known=True,
+        remarks=camera.remarks,
+    )

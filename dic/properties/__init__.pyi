@@ -11,6 +11,7 @@ from .properties import (
 from .settings import PropertySettings as PropertySettings
 from .shared_error import (
     JoinError as JoinError,
+    with_delay_error as with_delay_error,
     with_join_error as with_join_error,
     with_shared_error as with_shared_error,
 )

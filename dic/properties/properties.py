@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from typing import Any
 
 from dic.errors import CurveError, require_kind
@@ -78,6 +79,9 @@ class Properties:
         For each value, the parts of its standard deviation that the offset and the rate of the machine's
         clock cause, "offset" and "clock_rate", and with their correlation "both"; None without a join by
         time.
+    delay_parts : mapping of str to float, or None
+        For each value, the part of its standard deviation that the delay of the load and the times of the
+        images cause; None if the load comes from a table.
     """
 
     record: Record
@@ -90,6 +94,7 @@ class Properties:
     true: TrueCurve | None
     strain_parts: Mapping[str, float] | None = None
     join_parts: Mapping[str, Mapping[str, float]] | None = None
+    delay_parts: Mapping[str, float] | None = None
 
     @cached_property
     def flags(self) -> list[str]:
@@ -97,16 +102,24 @@ class Properties:
         return [self.record.end_reason] if self.record.end_reason else []
 
     @property
-    def join_text(self) -> str:
-        """The parts of the standard deviations that the machine's clock causes, in words; "" without any."""
-        texts = []
-        for name, part in (self.join_parts or {}).items():
-            value = self.values.get(name)
-            if value is not None and value.std and part["both"] > _LEAST_SHARE * value.std:
-                unit = "" if value.unit == "1" else f" {value.unit}"
-                symbol = name.partition("_")[0]
-                texts.append(f"{symbol} {part['offset']:.2g} and {part['clock_rate']:.2g}{unit}")
-        return f"± by offset and rate of the machine's clock: {', '.join(texts)}" if texts else ""
+    def time_texts(self) -> list[str]:
+        """The parts of the standard deviations that errors of time cause, in words; empty without any."""
+        clock, delay = self.join_parts or {}, self.delay_parts or {}
+        told = self._told({name: part["both"] for name, part in clock.items()})
+        by_clock = [self._part(name, clock[name]["offset"], clock[name]["clock_rate"]) for name in told]
+        by_delay = [self._part(name, delay[name]) for name in self._told(delay)]
+        causes = {"offset and rate of the machine's clock": by_clock, "the delay of the load": by_delay}
+        return [f"± by {cause}: {', '.join(texts)}" for cause, texts in causes.items() if texts]
+
+    def _told(self, parts: Mapping[str, float]) -> list[str]:
+        """Return the names of the values of which a part is a notable share of the standard deviation."""
+        stds = {name: value.std for name, value in self.values.items() if value.std}
+        return [name for name, part in parts.items() if part > _LEAST_SHARE * stds.get(name, inf)]
+
+    def _part(self, name: str, *parts: float) -> str:
+        unit = self.values[name].unit
+        numbers = " and ".join(f"{part:.2g}" for part in parts)
+        return f"{name.partition('_')[0]} {numbers}{'' if unit == '1' else f' {unit}'}"
 
     @property
     def not_counted(self) -> list[str]:
@@ -124,6 +137,7 @@ class Properties:
             "not_counted": self.not_counted,
             **({} if self.strain_parts is None else {"std_by_strain": dict(self.strain_parts)}),
             **({} if self.join_parts is None else {"std_by_join": {**self.join_parts}}),
+            **({} if self.delay_parts is None else {"std_by_delay": dict(self.delay_parts)}),
             "flags": self.flags,
         }
 

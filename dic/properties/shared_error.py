@@ -1,7 +1,8 @@
-"""The effect of strain errors common to all points: errors of the calibration and of out-of-plane motion.
+"""The effect of errors common to all points: of the calibration, of out-of-plane motion, and of time.
 
-Such an error does not average out over the points of a curve. In the reference image the strain is exactly
-zero and has no error, so the error grows during the test. There are two kinds of such errors:
+Such an error of the strain does not average out over the points of a curve. In the reference image the
+strain is exactly zero and has no error, so the error grows during the test. There are two kinds of such
+errors:
 
 - If the cause was not measured, it is not known how the error grows. An example is the shift of the specimen
   towards the camera. This module assumes that the error grows in proportion to the load up to the end of the
@@ -22,6 +23,7 @@ from dic.typing import Float
 NECKING = "necking"
 
 _LOST = "strain error: the value does not exist if the strain is wrong by one standard deviation"
+_LOST_BY_DELAY = "delay: the value does not exist if the load's delay is wrong by one standard deviation"
 _LOST_BY_CLOCK = "clock: the value does not exist if the machine's clock is wrong by one standard deviation"
 
 
@@ -106,6 +108,32 @@ def with_join_error(found: Properties, error: JoinError) -> Properties:
         for name, part in _finite(parts).items()
     }
     return replace(_with_parts(found, parts, _LOST_BY_CLOCK), join_parts=shares)
+
+
+def with_delay_error(found: Properties, lag_n: Float, lag_strain: Float | None = None) -> Properties:
+    """Return properties whose deviations contain an error of time that all images of a run share.
+
+    Each property is computed with loads, and with strains of a measured signal, at a time that is wrong by
+    one standard deviation, as in `with_shared_error`.
+
+    Parameters
+    ----------
+    found : Properties
+    lag_n : ndarray, shape (n,)
+        Change of the load at each point if the images were taken later by one standard deviation.
+    lag_strain : ndarray, shape (n,), optional
+        Such a change of the strain, whose cause is independent of that of the load's. Default: 0, for strain
+        from the images themselves.
+    """
+    if found.elastic is None:
+        return found
+    none = np.zeros(len(lag_n))
+    causes = [np.array([none, none, lag_n])]
+    if lag_strain is not None:
+        causes.append(np.array([_filled(lag_strain), none, none]))
+    changes = [_changes(found, found.elastic, cause) for cause in causes]
+    parts = {name: float(np.linalg.norm([each[name] for each in changes])) for name in changes[0]}
+    return replace(_with_parts(found, parts, _LOST_BY_DELAY), delay_parts=_finite(parts))
 
 
 def _finite(parts: dict[str, float]) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from math import isfinite
 from typing import Any
 
 from dic.pipeline.result import RunResult, SeriesResult
@@ -129,7 +130,9 @@ def _known(result: Results) -> Mapping[str, Mapping[str, Fact]]:
         "gauge_length_mm": info.gauge_length_mm,
     }
     specimen = {"name": of_run(info.sample, step="run", rule="sample")}
-    specimen |= {key: of_run(f"{size:g} mm", step="run", rule=key) for key, size in sizes.items()}
+    specimen |= {
+        key: of_run(f"{size:g} mm", step="run", rule=key) for key, size in sizes.items() if isfinite(size)
+    }
     begun = of_run(date(info.start_time), step="run", rule="start_time")
     return {"laboratory": {"date": begun}, "specimen": specimen}
 
@@ -142,7 +145,7 @@ def _doubts(facts: StatedFacts, result: Results, area_mm2: float) -> list[str]:
         else {}
     )
     sizes |= {key: value for key, value in facts.tables.get("specimen", {}).items() if key in _SIDES}
-    if any(key not in sizes for key in _SIDES):
+    if any(key not in sizes or not isfinite(float(sizes[key])) for key in _SIDES):
         return []
     width_mm, thickness_mm = (float(sizes[key]) for key in _SIDES)
     if abs(width_mm * thickness_mm / area_mm2 - 1.0) <= _AREA_TOLERANCE:

@@ -10,6 +10,7 @@ import numpy as np
 from dic.calibration.calibration import Calibration
 from dic.calibration.pinhole.camera import Pinhole
 from dic.out_of_plane.correction import Correction
+from dic.pipeline.correction_settings import kinds_of
 from dic.pipeline.result import CameraResult, RunResult
 from dic.report.pair import PairSeries, pair_series
 from dic.report.strains import XX, YY, strain_stds, strains
@@ -214,7 +215,7 @@ def difference(of: Sequence[RunStep], values: Float, reference: CameraSeries) ->
 
 
 def _kind(result: RunResult) -> Kind:
-    kinds = {step.kind for camera in result.cameras for step in camera.steps}
+    kinds = kinds_of(step for camera in result.cameras for step in camera.steps)
     if "rotation" in kinds:
         return "rotation"
     return "tension" if kinds & {"load", "displacement"} else ""

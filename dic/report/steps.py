@@ -1,8 +1,9 @@
 """The report's tables of all steps: the strains of each camera, and of two cameras together."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import floor, isfinite, log10
+from operator import attrgetter
 from string import ascii_lowercase
 
 from dic.report.numbers import fixed, micro, micro_with_std
@@ -11,15 +12,32 @@ from dic.report.series import CameraSeries, Run
 from dic.runfile.reader import RunStep
 from dic.typing import Float
 
-Reading = tuple[str, str, int]
-
 _UNITS = {"load": " N", "creep": " N", "displacement": " mm", "relaxation": " mm", "rotation": "°"}
-_READINGS: tuple[Reading, ...] = (
-    ("Load, N", "load_n", 1),
-    ("Displ., mm", "displacement_mm", 4),
-    ("Angle, °", "angle_deg", 3),
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The readings of a device in the table: heading, the value and its standard deviation at each step."""
+
+    heading: str
+    value: Callable[[RunStep], tuple[float, float]]
+    decimals: int
+
+    def text(self, step: RunStep) -> str:
+        """Return the reading at a step as text."""
+        value, std = self.value(step)
+        if not isfinite(std):
+            return fixed(value, self.decimals)
+        return f"{fixed(value, self.decimals)} ± {std:.2g}"
+
+
+_READINGS = (
+    Reading("Load, N", attrgetter("load_n", "load_std_n"), 1),
+    Reading("Displ., mm", attrgetter("displacement_mm", "displacement_std_mm"), 4),
+    Reading("Angle, °", attrgetter("angle_deg", "angle_std_deg"), 3),
 )
-"""The readings of devices in the table: heading, attribute of `RunStep`, and number of decimals."""
+_CHANNEL_DIGITS = 5
+"""Number of digits of a channel's largest value."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +104,7 @@ def camera_tables(run: Run) -> list[StepTable]:
             cells = [micro(value) for value in series.raw[k]]
             cells += _strains(series.calibrated[k], series.calibrated_std[k])
             rows.append(StepRow(*_head(step, readings), points, cells, *_corrected(series, k, notes)))
-        tables.append(StepTable(series.label, [heading for heading, *_ in readings], rows, notes))
+        tables.append(StepTable(series.label, [each.heading for each in readings], rows, notes))
     return tables
 
 
@@ -108,7 +126,7 @@ def pair_table(run: Run) -> StepTable | None:
             slopes = zip(pair.slopes_deg[k], pair.slopes_std_deg[k], strict=True)
             corrected += [f"{fixed(slope, 4)} ± {fixed(std, 4)}" for slope, std in slopes]
         rows.append(StepRow(*_head(step, readings), str(pair.points[k]), [], corrected, mark))
-    return StepTable(pair.label, [heading for heading, *_ in readings], rows, notes)
+    return StepTable(pair.label, [each.heading for each in readings], rows, notes)
 
 
 def _readings(run: Run) -> list[Reading]:
@@ -116,13 +134,23 @@ def _readings(run: Run) -> list[Reading]:
 
     A rig for tension, for example, gives no angle, and a rotation stage gives no load.
     """
-    return [reading for reading in _READINGS if any(isfinite(getattr(s, reading[1])) for s in run.steps)]
+    of_channels = [_of_channel(run, k) for k in range(len(run.steps[0].channels))] if run.steps else []
+    return [each for each in (*_READINGS, *of_channels) if any(isfinite(each.value(s)[0]) for s in run.steps)]
+
+
+def _of_channel(run: Run, k: int) -> Reading:
+    """Return the values of the channel with the index `k`."""
+    channels = [step.channels[k] for step in run.steps]
+    largest = max((abs(each.value) for each in channels if isfinite(each.value)), default=0.0)
+    decimals = _CHANNEL_DIGITS - 1 - (floor(log10(largest)) if largest > 0.0 else 0)
+    heading = ", ".join(filter(None, (channels[0].name, channels[0].unit)))
+    return Reading(heading, lambda step: (step.channels[k].value, step.channels[k].std), max(0, decimals))
 
 
 def _head(step: RunStep, readings: Sequence[Reading]) -> tuple[int, str, list[str]]:
     """Return the number, the target and the device readings of a step as text for a table row."""
     target = f"{step.target:.6g}{_UNITS.get(step.kind, '')}"
-    return step.index, target, [fixed(getattr(step, name), decimals) for _, name, decimals in readings]
+    return step.index, target, [each.text(step) for each in readings]
 
 
 def _corrected(series: CameraSeries | PairSeries, k: int, notes: Sequence[Note]) -> tuple[list[str], str]:

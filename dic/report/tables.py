@@ -1,13 +1,16 @@
 """The report's tables: settings, calibrations and problems."""
 
 from dataclasses import dataclass
+from math import isfinite
 from operator import attrgetter
 from pathlib import Path
 
 from dic.correlation.settings import CorrelationSettings
+from dic.pipeline.image_timing import ImageTiming
 from dic.pipeline.result import CameraResult
 from dic.report.numbers import date, fixed
 from dic.report.series import Run
+from dic.runfile.reader import RunInfo
 from dic.strain.measurement import Measurement
 from dic.strain.measures import MEASURES
 from dic.strain.strain import gauge_text
@@ -81,10 +84,7 @@ def settings_rows(run: Run) -> list[tuple[str, str]]:
         ("Run", f"{info.run_id}, begun {date(info.start_time)}"),
         ("Run file", Path(result.source).name),
         ("Specimen", info.sample),
-        (
-            "Gauge section",
-            f"{info.width_mm:g} mm wide, {info.thickness_mm:g} mm thick, {info.gauge_length_mm:g} mm long",
-        ),
+        ("Gauge section", gauge_section(info)),
         *correlation_rows(settings),
         (
             "Convergence",
@@ -93,6 +93,7 @@ def settings_rows(run: Run) -> list[tuple[str, str]]:
     ]
     rows += _strain_rows(run)
     rows += _calibration_settings(run)
+    rows += [(f"Times of images, {name}", timing.text) for name, timing in _timings(run).items()]
     rows.append(("Correction", f"{_MOTIONS[result.corrections.motion]}; {_poisson(run)}"))
     if result.corrections.motion == "tension":
         rows.append(("Shift towards the camera", result.correcting.shift.text))
@@ -105,6 +106,12 @@ def settings_rows(run: Run) -> list[tuple[str, str]]:
         inputs = result.provenance.inputs.items()
         rows += [("Input", f"{Path(file).name}, SHA-256 {digest}") for file, digest in inputs]
     return rows
+
+
+def gauge_section(info: RunInfo) -> str:
+    """Return the size of the specimen in words; a protocol need not state it."""
+    sizes = (info.width_mm, "wide"), (info.thickness_mm, "thick"), (info.gauge_length_mm, "long")
+    return ", ".join(f"{size:g} mm {word}" for size, word in sizes if isfinite(size)) or "not stated"
 
 
 def correlation_rows(settings: CorrelationSettings) -> list[tuple[str, str]]:
@@ -178,9 +185,20 @@ def problems(run: Run) -> list[str]:
         sentences.append(f"The run did not complete; its status is “{info.status}”{reason}")
     if not run.kind:
         sentences.append("No step of this run could be measured.")
+    sentences += [
+        f"{name}: {timing.text}; each image has the time at which it was exposed."
+        for name, timing in _timings(run).items()
+        if timing.is_late
+    ]
     for camera in run.cameras:
         sentences += _camera_problems(camera.result)
     return sentences
+
+
+def _timings(run: Run) -> dict[str, ImageTiming]:
+    """Return the timing of each camera whose images were due at times."""
+    found = {each.camera: ImageTiming.of(each.steps, run.result.info.definition) for each in run.cameras}
+    return {name: timing for name, timing in found.items() if timing is not None}
 
 
 def _camera_problems(camera: CameraResult) -> list[str]:
@@ -188,7 +206,7 @@ def _camera_problems(camera: CameraResult) -> list[str]:
     sentences = [f"{camera.camera}, calibration grid: {warning}" for warning in grid.warnings]
     if grid.found < grid.expected:
         sentences.append(f"{camera.camera}: {grid.found} of {grid.expected} grid points were found.")
-    sentences += camera.failures
+    sentences += [*camera.failures, *(f"{camera.camera}: {remark}." for remark in camera.remarks)]
     sentences += [
         f"{camera.camera}, step {step.index}: {objection}."
         for step, objection in zip(

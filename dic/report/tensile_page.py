@@ -155,7 +155,7 @@ def _remarks(test: TensileTest, column: TensileColumn) -> list[str]:
         value = found.values[name]
         if _is_shown(test, name):
             sentences += [f"{symbol}: {flag}" for flag in value.flags]
-    sentences += found.flags + ([found.join_text] if found.join_text else [])
+    sentences += found.flags + found.time_texts
     if found.not_counted:
         sentences.append(f"± is without the standard deviation of: {', '.join(found.not_counted)}")
     if column.read.left_out:

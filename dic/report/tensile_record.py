@@ -107,6 +107,7 @@ class TensileColumn:
             "values": values,
             **{name: found[name] for name in ("necking", "fits", "not_counted", "flags")},
             "std_by_join": found.get("std_by_join"),
+            "std_by_delay": found.get("std_by_delay"),
             "curve": [dict(zip(names, row, strict=True)) for row in rows],
         }
 

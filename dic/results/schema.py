@@ -28,6 +28,13 @@ STEP_UNITS = {
     "angle_deg": "deg", "time_s": "s",
 }  # fmt: skip
 """Columns of the steps of a run, with their units."""
+LATER_STEP_UNITS = {
+    "load_std_n": "N", "displacement_std_mm": "mm", "angle_std_deg": "deg", "time_std_s": "s",
+    "load_lag_n": "N", "due_s": "s", "late_s": "s",
+}  # fmt: skip
+"""Further columns, which files of earlier versions lack."""
+CHANNELS, CHANNEL_COLUMNS = "channels", ("value", "std", "lag")
+"""Group of the steps that has a group for each channel, and the columns of such a group."""
 
 
 @dataclass(frozen=True)

@@ -4,16 +4,23 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dic.results.csv import new_table
+from dic.results.readings import reading_names
 from dic.strain.tensor import COMPONENTS
 from dic.typing import PathLike
 
 STRAIN_FILE = "strain.csv"
-_READINGS = ("load_n", "displacement_mm", "angle_deg", "time_s")
 _DIGITS = {
     "load_n": 3,
+    "load_std_n": 3,
+    "load_lag_n": 3,
     "displacement_mm": 6,
+    "displacement_std_mm": 6,
     "angle_deg": 6,
+    "angle_std_deg": 6,
     "time_s": 3,
+    "time_std_s": 4,
+    "due_s": 3,
+    "late_s": 3,
     "converged_percent": 2,
     "rotation_deg": 6,
 }
@@ -35,14 +42,15 @@ def write_strain_table(
     rows : sequence of mapping
         One mapping for each image, the result of `Measurement.summary`. If there is a correction, the key
         "corrected" contains the result of `Correction.as_dict`. Further keys contain known values: "camera",
-        "step", "load_n", "displacement_mm", "angle_deg", "time_s" and "time_source". For an image that was
-        not measured, the mapping has the keys "file" and "error" instead of the summary.
+        "step", "time_source", and the readings of the devices (`RunStep.known`). For an image that was not
+        measured, the mapping has the keys "file" and "error" instead of the summary.
     path : path
     decimal_comma : bool
         True for numbers with a decimal comma and semicolons between cells.
     """
     values = [_values(row) for row in rows]
-    columns = list(dict.fromkeys(name for name in _COLUMNS for found in values if name in found))
+    order = (*_BEFORE, *reading_names(rows), *_AFTER)
+    columns = list(dict.fromkeys(name for name in order for found in values if name in found))
     only_ascii = all(str(value).isascii() for found in values for value in found.values())
     with new_table(path, decimal_comma=decimal_comma, only_ascii=only_ascii) as table:
         table.write(columns)
@@ -54,11 +62,8 @@ def write_strain_table(
             )
 
 
-_COLUMNS = (
-    "image",
-    "camera",
-    "step",
-    *_READINGS,
+_BEFORE = ("image", "camera", "step")
+_AFTER = (
     "time_source",
     "points",
     "converged",
@@ -74,7 +79,8 @@ def _values(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return the known values of an image, keyed by the names of their columns."""
     values = {"image": row["file"], "problem": row.get("error")}
     values |= {
-        name: row.get(name) for name in ("camera", "step", *_READINGS, "time_source", "points", "converged")
+        name: row.get(name)
+        for name in ("camera", "step", *reading_names([row]), "time_source", "points", "converged")
     }
     if row.get("points"):
         # all points that were asked for, also those whose place is not in the picture any more

@@ -64,6 +64,8 @@ class JoinedRun(RunFile):
             self.close()
             raise
         self.steps = [*self.earlier.steps, *self.own_steps]
+        self._places_of_own = self._places
+        self._places = {id(step): place for place, step in enumerate(self.steps)}
 
     def close(self) -> None:
         """Close both files."""
@@ -75,7 +77,7 @@ class JoinedRun(RunFile):
         """Return the row numbers of the frames that a camera took at a step, in the file of that step."""
         if not self._is_own(step):
             return self.earlier.rows(camera, step)
-        return self._rows[camera][self.own_steps.index(step)]
+        return self._rows[camera][self._places_of_own[id(step)]]
 
     def image(self, camera: str, step: RunStep, *, stored: bool = False) -> NDArray[Any]:
         """Return the mean of a camera's frames at a step; see `RunFile.image`."""
@@ -88,7 +90,7 @@ class JoinedRun(RunFile):
         return super().digest(camera, step) if self._is_own(step) else self.earlier.digest(camera, step)
 
     def _is_own(self, step: RunStep) -> bool:
-        return any(step is own for own in self.own_steps)
+        return id(step) in self._places_of_own
 
     def _open_earlier(self) -> RunFile:
         known: dict[str, Any] = self.continues or {}

@@ -1,5 +1,6 @@
 """Compare an open run file with the layout in `dic.runfile.schema`, before any value is used."""
 
+import json
 from typing import Any
 
 import numpy as np
@@ -28,13 +29,22 @@ def camera_names(file: Any) -> list[str]:
 
 def interlock_names(file: Any) -> list[str]:
     """Return the names of the interlocks in an open run file; files of earlier versions have none."""
+    return _names(file, schema.INTERLOCKS_GROUP, "an interlock")
+
+
+def channel_names(file: Any) -> list[str]:
+    """Return the names of the channel devices in an open run file; files of earlier versions have none."""
+    return _names(file, schema.CHANNELS_GROUP, "a channel device")
+
+
+def _names(file: Any, folder: str, what: str) -> list[str]:
     entry = _group(file, "entry")
-    if schema.INTERLOCKS_GROUP not in entry:
+    if folder not in entry:
         return []
-    names = list(_group(entry, schema.INTERLOCKS_GROUP))
+    names = list(_group(entry, folder))
     for name in names:
         if not name.isidentifier():
-            raise Unlike(f"an interlock with the name {name!r}")
+            raise Unlike(f"{what} with the name {name!r}")
     return names
 
 
@@ -70,10 +80,26 @@ def require_layout(file: Any) -> None:
         missing = [attribute for attribute in schema.INTERLOCK.attributes if attribute not in group.attrs]
         if missing:
             raise Unlike(f"the interlock {name} without {missing[0]}")
+    for name in channel_names(file):
+        group = _group(file, f"entry/{schema.CHANNELS_GROUP}/{name}")
+        _table(group, schema.channels(signals_of(group)))
     _table(_group(file, "entry/steps"), schema.steps(cameras))
     _table(_group(file, "entry/events"), schema.EVENTS)
     if schema.REPORTED_GROUP in entry:
         _table(_group(entry, schema.REPORTED_GROUP), schema.REPORTED)
+
+
+def signals_of(group: Any) -> dict[str, Any]:
+    """Return what the group of a channel device says about its signals, by their names."""
+    dataset = _require_item(group, schema.SIGNALS, ())
+    found = json.loads(bytes(group[schema.SIGNALS.name][()]).rstrip(b"\0")) if dataset is not None else None
+    if not isinstance(found, dict) or not found:
+        raise Unlike(f"{group.name} without a signal")
+    for name in found:
+        # The names of signals become names of columns.
+        if not name.isidentifier():
+            raise Unlike(f"a signal with the name {name!r}")
+    return found
 
 
 def _table(group: Any, layout: schema.GroupLayout) -> int:

@@ -13,29 +13,15 @@ from numpy.typing import NDArray
 from dic.errors import RunFileError
 from dic.hdf5.open import NotReadable, open_hdf5
 from dic.runfile import schema, superblock
+from dic.runfile.channels import read_channels
 from dic.runfile.chunks import pixel_places
 from dic.runfile.digests import file_digest, frame_digest, joined_digest, read_user_block
 from dic.runfile.interlocks import RANGE, read_interlocks
 from dic.runfile.layout import Unlike, camera_names, require_layout
 from dic.runfile.mounting import read_making, read_mounting
 from dic.runfile.settings import Setting, settings_of
+from dic.runfile.steps import RunStep as RunStep, read_step_table
 from dic.runfile.values import read_object, read_scalars, read_text, require_known
-
-
-@dataclass(frozen=True)
-class RunStep:
-    """A finished step of a run: its target, and the readings of the devices after they have settled.
-
-    The reading of a device that the rig does not have is NaN.
-    """
-
-    index: int
-    kind: str
-    target: float
-    load_n: float
-    displacement_mm: float
-    angle_deg: float
-    time_s: float
 
 
 @dataclass(frozen=True)
@@ -80,8 +66,13 @@ class RunFile:
         Names of the cameras.
     interlocks : dict of str to RunInterlock
         The interlocks by name; empty for a run without interlocks.
+    channels : dict of str to (dict of str to RunSignal)
+        The signals of each channel device, by the device's and the signal's name; empty for a run without
+        channels.
     steps : list of RunStep
         All finished steps, in order.
+    overwritten : int
+        Number of finished steps whose images were overwritten by later ones; they are not in `steps`.
 
     Raises
     ------
@@ -179,7 +170,12 @@ class RunFile:
 
     def rows(self, camera: str, step: RunStep) -> range:
         """Return the row numbers of the frames that a camera took at a step."""
-        return self._rows[camera][self.steps.index(step)]
+        return self._rows[camera][self.place(step)]
+
+    def place(self, step: RunStep) -> int:
+        """Return the index of a step in `steps`."""
+        found = self._places.get(id(step))
+        return self.steps.index(step) if found is None else found
 
     def rows_on_file(self, camera: str) -> list[int]:
         """Return the row numbers of those frames of a camera whose pixels are completely written."""
@@ -205,18 +201,19 @@ class RunFile:
         except _UNREADABLE as error:
             raise self._damaged(f"a damaged image {row} of {camera}") from error
 
-    def columns(self, table: str) -> dict[str, NDArray[Any]]:
+    def columns(self, table: str, *names: str) -> dict[str, NDArray[Any]]:
         """Return the complete rows of a table in the file's group `entry`, by column.
 
-        A table's name is, for example, "instrument/stage" or, for the interlock door, "interlocks/door".
-        A table that the run does not have gives an empty dict.
+        A table's name is, for example, "instrument/stage" or, for the interlock door and the channel device
+        box, "interlocks/door" and "channels/box". A table that the run does not have gives an empty dict.
+        With `names`, only these columns are read, if they exist.
         """
         group = self._file["entry"].get(table)
         if group is None:
             return {}
         columns = {name: data for name, data in group.items() if data.ndim == 1}
         rows = min(len(data) for data in columns.values())
-        return {name: data[:rows] for name, data in columns.items()}
+        return {name: data[:rows] for name, data in columns.items() if not names or name in names}
 
     def image_shape(self, camera: str) -> tuple[int, int]:
         """Return height and width of a camera's images in px."""
@@ -226,8 +223,8 @@ class RunFile:
     def identity(self, device: str) -> dict[str, Any]:
         """Return vendor, model, serial number and firmware of a device, and the bits of a camera.
 
-        A device's name is a camera's name, "stage", "load_frame" or, for the interlock door,
-        "interlocks.door".
+        A device's name is a camera's name, "stage", "load_frame" or, for the interlock door and the channel
+        device box, "interlocks.door" and "channels.box".
         """
         attributes = self._group_of(device).attrs.items()
         return {key: value for key, value in attributes if key not in {"NX_class", *RANGE}}
@@ -346,37 +343,13 @@ class RunFile:
         self._detectors = entry["instrument"]
         self.cameras = camera_names(self._file)
         self.interlocks = read_interlocks(self._file)
+        self.channels = read_channels(self._file)
         self._rows_on_file = {
             name: np.flatnonzero(self._detectors[name]["valid"][:] == 1).tolist() for name in self.cameras
         }
-        self.steps = self._finished_steps(entry["steps"])
-        self._rows = {name: self._rows_of_steps(entry["steps"], name) for name in self.cameras}
-
-    @staticmethod
-    def _finished_steps(table: Any) -> list[RunStep]:
-        # A row of the table is complete when its last column, `complete`, is set. In the file of a killed run
-        # the other columns may have more rows.
-        complete = table[schema.COMPLETE.name][:]
-        n = int(np.argmin(complete)) if not complete.all() else len(complete)
-        columns = {item.name: table[item.name][:n].tolist() for item in schema.STEP_ITEMS}
-        columns["kind"] = [kind.decode() for kind in columns["kind"]]
-        if unknown := set(columns["kind"]) - _KINDS:
-            raise Unlike(f"a step of kind {unknown.pop()!r}")
-        rows = zip(*columns.values(), strict=True)
-        return [RunStep(**dict(zip(columns, row, strict=True))) for row in rows]
-
-    def _rows_of_steps(self, table: Any, camera: str) -> list[range]:
-        columns = (
-            table[name(camera)][: len(self.steps)].tolist() for name in (schema.first_row, schema.row_count)
-        )
-        ranges = [range(first, first + count) for first, count in zip(*columns, strict=True)]
-        on_file = len(self._detectors[camera][schema.PIXELS])
-        for rows in ranges:
-            if not 0 <= rows.start <= rows.stop <= on_file:
-                raise Unlike(
-                    f"images {rows.start} to {rows.stop} of {camera} in a step, of {on_file} on file"
-                )
-        return ranges
+        table = read_step_table(entry["steps"], {name: self._detectors[name] for name in self.cameras})
+        self.steps, self._rows, self.overwritten = table.steps, table.rows, table.overwritten
+        self._places = {id(step): place for place, step in enumerate(self.steps)}
 
     def _damaged(self, got: str) -> RunFileError:
         return RunFileError(
@@ -395,6 +368,5 @@ _UNREADABLE = (
 )  # fmt: skip
 """Exceptions for data that are missing, are cut off, have a wrong checksum, or are of another type."""
 
-_KINDS = frozenset(get_args(schema.StepKind))
 _STATUSES = frozenset(get_args(schema.RunStatus))
 _LINES_MAX = 1000

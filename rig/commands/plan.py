@@ -55,8 +55,9 @@ def _step_line(planned: PlannedStep) -> str:
     target = "" if math.isnan(step.target) else f"{step.target:g} {step.unit}"
     notes = [
         f"at {step.at_s:g} s" if step.timed else "",
-        "" if step.images else "no images",
+        "" if step.images or step.question is not None else "no images",
         "if the specimen demands it" if step.conditional else "",
+        "" if step.question is None else f'asks "{step.question.text}", word {step.question.word}',
     ]
     note = ", ".join(filter(None, notes))
     about = _format_s(planned.duration_s)
@@ -77,6 +78,7 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
                 "conditional": planned.step.conditional,
                 "at_s": _known(planned.step.at_s),
                 "images": planned.step.images,
+                "question": None if planned.step.question is None else vars(planned.step.question),
                 "duration_s": planned.duration_s,
             }
             for planned in plan.steps

@@ -3,13 +3,15 @@
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, TypeAlias
 
 from dic.shell.bottom_lines import bottom_lines
 from dic.shell.console import say
-from drivers.interfaces import OperatorAction
-from rig import EngineStatus, RigReading, State, StepRecord
+from drivers.terminal.keys import Keys
+from rig import Engine, EngineStatus, RigReading, State, StepRecord
+from rig.commands.pause_key import KEY, PauseKey
+from rig.engine.devices import Asked
 from rig.limits.by_hand import HandMotion
 
 if TYPE_CHECKING:
@@ -34,6 +36,10 @@ def what_happens(status: EngineStatus | None) -> str:
     moves = status.reading is not None and status.reading.moving
     mover = "stage" if step.kind == "rotation" else "load frame"
     match status.state:
+        case State.PAUSED:
+            return f"PAUSED in {step}: {'the machine MOVES' if moves else 'nothing moves'}, {at}"
+        case State.PREPARING if step.question is not None:
+            return f"{step}: waiting for the operator, {at}"
         case State.PREPARING if moves and at.endswith("deg"):
             return f"preparing the {step.kind}: the stage MOVES to 0 deg, {at}"
         case State.PREPARING if moves:
@@ -79,12 +85,21 @@ class Screen:
         self._asking = False
         self._steps_printed = 0
         self._held_back: list[str] = []
+        self._pause_key: PauseKey | None = None
+
+    def listen(self, engine: Engine) -> None:
+        """Let a key at the terminal pause the run of an engine, if the screen is drawn on a terminal."""
+        if self.live is not None and Keys().there:
+            self._pause_key = PauseKey(engine, self._free)
+            self._pause_key.start()
 
     def on_status(self, status: EngineStatus) -> None:
         """Show a new status of the run on the screen."""
         with self._changed:
             self._status = status
             self._changed.notify_all()
+        if self._pause_key is not None:
+            self._pause_key.tell(paused=status.state is State.PAUSED)
 
     def on_step(self, record: StepRecord) -> None:
         """Print a finished step. During a question, print it after the answer."""
@@ -97,7 +112,7 @@ class Screen:
             self._changed.notify_all()
 
     @contextmanager
-    def on_question(self, action: OperatorAction, notice: str) -> Iterator[None]:
+    def on_question(self, _: Asked, notice: str) -> Iterator[None]:
         """Draw nothing until the operator has answered. Print the notice of the operator's driver if it has
         one."""
         if self.live is None and (notice or not sys.stderr.isatty()):
@@ -106,28 +121,42 @@ class Screen:
         with self._changed:
             self._changed.wait_for(self._is_up_to_date, self._late_news_s)
             self._notice = notice
-            if not notice:
-                self._asking = True
-                if self.live is not None:
-                    self.live.stop()
-                reading = None if self._status is None else self._status.reading
-                say(_holding(reading), err=True)
+        try:
+            if notice:
+                yield
+                return
+            with nullcontext() if self._pause_key is None else self._pause_key.lent(), self._free():
+                yield
+        finally:
+            with self._changed:
+                self._notice = ""
+
+    @contextmanager
+    def _free(self) -> Iterator[None]:
+        """Leave the terminal to a question. Print nothing else until it is answered."""
+        with self._changed:
+            self._asking = True
+            if self.live is not None:
+                self.live.stop()
+            reading = None if self._status is None else self._status.reading
+            say(_holding(reading), err=True)
         try:
             yield
         finally:
             with self._changed:
-                self._notice = ""
                 self._asking = False
                 for line in self._held_back:
                     say(line)
                 self._held_back.clear()
                 self._changed.notify_all()
-                if self.live is not None and not notice and not self._ended:
+                if self.live is not None and not self._ended:
                     self.live.start()
 
-    def wait_for_operator(self) -> None:
+    def leave(self) -> None:
         """Wait until a withdrawn question has ended, so that its output does not mix with the run's last
-        lines."""
+        lines, and leave the keyboard as it was."""
+        if self._pause_key is not None:
+            self._pause_key.leave()
         with self._changed:
             self._changed.wait_for(lambda: not self._asking, WITHDRAWAL_S)
 
@@ -155,9 +184,10 @@ class Screen:
         below = Table.grid(padding=(0, 1))
         simulated = "SIMULATED, " if status is not None and status.simulated else ""
         counted = "" if status is None else f"{done} of {planned} steps, "
+        pause = "" if self._pause_key is None else f", {KEY}: pause"
         below.add_row(
             ProgressBar(planned, done, BAR_WIDTH),
-            Text(f"{simulated}{counted}{how_to_stop(status)}", no_wrap=True, overflow="ellipsis"),
+            Text(f"{simulated}{counted}{how_to_stop(status)}{pause}", no_wrap=True, overflow="ellipsis"),
         )
         return Group(Text(self._notice or what_happens(status), no_wrap=True, overflow="ellipsis"), below)
 
@@ -174,7 +204,7 @@ def run_screen(late_news_s: float = LATE_NEWS_S) -> Iterator[Screen]:
     try:
         yield screen
     finally:
-        screen.wait_for_operator()
+        screen.leave()
         live.stop()
 
 

@@ -117,6 +117,11 @@ class Call(Generic[T]):
         return self._real_due_s - SystemClock().now_s()
 
     @property
+    def is_over(self) -> bool:
+        """True if the call has ended or exceeded its deadline, so that `Calls.finish` returns at once."""
+        return self.done or self.left_s <= _TICK_S or self.real_left_s <= 0.0
+
+    @property
     def waited_s(self) -> float:
         """Time in s for which the call was ready to go on and got no processor."""
         return waited_for_processor_s(self._thread) - self._before_s if self._thread else 0.0
@@ -223,10 +228,27 @@ class Calls:
         try:
             return self._wait_for(call, watched)
         finally:
-            call.cancelled = True
-            if not call.done and call.device in self._workers:
-                # The engine has given up the call, so simulated time may pass without it.
-                self._workers[call.device].give_up()
+            self._leave(call)
+
+    def finish_unless(self, call: Call[Any], over: Callable[[], bool]) -> None:
+        """Wait as `finish` with `watched`, but no longer than until `over` returns True.
+
+        What makes `over` true must then call `interrupt`.
+        """
+
+        class Over(Exception):
+            pass
+
+        def meanwhile() -> None:
+            if over():
+                raise Over
+
+        try:
+            self._wait_for(call, watched=True, woken=meanwhile)
+        except Over:
+            pass
+        finally:
+            self._leave(call)
 
     def pause(self, duration_s: float) -> None:
         """Wait on the rig's clock. The wait ends early if the engine is interrupted."""
@@ -250,7 +272,13 @@ class Calls:
             if worker.is_alive():
                 self.lost[device] = f"{worker.action}, which has not returned at the end of the run"
 
-    def _wait_for(self, call: Call[T], watched: bool) -> T:
+    def _leave(self, call: Call[Any]) -> None:
+        call.cancelled = True
+        if not call.done and call.device in self._workers:
+            # The engine has given up the call, so simulated time may pass without it.
+            self._workers[call.device].give_up()
+
+    def _wait_for(self, call: Call[T], watched: bool, woken: Callable[[], None] = lambda: None) -> T:
         every_s = self._every_s if watched else math.inf
         next_s = self._clock.now_s() + every_s
         while True:
@@ -261,6 +289,7 @@ class Calls:
                 self._check()
             if call.done:
                 return call.future.result()
+            woken()
             if call.left_s <= _TICK_S or call.real_left_s <= 0.0:
                 raise self._overdue(call)
             left_s = min(call.left_s, next_s - self._clock.now_s())

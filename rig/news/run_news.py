@@ -22,6 +22,7 @@ from rig.protocol.step import RigReading
 from rig.recorder import RunHeader
 
 _NO_STATUS = EngineStatus(State.IDLE, None, 0, 0, None)
+_NOT_YET = "the run has not begun"
 _FILES_S = 2.0
 """Real time in s for writing the last lines of each news file."""
 
@@ -40,12 +41,16 @@ class NewsOptions:
     on_continue : callable
         Function that is called before a continued run moves anything, with the `Earlier` run and the present
         reading of the machine.
+    on_begin : callable
+        Function that is called with the engine before its run begins. With the engine, another thread can
+        pause or abort the run.
     """
 
     notify: str | None = None
     http: int | None = None
     say: Callable[[str], None] = lambda _: None
     on_continue: Callable[[Any, RigReading], None] = lambda earlier, start: None
+    on_begin: Callable[[Engine], None] = lambda engine: None
 
     def merged(self, settings: NewsSettings) -> NewsSettings:
         """Return the settings of the rig file, replaced by those options that are not None."""
@@ -171,7 +176,7 @@ class RunNews:
 
     def _serve(self, place: HttpPlace, about: About) -> None:
         # These imports are slow and stop all threads, so make them before the run and only if needed.
-        from rig.news.http_api import RunView
+        from rig.news.http_api import RunControl, RunView
         from rig.news.thumbnail import Format, thumbnail
 
         def picture(camera: str, width_px: int, kind: Format) -> bytes | None:
@@ -181,7 +186,8 @@ class RunNews:
                 return None
             return thumbnail(frame, self._bits[camera], width_px, kind, simulated=about.simulated)
 
-        view = RunView(about, self._bulletin, self._status, picture, self._abort, place.token, place.port)
+        control = RunControl(self._abort, self._pause, self._go_on, self._answer)
+        view = RunView(about, self._bulletin, self._status, picture, control, place.token, place.port)
         self._server = HttpServer(place, view)
         self._server.start()
         self._say(f"{about.mark}HTTP: {place.url}status")
@@ -201,6 +207,8 @@ class RunNews:
             "run_file": self._about.run_file,
             "cameras": list(self._about.cameras),
             "waiting_for_operator": engine is not None and engine.waiting_for_operator,
+            "question": None if engine is None else wording.question_table(engine.question),
+            "pause_requested": engine is not None and engine.pause_requested,
             "abort_requested": self._abort_reason,
             "age_s": round(SystemClock().now_s() - self._told_s, 3),
             "last_event": self._bulletin.last,
@@ -230,3 +238,13 @@ class RunNews:
         self._abort_reason = self._abort_reason or reason
         if self._engine is not None:
             self._engine.abort(reason)
+
+    def _pause(self, reason: str) -> str:
+        by = "HTTP" + (f": {reason}" if reason else "")
+        return _NOT_YET if self._engine is None else self._engine.pause(by)
+
+    def _go_on(self) -> str:
+        return _NOT_YET if self._engine is None else self._engine.go_on("HTTP")
+
+    def _answer(self, word: str) -> str:
+        return _NOT_YET if self._engine is None else self._engine.answer(word, "HTTP")

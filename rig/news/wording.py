@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from drivers.interfaces import OperatorQuestion
 from rig.engine.status import EngineStatus, LogEntry, Outcome
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import StepRecord
@@ -40,6 +41,11 @@ def step_table(step: ProtocolStep | None) -> dict[str, Any] | None:
     if step is None:
         return None
     return {"index": step.index, "kind": step.kind, "target": number(step.target), "text": str(step)}
+
+
+def question_table(question: OperatorQuestion | None) -> dict[str, Any] | None:
+    """Return a question of the protocol as a JSON object."""
+    return None if question is None else {"text": question.text, "word": question.word}
 
 
 def reading_table(reading: RigReading | None) -> dict[str, Any] | None:

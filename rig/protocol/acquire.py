@@ -107,6 +107,12 @@ class Acquisition:
         """The time that was asked for between two images, NaN without a fixed one."""
         return math.nan if self.schedule.every_s is None else self.schedule.every_s
 
+    @property
+    def planned(self) -> int | None:
+        """The number of images of each camera, None if events decide it."""
+        times_s = self.schedule.times(self.duration_s, self.images)
+        return self.end_of.images if times_s is None else len(times_s)
+
     def dues(self) -> Dues:
         """Return what tells the times of the images."""
         return self.schedule.dues(self.duration_s, self.images)

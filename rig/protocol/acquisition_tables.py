@@ -82,7 +82,7 @@ class Logarithmic(Settings):
 class Schedule(Settings):
     """The table `[acquire]`: when images are due. Exactly one of the first six keys is given."""
 
-    every_s: float | None = Field(default=None, gt=0.0, le=_SECONDS_MAX, description="time between images")
+    every_s: float | None = Field(default=None, ge=0.001, le=_SECONDS_MAX, description="time between images")
     times_s: list[float] | None = Field(default=None, min_length=1, max_length=100_000)
     logarithmic: Logarithmic | None = None
     increment: ByIncrement | None = None

@@ -171,7 +171,14 @@ class Beginning:
         grid = [ProtocolStep(0, "grid")] if self.grid else []
         reference = [self.reference] if self.has_reference else []
         still = [
-            ProtocolStep(0, "static", at_s=number * self.still_every_s, begins=number == 1, load_drop="slow")
+            ProtocolStep(
+                0,
+                "static",
+                at_s=number * self.still_every_s,
+                begins=number == 1,
+                load_drop="slow",
+                next_s=(number + 1) * self.still_every_s if number < self.still else math.nan,
+            )
             for number in range(1, self.still + 1)
         ]
         steps = [*grid, *reference, *still]

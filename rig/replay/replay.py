@@ -38,6 +38,7 @@ from rig.replay.devices import (
     ReplayedStage,
     end_of_record,
 )
+from rig.replay.pauses import RecordedPauses
 from rig.replay.recorded_limits import limits_of_load_frame, limits_of_rig
 from rig.replay.script import Script, of_another_version
 
@@ -150,6 +151,7 @@ def _feed(script: Script, protocol: Protocol, place: Path) -> Outcome:
     recorder = _ReplayRecorder(place, script, cameras, readings, rig)
     quick = protocol.settle.model_copy(update={"poll_s": _POLL_S})
     engine = Engine(protocol.model_copy(update={"settle": quick}), rig, recorder)
+    engine.context.pauses.requests = RecordedPauses(script.pauses, lambda: readings.taken)
     engines.append(engine)
     recorder.read = engine.context.read
     return engine.run()

@@ -13,6 +13,7 @@ from dic.runfile.reader import RunFile
 from drivers.interfaces import Frame, InterlockState, LoadFrameState, StageState
 from rig.errors import RigError
 from rig.recorder.records import OPERATOR_DONE, STEP_ON_FILE
+from rig.replay.pauses import RecordedPause, recorded_pauses
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 T = TypeVar("T")
@@ -46,6 +47,7 @@ class Script:
     # the list under a camera's name has the number of readings before each of its images. The list under the
     # message of an event that ends a wait has the number of readings before each such event.
     readings_before: dict[str, list[int]] = field(default_factory=dict)
+    pauses: list[RecordedPause] = field(default_factory=list)
 
     @classmethod
     def of(cls, run: RunFile) -> "Script":
@@ -76,7 +78,9 @@ class Script:
         for message in (OPERATOR_DONE, STEP_ON_FILE):
             chosen = events["message"] == message.encode()
             counts[message] = before(events[order][chosen])
-        return cls(run, tables["stage"], tables["load_frame"], interlocks, counts)
+        messages = (message.decode(errors="replace") for message in events["message"])
+        pauses = recorded_pauses(zip(messages, before(events[order]), strict=True))
+        return cls(run, tables["stage"], tables["load_frame"], interlocks, counts, pauses)
 
     @property
     def cameras(self) -> list[str]:
@@ -115,5 +119,6 @@ class Script:
 def _of_row(kind: type[T], columns: Columns, row: int, **others: Any) -> T:
     """Return a reading or an image from a row of its table, whose columns are named as the attributes."""
     types: dict[str, Any] = {each.name: each.type for each in fields(cast(Any, kind))}
-    values = {name: types[name](columns[name][row]) for name in types.keys() - others.keys()}
+    known = types.keys() & columns.keys() - others.keys()
+    values = {name: types[name](columns[name][row]) for name in known}
     return kind(**values, **others)

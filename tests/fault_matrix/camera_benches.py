@@ -10,11 +10,11 @@ from typing import Any
 from drivers.cameras.aravis.camera import AravisCamera
 from drivers.cameras.aravis.settings import AravisSettings
 from drivers.cameras.opencv.camera import OpencvCamera, OpencvCameraSettings
-from drivers.cameras.stream import FrameStream
 from drivers.cameras.v4l2.camera import open_camera as open_v4l2
 from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.errors import DeviceFault, LinkLost
 from drivers.interfaces import Frame, OpenContext
+from drivers.streams.stream import FrameStream
 from rig.engine.image_checks import ImageChecks
 from rig.protocol.images import Images
 from simulators.rig.camera import SPEC
@@ -37,6 +37,7 @@ LEAST_FRAMES = 40
 """Smallest number of frames in `SERIES_S`, for all simulated cameras."""
 STREAM_CAPACITY = 1000
 TINY_S = 1e-6
+EXPOSURE_US = 10_000.0
 
 
 class CameraBench(Bench):
@@ -171,7 +172,8 @@ class V4l2Bench(NumberedBench):
 
     def __init__(self) -> None:
         super().__init__()
-        self.camera = FaultyKernelCamera(self.clock)
+        # the first packet of a USB camera comes at the end of the exposure
+        self.camera = FaultyKernelCamera(self.clock, stamp_offset_s=EXPOSURE_US * 1e-6)
         self.camera.strike(self.faults)
 
     def opened(self, context: OpenContext) -> Any:
@@ -182,7 +184,7 @@ class V4l2Bench(NumberedBench):
             width_px=32,
             height_px=20,
             rate_hz=32.0,
-            exposure_us=10_000.0,
+            exposure_us=EXPOSURE_US,
             transfer_us=0.0,
         )
         return open_v4l2(settings, context, fake_kernel.FakeSystem([self.camera]))

@@ -1,188 +1,103 @@
-"""Benches of the channel drivers for lines of text and for MQTT.
+"""Benches of channel devices and of outputs that give pulses.
 
-A value changes before each reading. Each sample must have the value that the device had at the sample's time:
-on the rig's clock between question and answer, or on the device's own clock.
+The inputs change before each reading, so that an old value is noticed. A reading that tells a lost sample, a
+value beyond its range or no value is a good reading that reports a fault.
 """
 
-import bisect
-import time
+import math
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import Any
 
-from drivers.channels.mqtt.driver import SPEC as MQTT_SPEC
-from drivers.channels.text.driver import open_channels
-from drivers.channels.text.settings import TextChannelSettings
-from drivers.clock import SystemClock
+import numpy as np
+
+from drivers.channels.modbus import ModbusChannelsSettings, open_channels
+from drivers.channels.nidaqmx.channels import open_channels as open_daq
+from drivers.channels.nidaqmx.settings import NidaqmxSettings
 from drivers.errors import DeviceError
 from drivers.interfaces import OpenContext
-from simulators.instrument.meter import COUNTER_WRAPS_AT, Meter, MeterServer, SendingMeterServer
+from drivers.triggers.modbus import ModbusPulseSettings, open_pulse
+from simulators.closed_machine.modbus import AnalogueBoxRtuServer
+from simulators.wire.faults import DAQ, FaultPanel
+from tests.drivers.box import WatchedBox
+from tests.drivers.channels.nidaqmx.fake_nidaqmx import FakeDaq
 from tests.fault_matrix.bench import Bench, ReportedFault, UnprovenError, WrongAnswerError
 from tests.fault_matrix.machine_benches import REPLY_TIMEOUT_S
-from tests.mqtt_broker import Broker, Publisher, clocked
 
-READ_S = 2.0
 RATE_HZ = 100.0
-IDENTIFIED = {"identification": {"query": "*IDN?", "pattern": "SIMULATED,.*"}}
-VALUE = {"unit": "N", "range": [-1e6, 1e6]}
+READ_S = 1.0
+WIDTH_S = 0.05
+VOLTS = {"unit": "V", "range": [-10.0, 10.0]}
 
 
-class ChannelBench(Bench):
-    """A device with one signal, whose value is the number of the reading."""
+class _ChannelBench(Bench):
+    """A device with one input, whose voltage changes before each reading."""
 
     def __init__(self) -> None:
         super().__init__()
         self._count = 0
-        self._next: int | None = None
-        self.uses = {"read": self._read}
+        self._due: int | None = None
+        self.uses = {"sample": self._read}
         self.ways_back = {"": lambda: None, "open": self.open}
 
+    def open(self) -> None:
+        """Open the driver again, whose samples then begin at 0."""
+        self._due = None
+        super().open()
+
     def prepare(self) -> None:
-        """Read the signal once."""
-        self._next = None
+        """Read once."""
         self._read()
 
     def works(self) -> None:
-        """Read the signal with two values."""
-        self._next = None
+        """Read twice."""
         self._read()
         self._read()
-
-    @abstractmethod
-    def _read(self) -> None: ...
-
-    def _require_all(self, samples: Any) -> str:
-        """Return a sentence if samples are missing before these."""
-        expected, self._next = self._next, samples.first + len(samples.values)
-        lost = 0 if expected is None else samples.first - expected
-        return f"{lost} samples lost" if lost else ""
-
-
-class AskedBench(ChannelBench):
-    """A meter that is asked. `tells_time` is True if its answers have a time of the meter's own clock."""
-
-    def __init__(
-        self, prefix: str, host: str | None, table: dict[str, Any], *, tells_time: bool = False
-    ) -> None:
-        super().__init__()
-        self._tells_time = tells_time
-        # Without a time, an answer of before looks like the answer to the present question.
-        self._is_provable = "identification" in table or tells_time
-        self.unproven = frozenset({"stale"} if self._is_provable and not tells_time else {"stale", "late"})
-        self.clock = SystemClock() if tells_time else self.clock
-        self._meter = Meter(self.clock, {"force": 0.0})
-        self._server = MeterServer(self._meter, host=host)
-        self.faults = self._server.faults
-        place = self._server.address
-        if prefix.startswith("visa"):
-            place = place.replace(":", "::") + "::SOCKET"
-        self._table = {"address": prefix + place, **table}
-        self._shown_s: list[float] = []
-
-    def opened(self, context: OpenContext) -> Any:
-        """Return the driver, opened."""
-        column = 2 if self._tells_time else 1
-        timed = (
-            {"query": "TIME?", "time": {"column": 1, "unit": "ms"}}
-            if self._tells_time
-            else {"query": "READ?"}
-        )
-        table = {"rate_hz": 1000.0, "reply_timeout_s": REPLY_TIMEOUT_S, **timed, **self._table}
-        signals = {"force": {**VALUE, "column": column}}
-        return open_channels(TextChannelSettings.model_validate({**table, "signals": signals}), context)
-
-    def close(self) -> None:
-        """Close the driver and the line."""
-        self.shut()
-        self._server.close()
 
     def _read(self) -> None:
         self._count += 1
-        self._meter.show("force", float(self._count))
-        self._shown_s.append(float(self._meter.answer("TIME?").split(",")[0]) / 1000.0)
+        true = self._count % 64 / 8.0
+        self.show(true)
+        due, self._due = self._due, None
         samples = self.driver.read(READ_S)
-        value, true = samples.values[0, 0], float(self._count)
-        if samples.device_s is not None:
-            true = float(bisect.bisect_right(self._shown_s, samples.device_s[0] + 1e-6))
+        self._due = samples.first + len(samples.values)
+        value = float(samples.values[-1, 0])
+        signal = self.driver.signals[0]
+        if math.isnan(value):
+            raise ReportedFault(("no value",))
+        if not signal.low <= value <= signal.high:
+            raise ReportedFault((f"{value:g} V, beyond the range",))
         if value != true:
-            wrong = f"read {value:g}, was {true:g}"
-            raise WrongAnswerError(wrong) if self._tells_time else UnprovenError(wrong)
-        if lost := self._require_all(samples):
-            raise ReportedFault((lost,))
-
-
-class SendingBench(ChannelBench):
-    """A device that sends samples by itself, each with the device's own time.
-
-    An old sample is true at its time, so it is no wrong answer if it comes late.
-    """
-
-    unproven = frozenset({"late", "stale"})
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.clock = SystemClock()
-        self._shown: list[tuple[float, float]] = [(-1.0, 0.0)]
-
-    def works(self) -> None:
-        """Wait until the device sends again, then read the signal with two values."""
-        end_s = time.monotonic() + 2 * READ_S
-        while True:
-            try:
-                super().works()
-                return
-            except (DeviceError, ReportedFault):
-                if time.monotonic() > end_s:
-                    raise
+            wrong = f"read {value:g}, is {true:g}"
+            raise UnprovenError(wrong) if self.unproven else WrongAnswerError(wrong)
+        if due is not None and samples.first != due:
+            raise ReportedFault((f"{samples.first - due} samples lost",))
 
     @abstractmethod
-    def show(self, value: float) -> float:
-        """Set the value, and return the device's time in s at which it was set."""
-
-    def _read(self) -> None:
-        self._count += 1
-        shown_s = self.show(float(self._count))
-        self._shown.append((shown_s, float(self._count)))
-        lost = ""
-        while True:
-            samples = self.driver.read(READ_S)
-            lost = self._require_all(samples) or lost
-            for value, device_s in zip(samples.values[:, 0], samples.device_s, strict=True):
-                place = bisect.bisect_right(self._shown, (device_s + 2e-6, 1e9)) - 1
-                # a sample of the same moment may have either value
-                if value not in {self._shown[place][1], self._shown[max(0, place - 1)][1]}:
-                    raise WrongAnswerError(f"read {value:g} at {device_s:g} s, was {self._shown[place]}")
-            if samples.device_s[-1] > shown_s:
-                break
-        if lost:
-            raise ReportedFault((lost,))
+    def show(self, volts: float) -> None:
+        """Set the voltage at the input."""
 
 
-class SendingMeterBench(SendingBench):
-    """A meter that sends lines with a time and a counter."""
+class ModbusChannelsBench(_ChannelBench):
+    """The driver `modbus-channels` at a box, on the line that `serve` makes."""
 
-    def __init__(self) -> None:
+    def __init__(self, serve: Callable[..., Any], *, numbered: bool = True) -> None:
         super().__init__()
-        self._meter = Meter(self.clock, {"force": 0.0})
-        self._server = SendingMeterServer(self._meter, RATE_HZ)
+        if not numbered:
+            self.unproven = frozenset({"late", "stale"})
+        self._box = WatchedBox(self.clock)
+        self._server = serve(self._box)
         self.faults = self._server.faults
 
     def opened(self, context: OpenContext) -> Any:
         """Return the driver, opened."""
-        settings = TextChannelSettings(
-            address=self._server.address,
-            stream=True,
-            rate_hz=RATE_HZ,
-            reply_timeout_s=REPLY_TIMEOUT_S,
-            time={"column": 1, "unit": "ms"},
-            counter={"column": 2, "wraps_at": COUNTER_WRAPS_AT},
-            signals={"force": {**VALUE, "column": 3}},
-        )
-        return open_channels(settings, context)
+        force = VOLTS | {"input": 0, "type": "f32", "invalid": [-9999]}
+        table = {"address": self._server.address, "rate_hz": RATE_HZ, "signals": {"force": force}}
+        return open_channels(_on_line(ModbusChannelsSettings, table), context)
 
-    def show(self, value: float) -> float:
-        """Set the value, and return the meter's time."""
-        self._meter.show("force", value)
-        return float(self._meter.answer("TIME?").split(",")[0]) / 1000.0
+    def show(self, volts: float) -> None:
+        """Set the voltage at the input."""
+        self._box.hand.inputs["force"] = volts
 
     def close(self) -> None:
         """Close the driver and the line."""
@@ -190,40 +105,119 @@ class SendingMeterBench(SendingBench):
         self._server.close()
 
 
-class MqttBench(SendingBench):
-    """A publisher of messages with a time, and a broker of another project. Unplugging ends the broker."""
+class _FaultyDaq(FakeDaq):
+    """An imitated device whose samples are lost or late while a fault is on."""
+
+    def __init__(self, clock: Any, faults: FaultPanel) -> None:
+        super().__init__(clock)
+        self.faults = faults
+        faults.when("unplug", lambda: setattr(self, "plugged", False), lambda: setattr(self, "plugged", True))
+        faults.when("stall", lambda: setattr(self, "clocked", False), lambda: setattr(self, "clocked", True))
+
+    def require_plugged(self) -> None:
+        """Let a busy computer lose samples, or wait, before a request of the library."""
+        super().require_plugged()
+        if self.open_tasks and self.tasks[-1].channels:
+            if self.faults.take("drop") is not None:
+                self.clock.sleep(12.0)
+            if (seconds := self.faults.take("delay")) is not None:
+                self.clock.sleep(float(seconds))
+
+
+class DaqBench(_ChannelBench):
+    """The driver `nidaqmx-channels` on an imitated library."""
 
     talks_on_opening = False
 
     def __init__(self) -> None:
         super().__init__()
-        self._broker = Broker()
-        self._begun_s, self._value = time.monotonic(), 0.0
-        self._publisher = Publisher(self._broker, self._texts)
-        self.faults = self._publisher.faults
-        self._publisher.go_on(RATE_HZ)
-
-    def _texts(self) -> dict[str, str]:
-        return clocked("force", {"force": self._value}, self._begun_s)
+        self.faults = FaultPanel(DAQ)
+        self._daq = _FaultyDaq(self.clock, self.faults)
+        self._daq.volts["ai0"] = 0.0
 
     def opened(self, context: OpenContext) -> Any:
         """Return the driver, opened."""
-        table = {
-            "address": self._broker.address,
-            "topic": "force",
-            "stale_after_s": 1.0,
-            "time": {"json": "ms", "unit": "ms"},
-            "signals": {"force": {**VALUE, "json": "values.force"}},
-        }
-        return MQTT_SPEC.open(MQTT_SPEC.settings.model_validate(table), context)
+        signals = {"force": VOLTS | {"input": "ai0"}}
+        settings = NidaqmxSettings.model_validate({"device": "Dev1", "rate_hz": 1000.0, "signals": signals})
+        return open_daq(settings, context, self._daq)
 
-    def show(self, value: float) -> float:
-        """Set the value, and return the publisher's time."""
-        self._value = value
-        return time.monotonic() - self._begun_s
+    def show(self, volts: float) -> None:
+        """Set the voltage at the input."""
+        self._daq.volts["ai0"] = float(np.float64(volts))
+
+    def left_behind(self) -> dict[str, int]:
+        """Return the number of tasks that the imitated library still holds."""
+        return {"tasks": self._daq.open_tasks}
+
+
+class ModbusPulseBench(Bench):
+    """The driver `modbus-pulse` at a box, on the line that `serve` makes."""
+
+    def __init__(self, serve: Callable[..., Any], **settings: Any) -> None:
+        super().__init__()
+        if serve is AnalogueBoxRtuServer:
+            # its requests may be repeated, so an answer to the same request of the same call is as good
+            self.unproven = frozenset({"late", "stale"})
+        self._settings = {"output": 3} | settings
+        self._box = WatchedBox(self.clock)
+        self._server = serve(self._box)
+        self.faults = self._server.faults
+        self._asked = 0
+        self.uses = {"pulse": self._pulse}
+        self.ways_back = {"": lambda: None, "open": self.open}
+
+    def opened(self, context: OpenContext) -> Any:
+        """Return the driver, opened."""
+        table = {"address": self._server.address, "width_s": WIDTH_S} | self._settings
+        return open_pulse(_on_line(ModbusPulseSettings, table), context)
+
+    def prepare(self) -> None:
+        """Give one pulse."""
+        self._pulse()
+
+    def works(self) -> None:
+        """Give two pulses, each of which must end."""
+        for _ in range(2):
+            self._pulse()
+            if self._box.edges[-1][2]:
+                raise WrongAnswerError("the pulse did not end")
+
+    def executed_twice(self) -> list[str]:
+        """Return a pulse if more have begun than were asked for."""
+        return ["pulse"] if self._begun > self._asked else []
+
+    def shut(self) -> None:
+        """Close the driver. With a fault on the line, it may not be able to put its output at rest."""
+        driver, self.driver = self.driver, None
+        if driver is None:
+            return
+        try:
+            driver.close()
+        except DeviceError:
+            assert self.faults.active, "closing failed without a fault"
 
     def close(self) -> None:
-        """Close the driver, the publisher and the broker."""
+        """Close the driver and the line."""
         self.shut()
-        self._publisher.close()
-        self._broker.close()
+        self._server.close()
+
+    @property
+    def _begun(self) -> int:
+        return sum(on for _, _, on in self._box.edges)
+
+    def _pulse(self) -> None:
+        begun = self._begun
+        self._asked += 1
+        try:
+            self.driver.pulse()
+        finally:
+            # Simulated time stands still until the thread that ends the pulse has done so.
+            self.clock.sleep(10 * WIDTH_S)
+        if self._begun != begun + 1:
+            raise WrongAnswerError(f"{self._begun - begun} pulses")
+
+
+def _on_line(model: Any, table: dict[str, Any]) -> Any:
+    # a pseudo-terminal carries no parity bits
+    parity = {"parity": "N"} if table["address"].startswith("/") else {}
+    return model.model_validate({"reply_timeout_s": REPLY_TIMEOUT_S} | table | parity)

@@ -8,11 +8,22 @@ from drivers.stages.esp301.settings import EspSettings
 from drivers.stages.esp301.stage import open_stage as open_esp301
 from drivers.stages.zaber.settings import ZaberSettings
 from drivers.stages.zaber.stage import open_stage as open_zaber
+from simulators.closed_machine.modbus import AnalogueBoxRtuServer, AnalogueBoxServer
 from simulators.interlock.module import InputModuleRtuServer, InputModuleServer
 from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameServer
 from simulators.stage.newport import NewportServer
 from simulators.stage.zaber import ZaberServer
-from simulators.wire.faults import CAMERA, INSTRUMENT, INTERLOCK, LOAD_FRAME, MQTT, NEWPORT, STAGE
+from simulators.wire.faults import (
+    CAMERA,
+    CLOSED_MACHINE,
+    DAQ,
+    INSTRUMENT,
+    INTERLOCK,
+    LOAD_FRAME,
+    MQTT,
+    NEWPORT,
+    STAGE,
+)
 from simulators.wire.ports import LOCALHOST
 from tests.fault_matrix.bench import Bench
 from tests.fault_matrix.camera_benches import (
@@ -23,9 +34,10 @@ from tests.fault_matrix.camera_benches import (
     V4l2Bench,
     V4l2StreamBench,
 )
-from tests.fault_matrix.channel_benches import IDENTIFIED, AskedBench, MqttBench, SendingMeterBench
+from tests.fault_matrix.channel_benches import DaqBench, ModbusChannelsBench, ModbusPulseBench
 from tests.fault_matrix.interlock_benches import ContactBench, RegisterBench
 from tests.fault_matrix.machine_benches import LoadFrameBench, StageBench
+from tests.fault_matrix.text_benches import IDENTIFIED, AskedBench, MqttBench, SendingMeterBench
 from tests.tcp_servers import interlocks_rtu_on_tcp, load_frame_rtu_on_tcp, zaber_on_tcp
 
 
@@ -90,6 +102,19 @@ COLUMNS = [
     ),
     Column("text-channels, sending, pty", INSTRUMENT, SendingMeterBench),
     Column("mqtt-channels, with a time", MQTT, MqttBench, ("paho", "amqtt")),
+    Column("modbus-channels, TCP", CLOSED_MACHINE, lambda: ModbusChannelsBench(AnalogueBoxServer)),
+    Column(
+        "modbus-channels, RTU",
+        CLOSED_MACHINE,
+        lambda: ModbusChannelsBench(AnalogueBoxRtuServer, numbered=False),
+    ),
+    Column("modbus-pulse, coil, TCP", CLOSED_MACHINE, lambda: ModbusPulseBench(AnalogueBoxServer)),
+    Column(
+        "modbus-pulse, register, RTU",
+        CLOSED_MACHINE,
+        lambda: ModbusPulseBench(AnalogueBoxRtuServer, table="holding", output=1001),
+    ),
+    Column("nidaqmx-channels, imitated library", DAQ, DaqBench),
     Column("simulated-camera", CAMERA, SimulatedCameraBench),
     Column("v4l2, image", CAMERA, V4l2Bench),
     Column("v4l2, stream", CAMERA, V4l2StreamBench),

@@ -20,6 +20,7 @@ from drivers.interfaces import (
     LoadFrameLimits,
     LoadFrameState,
     OperatorAction,
+    OperatorQuestion,
     StageState,
 )
 from drivers.signals import ChannelDevice
@@ -184,10 +185,20 @@ class FakeInterlock:
 class FakeOperator:
     calls: list[str]
     on_perform: Callable[[OperatorAction], None] = lambda action: None
+    on_ask: Callable[[OperatorQuestion], None] = lambda question: None
+    on_withdraw: Callable[[], None] = lambda: None
 
     def perform(self, action: OperatorAction) -> None:
         self.calls.append(action.name)
         self.on_perform(action)
+
+    def ask(self, question: OperatorQuestion) -> None:
+        self.calls.append(f"ask {question.word}")
+        self.on_ask(question)
+
+    def withdraw(self) -> None:
+        self.calls.append("withdraw")
+        self.on_withdraw()
 
 
 @dataclass

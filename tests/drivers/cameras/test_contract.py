@@ -16,7 +16,8 @@ from drivers.clock import VirtualClock
 from drivers.errors import DeviceTimeout
 from drivers.interfaces import Camera, CameraInfo, Frame, OpenContext
 from drivers.testing import CameraBench, CameraContract
-from simulators.rig.camera import CameraSettings, SimulatedCamera
+from simulators.rig.camera import FreeRunningCamera, SimulatedCamera
+from simulators.rig.camera_settings import CameraSettings
 from simulators.rig.scene_client import CAMERA as REMOTE
 from simulators.rig.scene_wire import SceneServer
 from simulators.scene.scene import Misalignment, Scene
@@ -45,7 +46,7 @@ def bench_of(
     )
 
 
-def simulated(end: ExitStack, name: str = NAME) -> CameraBench:
+def simulated(end: ExitStack, name: str = NAME, settings: CameraSettings = SMALL) -> CameraBench:
     clock, faults = VirtualClock(), FaultPanel(CAMERA)
     specimen = SimulatedSpecimen(SpecimenSettings())
     scene = Scene(
@@ -57,13 +58,19 @@ def simulated(end: ExitStack, name: str = NAME) -> CameraBench:
     )
     clock.sleep(100.0)
     return bench_of(
-        lambda: SimulatedCamera(name, SMALL, scene, clock, faults),
+        lambda: (FreeRunningCamera if settings.fps else SimulatedCamera)(
+            name, settings, scene, clock, faults
+        ),
         clock,
         faults,
-        interval_s=(SMALL.exposure_us + SMALL.readout_us) * 1e-6,
-        exposure_us=SMALL.exposure_us,
-        gain=SMALL.gain,
+        interval_s=1 / settings.fps if settings.fps else (settings.exposure_us + settings.readout_us) * 1e-6,
+        exposure_us=settings.exposure_us,
+        gain=settings.gain,
     )
+
+
+def free_running(end: ExitStack) -> CameraBench:
+    return simulated(end, settings=SMALL.model_copy(update={"fps": 50.0}))
 
 
 def remote(end: ExitStack) -> CameraBench:
@@ -111,6 +118,7 @@ def opencv(end: ExitStack) -> CameraBench:
 
 DRIVERS = {
     "simulated-camera": simulated,
+    "simulated-camera, free-running": free_running,
     "remote-camera": remote,
     "v4l2": v4l2,
     "aravis": aravis,

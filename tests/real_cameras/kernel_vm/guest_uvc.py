@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.cameras.losses import IN_A_ROW, LossKind
 from drivers.cameras.v4l2.camera import V4l2Camera
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import Frame
+from drivers.streams.losses import IN_A_ROW, LossKind
 from tests.real_cameras.kernel_vm.guest import CLOCK, OPENED, left_open, opened, turn
 from tests.real_cameras.kernel_vm.uvc_descriptors import SERIAL
 from tests.real_cameras.kernel_vm.uvc_device import NUMBER_BITS, TIME_BITS

@@ -7,10 +7,8 @@ import pytest
 
 from drivers.errors import DeviceError, DeviceTimeout
 from drivers.interfaces import OperatorAction
-from rig.devices import OpenedTrigger
 from rig.engine.status import State
 from rig.recorder import Recorder
-from tests.rig.channels.fake_box import FakeLine
 
 
 def read_run(path) -> dict:
@@ -400,24 +398,3 @@ def test_stage_that_is_at_its_target_but_still_moves_has_not_settled(rotation):
     )
     assert rotation.engine().run().status == "completed"
     assert all(arrived)
-
-
-def test_output_lines_give_a_pulse_at_each_of_their_events(rotation):
-    lines = {event: FakeLine(rotation.clock) for event in ("exposure", "start", "step", "end")}
-    rotation.triggers = {event: OpenedTrigger(line, event) for event, line in lines.items()}
-    assert rotation.engine().run().status == "completed"
-    steps = len(read_run(rotation.path)["kinds"])
-    assert [len(line.pulses_s) for line in lines.values()] == [steps, 1, steps, 1]
-
-
-def test_an_output_line_that_fails_ends_the_run_safely(rotation):
-    def fail():
-        raise DeviceTimeout("triggers.logger", "pulse", "an answer", "none", "check the cable")
-
-    line = FakeLine(rotation.clock)
-    line.pulse = fail
-    rotation.triggers = {"logger": OpenedTrigger(line, "exposure")}
-    outcome = rotation.engine().run()
-    assert outcome.status == "failed"
-    assert "triggers.logger" in outcome.reason
-    assert not outcome.unsafe

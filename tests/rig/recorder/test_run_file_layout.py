@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from drivers.interfaces import CameraInfo, DeviceInfo, Frame, InterlockState, LoadFrameState, StageState
+from drivers.signals import Signal
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import InterlockRecord, Recorder, StepRecord
+from rig.recorder.records import ChannelsRecord, SignalRecord
+from rig.samples import TimedSamples
 from tests.places import DOCS
 from tests.run_files import HEADER, START
 
@@ -20,15 +23,19 @@ CAMERAS = {
 }
 DEVICE = DeviceInfo("v", "m", "s")
 DOOR = {"door": InterlockRecord("v", "m", "", allowed_min=1.0)}
-FRAMES, READINGS, STEPS, EVENTS, SETTINGS = 6, 5, 3, 4, 7
-LENGTHS = {"n": FRAMES, "m": READINGS, "k": STEPS, "e": EVENTS, "r": SETTINGS, "2": 2}
+FORCE = Signal("force", "N", -100.0, 100.0, 0.1, 0.02, 0.5)
+BOX = {"box": ChannelsRecord(DEVICE, (SignalRecord(FORCE, "load"),))}
+FRAMES, READINGS, STEPS, EVENTS, SETTINGS, SAMPLES = 6, 5, 3, 4, 7, 8
+LENGTHS = {"n": FRAMES, "m": READINGS, "k": STEPS, "e": EVENTS, "r": SETTINGS, "c": SAMPLES, "2": 2}
 
 
 @pytest.fixture
 def recorded(tmp_path) -> Path:
     """The file of a run with all kinds of devices, in which each kind of table has a different length."""
     path = tmp_path / "run.h5"
-    recorder = Recorder(path, HEADER, CAMERAS, stage=DEVICE, load_frame=DEVICE, interlocks=DOOR)
+    recorder = Recorder(path, HEADER, CAMERAS, stage=DEVICE, load_frame=DEVICE, interlocks=DOOR, channels=BOX)
+    times = [np.arange(float(SAMPLES)) for _ in range(3)]
+    recorder.samples("box", TimedSamples(np.ones((SAMPLES, 1)), *times, 7))
     for _ in range(READINGS):
         recorder.stage_state(StageState(1.0, False, True, (), 2.0))
         recorder.load_frame_state(LoadFrameState(1.0, 2.0, False, True, True, 1, (), 3.0))
@@ -56,6 +63,7 @@ def documented() -> dict[str, tuple[str, set[str]]]:
     for path, kind, attributes in rows:
         for camera in CAMERAS:
             named = path.replace("<camera>", camera).replace("<interlock>", "door")
+            named = named.replace("<device>", "box").replace("<signal>", "force")
             stated[named] = (kind, set(attributes.replace("`", "").split(", ")))
     return stated
 
