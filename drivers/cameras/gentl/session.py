@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.cameras.genicam.camera_clock import LatchedClock
 from drivers.cameras.genicam.numbers import FrameNumbers
