@@ -2,17 +2,15 @@
 
 import math
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from drivers.signals import ChannelDevice, Signal
 from rig.channels.run_channels import RunChannels
+from rig.commands.rig_check import RigCheck
 from rig.devices import OpenedTrigger, Rig
 from rig.samples import Floats, TimedSamples
-
-if TYPE_CHECKING:
-    from rig.commands.check import RigCheck
 
 CHECK_S = 2.0
 """Time in s for which a device is read."""
@@ -24,10 +22,10 @@ _RATE_SHARE = 0.1
 _NOISE_TIMES = 3.0
 
 
-def check_channels(found: "RigCheck", rig: Rig, name: str) -> None:
+def check_channels(found: RigCheck, rig: Rig, name: str) -> None:
     """Read a channel device for some time, and tell values, noise, rate and losses of its signals.
 
-    Raise `DeviceError` if the device fails or a value is out of its range.
+    Raise `DeviceError` if the device fails.
     """
     device, samples = rig.channels[name], _read(rig, name)
     where = f"channels.{name}"
@@ -52,7 +50,7 @@ def check_channels(found: "RigCheck", rig: Rig, name: str) -> None:
     }
 
 
-def check_trigger(found: "RigCheck", name: str, trigger: OpenedTrigger) -> None:
+def check_trigger(found: RigCheck, name: str, trigger: OpenedTrigger) -> None:
     """Tell what an output line is. No pulse is given, because another machine could act on it."""
     identity = asdict(trigger.device.info)
     where = f"triggers.{name}"
@@ -63,7 +61,9 @@ def check_trigger(found: "RigCheck", name: str, trigger: OpenedTrigger) -> None:
 
 def _read(rig: Rig, name: str) -> list[TimedSamples]:
     samples: list[TimedSamples] = []
-    channels = RunChannels({name: rig.channels[name]}, rig.clock, lambda _, timed: samples.append(timed))
+    channels = RunChannels(
+        {name: rig.channels[name]}, rig.clock, lambda _, timed: samples.append(timed), any_value=True
+    )
     with rig.clock.activity():
         try:
             channels.begin()
@@ -84,16 +84,23 @@ def _is_enough(samples: list[TimedSamples], passed_s: float) -> bool:
     return passed_s >= _LONGEST_S or (passed_s >= CHECK_S and count >= _LEAST_SAMPLES)
 
 
-def _signal(found: "RigCheck", rig: Rig, signal: Signal, values: Floats, times_s: Floats) -> dict[str, Any]:
+def _signal(found: RigCheck, rig: Rig, signal: Signal, values: Floats, times_s: Floats) -> dict[str, Any]:
     """Tell the newest value of a signal, its noise and its range."""
     noise = _noise(times_s, values)
     known = "" if math.isnan(noise) else f", noise {noise:.3g} {signal.unit}"
     quantities = [f"the {quantity}" for quantity, name in rig.measured.items() if name == signal.name]
     taken = f", taken as {quantities[0]} of the load frame" if quantities else ""
     found.lines.append(
-        f"  {signal.name}: {values[-1]:.6g} {signal.unit}{known}, "
+        f"  {signal.name} {values[-1]:.6g} {signal.unit}{known}, "
         f"range {signal.low:g} to {signal.high:g} {signal.unit}{taken}"
     )
+    newest = float(values[-1])
+    if not signal.low <= newest <= signal.high:
+        got = "no valid value" if math.isnan(newest) else f"{newest:.6g} {signal.unit}"
+        found.problems.append(
+            f"channels.{signal.name}: it is {got}, expected {signal.low:g} to {signal.high:g} {signal.unit}; "
+            "check the sensor and its cable, or widen its range"
+        )
     if signal.std and noise > _NOISE_TIMES * signal.std:
         found.problems.append(
             f"channels.{signal.name}: the noise is {noise:.3g} {signal.unit}, and std = {signal.std:g} is "
@@ -101,7 +108,8 @@ def _signal(found: "RigCheck", rig: Rig, signal: Signal, values: Floats, times_s
         )
     return {
         "unit": signal.unit,
-        "newest": float(values[-1]),
+        # JSON cannot express NaN, so write None
+        "newest": newest if math.isfinite(newest) else None,
         "noise": None if math.isnan(noise) else noise,
         "range": [signal.low, signal.high],
         "delay_s": signal.delay_s,
@@ -113,6 +121,8 @@ def _noise(times_s: Floats, values: Floats) -> float:
     """Return the standard deviation about a straight line; NaN for too few samples."""
     if len(values) < _LEAST_SAMPLES // 2:
         return math.nan
+    if np.ptp(values) == 0.0:
+        return 0.0
     at_s = times_s - times_s.mean()
     line = np.polyfit(at_s, values, 1)
     return float(np.std(values - np.polyval(line, at_s), ddof=2))
@@ -123,7 +133,7 @@ def _rate_hz(times_s: Floats) -> float:
     return (len(times_s) - 1) / span_s if span_s > 0.0 else math.nan
 
 
-def _judge_rate(found: "RigCheck", where: str, device: ChannelDevice, rate_hz: float, lost: int) -> None:
+def _judge_rate(found: RigCheck, where: str, device: ChannelDevice, rate_hz: float, lost: int) -> None:
     if device.rate_hz and not abs(rate_hz / device.rate_hz - 1.0) <= _RATE_SHARE:
         found.problems.append(
             f"{where}: {rate_hz:.4g} samples per second are reached, and rate_hz = {device.rate_hz:g} is "

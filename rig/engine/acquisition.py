@@ -50,6 +50,8 @@ class AcquisitionRun:
             return "no images are being taken now"
         if (asked := self._asked) is None:
             return "this protocol does not take images on request"
+        if self._run.pauses.switch.on:
+            return "the run is paused"
         asked.ask(self._run.clock.now_s())
         return ""
 
@@ -145,6 +147,7 @@ class AcquisitionRun:
                     shots.ask(due_s, reading)
                 else:
                     self.timing.paused += 1
+                    run.pauses.left_out(1)
                 due_s = None
             self._record(step, shots.poll())
             if ended or (due_s == math.inf and not shots.waits):

@@ -55,12 +55,18 @@ def test_lost_samples_a_low_rate_and_more_noise_than_declared_are_problems():
     assert any("rate_hz = 50 is asked for" in problem for problem in check_rig(slow).problems)
 
 
-@pytest.mark.parametrize("fault", ["silent", "out of range"])
-def test_a_fault_is_one_sentence_and_the_other_devices_are_checked(fault):
+def test_values_out_of_range_and_no_values_are_problems_and_still_shown():
+    found, _ = checked(on_read=lambda count, s: replace(s, values=s.values * np.nan))
+    assert "channels.force: it is no valid value, expected -1000 to 20000 N" in found.problems[0]
+    assert found.devices["channels.box"]["signals"]["force"]["newest"] is None
+    found, _ = checked(force_n=lambda t: 30e3)
+    assert "channels.force: it is 30000 N" in found.problems[0]
+    assert found.devices["channels.box"]["signals"]["force"]["newest"] == 30e3
+
+
+def test_a_fault_is_one_sentence_and_the_other_devices_are_checked():
     def on_read(count, samples):
-        if fault == "silent":
-            raise DeviceTimeout("channels.box", "read", "an answer", "none", "check the cable")
-        return replace(samples, values=samples.values + 1e6)
+        raise DeviceTimeout("channels.box", "read", "an answer", "none", "check the cable")
 
     clock = VirtualClock()
     line = FakeLine(clock)
