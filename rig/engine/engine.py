@@ -28,7 +28,7 @@ from rig.errors import Aborted, RigError
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
-from rig.recorder.records import STEP_REACHED
+from rig.recorder.records import COMPLETED, STEP_REACHED
 
 KEPT_RECORDS = 1000
 """Number of the newest steps of an acquisition that the outcome of a run has."""
@@ -312,7 +312,7 @@ class Engine:
         end_channels(self.context)
         for sentence in self.context.channels.new_losses(whole=True):
             self.context.log("warning", sentence)
-        self.context.log("info", "protocol completed")
+        self.context.log("info", COMPLETED)
         self.context.recorder.close("completed", "", self.context.clock.utc())
         self._enter(State.COMPLETED, self.status.step)
 
