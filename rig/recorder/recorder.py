@@ -110,7 +110,7 @@ class Recorder:
         """Record an image of a camera and return the image's row. The run file assigns the image to the
         current step.
 
-        With `keep_s`, the image may be overwritten by one that is received more than this time in s later and
+        With `keep_s`, the image may be overwritten by one that was exposed more than this time in s later and
         may be overwritten too. Until then, and without `keep_s`, it stays in the file.
         """
         what = f"recording an image of {camera}"
@@ -118,7 +118,8 @@ class Recorder:
         with self._order:
             digest = self._hashing.submit(frame_digest, frame.image)
             ring, row = self._rings[camera], self._rows[camera]
-            again = keep_s is not None and bool(ring) and frame.received_s - ring[0][1] > keep_s
+            taken_s = frame.middle[0]
+            again = keep_s is not None and bool(ring) and taken_s - ring[0][1] > keep_s
             if again:
                 row = ring[0][0]
             step, order = self._steps, next(self._numbers)
@@ -133,7 +134,7 @@ class Recorder:
             else:
                 self._rows[camera] += 1
             if keep_s is not None:
-                ring.append((row, frame.received_s))
+                ring.append((row, taken_s))
         return row
 
     def load_frame_state(self, state: LoadFrameState) -> None:
