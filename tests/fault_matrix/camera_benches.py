@@ -20,11 +20,12 @@ from rig.protocol.images import Images
 from simulators.rig.camera import SPEC
 from simulators.rig.virtual_rig import VirtualRig, VirtualRigSettings
 from simulators.wire.faults import CAMERA, FaultPanel
-from tests.drivers.cameras import fake_aravis, fake_kernel, fake_opencv
+from tests.drivers.cameras import fake_aravis, fake_gentl, fake_kernel, fake_opencv
 from tests.fault_matrix.bench import Bench, ReportedFault, UnprovenError, WrongAnswerError
 from tests.fault_matrix.faulty_cameras import (
     LEVELS,
     FaultyCapture,
+    FaultyDevice,
     FaultyKernelCamera,
     FaultyLibrary,
     GatedClock,
@@ -226,6 +227,29 @@ class AravisBench(NumberedBench):
         return {"objects": self._library.held}
 
 
+class GentlBench(NumberedBench):
+    """The driver `gentl` on a simulated producer."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.camera = FaultyDevice(self.clock, self.faults)
+        self._producers: list[fake_gentl.FakeProducer] = []
+        self.stamp = "arrival"
+
+    def opened(self, context: OpenContext) -> Any:
+        """Return the driver, opened."""
+        self._producers.append(fake_gentl.FakeProducer(self.camera))
+        return fake_gentl.opened(self._producers[-1], context, format="Mono16", stamp=self.stamp)
+
+    def begun_s(self, level: int) -> float:
+        """Return the true start of exposure of the picture with the grey level `level`."""
+        return self.camera.begun(level)
+
+    def left_behind(self) -> dict[str, int]:
+        """Return the numbers of connections and producers that the driver still holds."""
+        return {"connections": self.camera.connections, "producers": sum(p.users for p in self._producers)}
+
+
 class OpencvBench(NumberedBench):
     """The driver `opencv-camera`, which states that it cannot detect old or damaged frames."""
 
@@ -257,6 +281,18 @@ class V4l2StreamBench(StreamBench, V4l2Bench):
 
 class AravisStreamBench(StreamBench, AravisBench):
     """The driver `aravis` with a stream."""
+
+
+class GentlStreamBench(StreamBench, GentlBench):
+    """The driver `gentl` with a stream, whose frames carry time stamps of the camera.
+
+    Without stamps, nothing could tell frames that arrive late for ever from a frame that was lost.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.camera.values |= fake_gentl.CLOCK
+        self.stamp = "start"
 
 
 class SimulatedCameraBench(CameraBench):

@@ -29,6 +29,8 @@ from tests.fault_matrix.bench import Bench
 from tests.fault_matrix.camera_benches import (
     AravisBench,
     AravisStreamBench,
+    GentlBench,
+    GentlStreamBench,
     OpencvBench,
     SimulatedCameraBench,
     V4l2Bench,
@@ -120,5 +122,7 @@ COLUMNS = [
     Column("v4l2, stream", CAMERA, V4l2StreamBench),
     Column("aravis, image", CAMERA, AravisBench),
     Column("aravis, stream", CAMERA, AravisStreamBench),
+    Column("gentl, image", CAMERA, GentlBench),
+    Column("gentl, stream", CAMERA, GentlStreamBench),
     Column("opencv-camera, image", CAMERA, OpencvBench),
 ]

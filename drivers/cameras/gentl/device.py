@@ -7,6 +7,7 @@ module only asks whether a frame is there, and never waits for one.
 Harvesters throws incomplete buffers away. Therefore the frames are taken from the event of its data stream.
 """
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -25,6 +26,10 @@ DTYPES: dict[int, Any] = {
     0x01100007: np.uint16,
 }
 """Types of the pixels of Mono8, Mono10, Mono12, Mono14 and Mono16, by their numbers in the standard PFNC."""
+
+
+_ADDENDA = re.compile(r" : \w+Exception thrown in node.*| \(Message from the source: \)| \(ID: -?\d+\)")
+"""What the two packages add to a message and nobody at the rig can use."""
 
 
 class GentlError(Exception):
@@ -60,7 +65,7 @@ def reporting() -> Iterator[None]:
     try:
         yield
     except (genapi.GenericException, gentl.GenericException) as error:
-        raise GentlError(" ".join(str(error).split())) from error
+        raise GentlError(_ADDENDA.sub("", " ".join(str(error).split()))) from error
 
 
 class Device:
@@ -120,18 +125,32 @@ class Device:
 
     def pop(self) -> Picture | None:
         """Return the oldest frame that has arrived, or None. The method does not wait."""
-        from genicam.gentl import TimeoutException
-
         with reporting():
-            try:
-                self._arrivals.update_event_data(0)
-            except TimeoutException:
+            buffer = self._arrived()
+            if buffer is None:
                 return None
-            buffer = self._arrivals.buffer
             try:
                 return self._picture(buffer)
             finally:
                 buffer.parent.queue_buffer(buffer)
+
+    def skip(self) -> bool:
+        """Throw the oldest frame that has arrived away. Return False if there is none."""
+        with reporting():
+            buffer = self._arrived()
+            if buffer is None:
+                return False
+            buffer.parent.queue_buffer(buffer)
+            return True
+
+    def _arrived(self) -> Any:
+        from genicam.gentl import TimeoutException
+
+        try:
+            self._arrivals.update_event_data(0)
+        except TimeoutException:
+            return None
+        return self._arrivals.buffer
 
     def close(self) -> None:
         """Stop filming and let the camera go. A repeated call has no effect."""
@@ -156,12 +175,12 @@ class Device:
         )
 
     def _stamp_s(self, buffer: Any) -> float | None:
-        stamp_ns = told(lambda: int(buffer.timestamp_ns))
+        stamp_ns: int | None = told(lambda: int(buffer.timestamp_ns))
         if stamp_ns is not None:
             return stamp_ns * 1e-9
-        ticks = told(lambda: int(buffer.timestamp))
-        per_s = told(lambda: int(self._acquirer.device.timestamp_frequency))
-        return float(ticks / per_s) if ticks is not None and per_s else None
+        ticks: int | None = told(lambda: int(buffer.timestamp))
+        per_s: int | None = told(lambda: int(self._acquirer.device.timestamp_frequency))
+        return ticks / per_s if ticks is not None and per_s else None
 
 
 def told(ask: Callable[[], Any], otherwise: Any = None) -> Any:

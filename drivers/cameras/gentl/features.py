@@ -104,7 +104,12 @@ class Features:
         return printable(self._asked(f"read {feature}", "its value", self._camera.text, feature))
 
     def set_text(self, feature: str, wanted: str) -> None:
-        """Set a string or an enumeration, read it back, and raise `DeviceFault` at a difference."""
+        """Set a string or an enumeration, read it back, and raise `DeviceFault` at a difference.
+
+        A value that the camera has already is not written, because it may be fixed.
+        """
+        if self.text(feature) == wanted:
+            return
         self._set(feature, wanted)
         self._require(f"set {feature}", wanted, self.text(feature))
 

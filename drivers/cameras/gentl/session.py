@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.cameras.genicam.camera_clock import LatchedClock
 from drivers.cameras.genicam.numbers import FrameNumbers
@@ -27,6 +28,8 @@ APART = 0.5
 BYTE_BITS = 8
 INCOMPLETE = 1
 """Flag of a frame that the producer calls incomplete."""
+REPEATED = 1 << 1
+"""Flag of a frame whose number is not higher than the one before: an old picture that came again."""
 OTHER_SIZE = 1 << 8
 """Flag of a frame without a grey-level picture of the size in the settings."""
 
@@ -49,6 +52,7 @@ class GentlSession:
         self._numbers = FrameNumbers(self.interval_s)
         self._camera_clock: LatchedClock | None = None
         self._count = 0
+        self._last: int | None = None
         # a triggered frame is exposed after the settings were written
         self._unsettled = 0 if settings.trigger else UNSETTLED_FRAMES
         self._earliest_s = -math.inf
@@ -81,24 +85,33 @@ class GentlSession:
         Raise `LinkLost` if the producer reports an error.
         """
         deadline_s = self._clock.now_s() + timeout_s
+        try:
+            if self._absent_s < after_s:
+                self._skip_waiting()
+            while True:
+                now_s = self._clock.now_s()
+                picture = self._device.pop()
+                if picture is None:
+                    self._absent_s = now_s
+                elif (frame := self._frame(picture, after_s)) is not None:
+                    return frame
+                left_s = deadline_s - self._clock.now_s()
+                if not left_s > 0:
+                    return None
+                if picture is None:
+                    self._clock.sleep(min(left_s, POLL_S))
+        except GentlError as error:
+            remedy = "check cable and power of the camera"
+            raise LinkLost(self._name, "get frame", "a frame", str(error), remedy) from error
+
+    def _skip_waiting(self) -> None:
+        """Throw all frames away that have arrived: nothing tells how long they have been waiting."""
         while True:
             now_s = self._clock.now_s()
-            try:
-                picture = self._device.pop()
-            except GentlError as error:
-                remedy = "check cable and power of the camera"
-                raise LinkLost(self._name, "get frame", "a frame", str(error), remedy) from error
-            if picture is not None:
-                frame = self._frame(picture, after_s)
-                if frame is not None:
-                    return frame
-            else:
+            if not self._device.skip():
                 self._absent_s = now_s
-            left_s = deadline_s - self._clock.now_s()
-            if not left_s > 0:
-                return None
-            if picture is None:
-                self._clock.sleep(min(left_s, POLL_S))
+                return
+            self.seen += 1
 
     def verify(self) -> None:
         """Read frame rate, exposure time and gain back. Raise `DeviceFault` if a value has changed.
@@ -135,6 +148,8 @@ class GentlSession:
         self.seen += 1
         received_s = self._clock.now_s()
         sequence = self._numbers.number(self._number_of(picture), received_s)
+        repeated = self._last is not None and sequence <= self._last
+        self._last = sequence
         times = self._times(picture, received_s)
         if self._unsettled:
             self._unsettled -= 1
@@ -149,7 +164,7 @@ class GentlSession:
             received_s=received_s,
             utc=self._utc_before(age_s),
             sequence=sequence,
-            flags=other | (0 if picture.complete else INCOMPLETE),
+            flags=other | INCOMPLETE * (not picture.complete) | REPEATED * repeated,
             exposure_us=self._known.exposure_us,
             gain=self._known.gain,
             middle_s=times.middle_s,
@@ -178,9 +193,7 @@ class GentlSession:
             clock.keep()
         return self._rule.of_camera(*clock.camera.on_rig(picture.stamp_s))
 
-    def _image(
-        self, picture: Picture
-    ) -> tuple[np.ndarray[tuple[int, int], np.dtype[np.uint8 | np.uint16]], int]:
+    def _image(self, picture: Picture) -> tuple[NDArray[np.uint8] | NDArray[np.uint16], int]:
         settings = self._settings
         container: Any = np.uint8 if settings.bits <= BYTE_BITS else np.uint16
         shape = settings.height_px, settings.width_px

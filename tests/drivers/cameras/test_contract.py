@@ -23,8 +23,8 @@ from simulators.rig.scene_wire import SceneServer
 from simulators.scene.scene import Misalignment, Scene
 from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 from simulators.wire.faults import CAMERA, FaultPanel
-from tests.drivers.cameras import fake_aravis, fake_opencv
-from tests.fault_matrix.camera_benches import AravisBench, NumberedBench, OpencvBench, V4l2Bench
+from tests.drivers.cameras import fake_aravis, fake_gentl, fake_opencv
+from tests.fault_matrix.camera_benches import AravisBench, GentlBench, NumberedBench, OpencvBench, V4l2Bench
 from tests.third_party.swan_camera.swan_camera import SwanCamera, SwanSettings
 
 NAME = "cameras.left"
@@ -110,6 +110,11 @@ def aravis(end: ExitStack) -> CameraBench:
     return behind_a_seam(AravisBench(), fake_aravis.INTERVAL_S, exposure_us=5000.0, gain=3.0)
 
 
+def gentl(end: ExitStack) -> CameraBench:
+    exposure_us = fake_gentl.EXPOSURE_S * 1e6
+    return behind_a_seam(GentlBench(), fake_gentl.INTERVAL_S, exposure_us=exposure_us, gain=2.0)
+
+
 def opencv(end: ExitStack) -> CameraBench:
     bench = behind_a_seam(OpencvBench(), fake_opencv.INTERVAL_S, tolerance_s=2 * fake_opencv.INTERVAL_S)
     # OpenCV itself waits ten seconds for a camera that gives nothing, and then calls it lost
@@ -122,6 +127,7 @@ DRIVERS = {
     "remote-camera": remote,
     "v4l2": v4l2,
     "aravis": aravis,
+    "gentl": gentl,
     "opencv-camera": opencv,
 }
 
