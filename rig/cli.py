@@ -2,7 +2,7 @@
 
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -13,17 +13,14 @@ from drivers.errors import ConfigurationError, DeviceError
 from rig import RigError
 from rig.commands.hand_commands import hold, jog, status, unload
 from rig.commands.output import JSON as _JSON, PATH as _PATH, NumberRange, finish as _finish, write as _write
+from rig.commands.queue_command import queue
 from rig.threads import (
     device_threads,
     drivers_exit_by_exception,
-    dying_of_signals,
     last_resort,
     leave,
     never_released,
 )
-
-if TYPE_CHECKING:
-    from rig import Outcome
 
 
 def main() -> None:
@@ -105,10 +102,9 @@ def run(
     With --continue, the finished steps of an earlier run are not repeated. If the specimen is in a load
     frame, the operator must first confirm that nobody has touched it.
     """
-    from rig import NewsOptions, plan_protocol, run_protocol
-    from rig.commands.at_rest import at_rest_line
-    from rig.commands.continuing import next_segment, say_where_it_stands
-    from rig.commands.progress import run_screen
+    from rig import plan_protocol
+    from rig.commands.continuing import next_segment
+    from rig.commands.running import end_lines, run_dict, run_on_screen
 
     run_path = output or (Path(f"{protocol.stem}.h5") if continues is None else next_segment(continues))
     inputs = [protocol, rig_path, run_path, *([] if continues is None else [continues])]
@@ -117,40 +113,11 @@ def run(
     for caution in made.cautions:
         say(f"rig: caution: {caution}", err=True)
     with ExitStack() as ending:
-        with run_screen() as screen:
-            news = NewsOptions(
-                notify,
-                http,
-                lambda line: say(f"rig: {line}", err=True),
-                on_continue=say_where_it_stands,
-                on_begin=screen.listen,
-            )
-            try:
-                outcome = run_protocol(
-                    protocol,
-                    rig_path,
-                    run_path,
-                    on_status=[screen.on_status],
-                    on_step=[screen.on_step],
-                    on_question=screen.on_question,
-                    continues=continues,
-                    news=news,
-                )
-            finally:
-                # All devices are closed now, so a signal may kill the program if output to the terminal
-                # hangs.
-                ending.enter_context(dying_of_signals())
-        whole = outcome.recorded and run_path.is_file()
-        place = f"in {run_path}" if whole else "were finished; the reason above says where their data are"
-        done = f"{outcome.status}: {outcome.steps_done} steps {place}"
-        lines = [done, at_rest_line(outcome.at_end)]
-        for sentence in filter(None, (outcome.reason, *outcome.lost_devices, *outcome.lost_listeners)):
-            say(f"rig: {sentence}", err=True)
-        if outcome.timing is not None:
-            for sentence in outcome.timing.sentences():
-                say(f"rig: {sentence}", err=True)
+        options: dict[str, Any] = {"continues": continues, "notify": notify, "http": http}
+        outcome = run_on_screen(protocol, rig_path, run_path, ending, **options)
+        lines = end_lines(run_path, outcome)
+        table = run_dict(run_path, outcome) | {"limits": made.limits.table.rows()}
         good, recorded = outcome.is_good, outcome.recorded
-        table = _run_dict(run_path, outcome) | {"limits": made.limits.table.rows()}
         _finish(lines, table, json_path, good=good, done=recorded)
 
 
@@ -351,34 +318,5 @@ def demo(output: Path) -> None:
     say(f"open {made.report.resolve()}")
 
 
-def _run_dict(run_path: Path, outcome: "Outcome") -> dict[str, Any]:
-    from rig.commands.at_rest import at_rest_dict
-
-    steps = [
-        {
-            "index": record.step.index,
-            "kind": record.step.kind,
-            "target": record.step.target if record.step.target == record.step.target else None,
-            "load_n": record.reading.by_unit().get("N"),
-            "displacement_mm": record.reading.by_unit().get("mm"),
-            "angle_deg": record.reading.by_unit().get("deg"),
-            "time_s": record.reading.time_s,
-            "images": {name: count for name, (_, count) in record.frames.items()},
-        }
-        for record in outcome.steps
-    ]
-    return {
-        "run_file": str(run_path),
-        "status": outcome.status,
-        "timing": None if outcome.timing is None else outcome.timing.as_dict(),
-        "reason": outcome.reason,
-        "unsafe": list(outcome.unsafe),
-        "lost_devices": list(outcome.lost_devices),
-        "lost_listeners": list(outcome.lost_listeners),
-        "at_end": at_rest_dict(outcome.at_end),
-        "steps": steps,
-    }
-
-
-for _command in (status, hold, unload, jog):
+for _command in (status, hold, unload, jog, queue):
     cli.add_command(_command)

@@ -106,14 +106,14 @@ def narrowed(rig_file: RigFile, protocol: Protocol) -> RigFile:
     if entry is None or declared is None:
         return rig_file
     limits = {
-        "load": ("n", declared.load_max_n),
-        "displacement": ("mm", declared.displacement_max_mm),
+        "load": ("n", declared.load_max_n, declared.load_least_n),
+        "displacement": ("mm", declared.displacement_max_mm, declared.displacement_least_mm),
     }
     narrower: dict[str, float] = {}
-    for name, (unit, limit) in limits.items():
+    for name, (unit, greatest, least) in limits.items():
         for setting, value, choose in (
-            (f"{name}_max_{unit}", limit, min),
-            (f"{name}_min_{unit}", -limit, max),
+            (f"{name}_max_{unit}", greatest, min),
+            (f"{name}_min_{unit}", least, max),
         ):
             if isinstance(known := entry.setting(setting), float):
                 narrower[setting] = choose(known, value)

@@ -44,6 +44,8 @@ class Plan:
         Size of all images in bytes, or None if the size of an image is unknown.
     worst_load_n, worst_displacement_mm : float
         The limits of load and displacement beyond which the engine ends a tension test. NaN for a rotation.
+    least_load_n, least_displacement_mm : float or None
+        The same limits in compression, if the protocol declares them.
     limits : RunLimits
         The merged limits of the run, and the plausible behaviour of specimen, grips and load frame.
     objections : list of str
@@ -65,6 +67,8 @@ class Plan:
     objections: list[str]
     cautions: list[str] = field(default_factory=list)
     mounting: Mounting = field(default_factory=Mounting)
+    least_load_n: float | None = None
+    least_displacement_mm: float | None = None
 
     @property
     def duration_s(self) -> float | None:
@@ -101,6 +105,8 @@ def make_plan(protocol: Protocol, facts: RigFacts = UNKNOWN_RIG, rig_limits: Rig
         # setting.
         objections=objections(protocol, facts) or in_force.objections,
         mounting=protocol.mounting,
+        least_load_n=None if limits is None else limits.load_min_n,
+        least_displacement_mm=None if limits is None else limits.displacement_min_mm,
     )
 
 

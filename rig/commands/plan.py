@@ -22,12 +22,13 @@ def plan_lines(plan: Plan) -> list[str]:
     lines += shown
     at_most = " at most" if any(planned.step.conditional for planned in plan.steps) else ""
     lines.append(
-        f"{len(plan.steps)} steps{at_most}, about {_format_s(plan.duration_s)} without the operator's time; "
-        + _format_images(plan)
+        f"{len(plan.steps)} steps{at_most}, about {format_s(plan.duration_s)} without the operator's time; "
+        + images_text(plan)
     )
     if not math.isnan(plan.worst_load_n):
         lines.append(
-            f"worst load {plan.worst_load_n:g} N, worst displacement {plan.worst_displacement_mm:g} mm: "
+            f"worst load {_both_ways(plan.least_load_n, plan.worst_load_n)} N, worst displacement "
+            f"{_both_ways(plan.least_displacement_mm, plan.worst_displacement_mm)} mm: "
             "the limits of the protocol"
             + (", as the specimen decides how many increments it takes to yield" if at_most else "")
         )
@@ -60,7 +61,7 @@ def _step_line(planned: PlannedStep) -> str:
         "" if step.question is None else f'asks "{step.question.text}", word {step.question.word}',
     ]
     note = ", ".join(filter(None, notes))
-    about = _format_s(planned.duration_s)
+    about = format_s(planned.duration_s)
     return f"{step.index:4d}  {step.kind:<12}  {target:<10}  {about:>8}  {note}".rstrip()
 
 
@@ -88,6 +89,8 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
         "size_bytes": plan.size_bytes,
         "worst_load_n": _known(plan.worst_load_n),
         "worst_displacement_mm": _known(plan.worst_displacement_mm),
+        "least_load_n": plan.least_load_n,
+        "least_displacement_mm": plan.least_displacement_mm,
         "limits": plan.limits.table.rows(),
         "mounting": plan.mounting.model_dump(),
         "objections": plan.objections,
@@ -95,7 +98,8 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
     }
 
 
-def _format_images(plan: Plan) -> str:
+def images_text(plan: Plan) -> str:
+    """Return the number and the size of a plan's images as text."""
     if plan.images is None:
         return "images: as the rig has cameras"
     size = plan.size_bytes
@@ -103,7 +107,8 @@ def _format_images(plan: Plan) -> str:
     return f"{plan.images} images, {shown}"
 
 
-def _format_s(duration_s: float | None) -> str:
+def format_s(duration_s: float | None) -> str:
+    """Return a duration as text, in s or minutes."""
     if duration_s is None:
         return "unknown"
     return f"{duration_s:.1f} s" if duration_s < 120.0 else f"{duration_s / 60.0:.1f} min"
@@ -111,3 +116,8 @@ def _format_s(duration_s: float | None) -> str:
 
 def _known(value: float) -> float | None:
     return None if math.isnan(value) else value
+
+
+def _both_ways(least: float | None, greatest: float) -> str:
+    """Return the limit in tension, or those in compression and tension."""
+    return f"{greatest:g}" if least is None else f"{least:g} to {greatest:g}"

@@ -12,6 +12,7 @@ from drivers.terminal.keys import Keys
 from rig import Engine, EngineStatus, RigReading, State, StepRecord
 from rig.commands.pause_key import KEY, PauseKey
 from rig.engine.devices import Asked
+from rig.engine.status import PauseTotals
 from rig.limits.by_hand import HandMotion
 
 if TYPE_CHECKING:
@@ -282,3 +283,16 @@ def hand_screen() -> Iterator[HandScreen]:
     finally:
         if live is not None and live.is_started:
             live.stop()
+
+
+def pause_lines(pauses: PauseTotals) -> list[str]:
+    """Return a line that tells the pauses of a run and the images that fell into them, or no line."""
+    if not pauses.count:
+        return []
+    times = "once" if pauses.count == 1 else f"{pauses.count} times"
+    told = [
+        f"{count} {'step' if count == 1 else 'steps'} {fate}"
+        for count, fate in ((pauses.late_steps, "imaged late"), (pauses.missed_steps, "without images"))
+        if count
+    ]
+    return [", ".join([f"paused {times} for {pauses.duration_s:.1f} s", *told])]

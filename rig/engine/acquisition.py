@@ -78,7 +78,7 @@ class AcquisitionRun:
             shots.leave()
             raise
         finally:
-            self._runs = False
+            self._runs, run.observers = False, []
         shots.close()
         self._written.finish()
         self._warnings.finish()
@@ -108,12 +108,12 @@ class AcquisitionRun:
         assert isinstance(acquisition, Acquisition)
         ends = acquisition.end_of_signals()
         dues.begin(begun_s)
+        run.observers = [dues.see, ends.see]
         due_s: float | None = None
         self._publish()
         while True:
             reading = run.read()
-            dues.see(reading)
-            ended = self._ended(acquisition, ends.met(reading), shots, begun_s)
+            ended = self._ended(acquisition, ends.met, shots, begun_s)
             while self.timing.asked < acquisition.images and not self._end_requested:
                 due_s = dues.next_s() if due_s is None else due_s
                 if due_s is None or due_s > run.clock.now_s():

@@ -17,6 +17,7 @@ from rig.errors import Aborted
 from rig.limits.run_limits import limits_on
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import PhaseEvent, RigReading
+from rig.protocol.tables import Settle
 from rig.recorder import Recorder
 from rig.recorder.records import PHASE_ENDED
 
@@ -45,6 +46,9 @@ class RunContext:
         The event that ends the present phase, as described for `ProtocolStep`.
     phase_ended : bool
         True if this event has happened during the present step.
+    observers : list of callable
+        Functions that are called with every reading, whichever wait has taken it. A reading has the samples
+        of the channels since the one before, so who looks for an event of a channel must see all readings.
     abort_reason : str or None
         The reason for which the end of the run was requested.
     """
@@ -59,7 +63,8 @@ class RunContext:
         on_question: OnQuestion,
     ) -> None:
         self.protocol, self.rig, self.recorder, self.news = protocol, rig, recorder, news
-        self.clock, self.settle = rig.clock, protocol.settle
+        self.clock = rig.clock
+        self.settle: Settle = protocol.settle
         self.watch = Watch(protocol, limits_on(protocol, rig))
         self.calls = Calls(
             rig.clock, self.check_abort, rig.lost, meanwhile=self.read, every_s=self.settle.poll_s
@@ -73,6 +78,7 @@ class RunContext:
         self.may_move = True
         self.event: PhaseEvent | None = None
         self.phase_ended = False
+        self.observers: list[Callable[[RigReading], None]] = []
         self.abort_reason: str | None = None
         self._on_progress = on_progress
 
@@ -89,6 +95,8 @@ class RunContext:
         """
         self.check_abort()
         reading = self.monitor.read(self.place)
+        for observe in self.observers:
+            observe(reading)
         for sentence in self.channels.new_losses():
             self.log("warning", sentence)
         self.news.publish(reading=reading)

@@ -6,15 +6,43 @@ Limits, interlocks and the load are watched as always. An abort ends a pause at 
 import math
 from dataclasses import replace
 from threading import Lock
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
+from dic.runfile.schema import Level
+from rig.engine.announcements import Announcements
+from rig.engine.calls import Calls
+from rig.engine.devices import Devices
 from rig.engine.status import PauseTotals, State
+from rig.engine.watch import Watch
 from rig.errors import SettleTimeout
-from rig.protocol.step import ProtocolStep, RigReading
+from rig.protocol.step import PhaseEvent, ProtocolStep, RigReading
+from rig.protocol.tables import Settle
 from rig.recorder.records import GOES_ON, PAUSED, STEP_MISSED
 
-if TYPE_CHECKING:
-    from rig.engine.context import RunContext
+
+class PausedRun(Protocol):
+    """Interface of what is paused: the part of `rig.engine.context.RunContext` that a pause needs."""
+
+    news: Announcements
+    devices: Devices
+    watch: Watch
+    calls: Calls
+    settle: Settle
+    event: PhaseEvent | None
+    may_move: bool
+
+    @property
+    def place(self) -> str:
+        """The name of the present step, for messages."""
+
+    def read(self) -> RigReading:
+        """Read all devices except the cameras, and check the limits."""
+
+    def log(self, level: Level, message: str) -> None:
+        """Record an event and tell the listeners."""
+
+    def check_abort(self) -> None:
+        """Raise `Aborted` if the end of the run was requested."""
 
 
 class PauseRequests(Protocol):
@@ -90,7 +118,7 @@ class Pauses:
     totals : PauseTotals
     """
 
-    def __init__(self, run: "RunContext") -> None:
+    def __init__(self, run: PausedRun) -> None:
         self.switch = PauseSwitch()
         self.requests: PauseRequests = self.switch
         self.ended_s = -math.inf
@@ -121,10 +149,11 @@ class Pauses:
         run.watch.begin(step)
         run.watch.expect(step.load_drop)
         run.news.publish(state=State.PAUSED)
+        self._count(count=1)
         reading, by = self._wait()
         paused_s = reading.time_s - begun.time_s
         self.ended_s = reading.time_s
-        self._count(count=1, duration_s=paused_s)
+        self._count(duration_s=paused_s)
         run.log("info", f"{GOES_ON} by {by} after {paused_s:.1f} s")
         run.news.publish(state=state)
         run.event = event

@@ -177,19 +177,22 @@ class End(Settings):
 
 
 class EndOfSignals:
-    """Looks in every reading for the events of a channel that end the images."""
+    """Looks in every reading for the events of a channel that end the images.
+
+    `met` is what has happened, or an empty text.
+    """
 
     def __init__(self, end: End) -> None:
+        self.met = ""
         self._end = end
         self._highest = -math.inf
 
-    def met(self, reading: RigReading) -> str:
-        """Return what has happened, or an empty text."""
+    def see(self, reading: RigReading) -> None:
+        """Look at the new samples of a reading."""
         if (reaches := self._end.reaches) is not None and reaches.is_met(reading):
-            return f"{reaches} was reached"
+            self.met = self.met or f"{reaches} was reached"
         if (drop := self._end.drop) is not None:
             for value in drop.new(reading):
                 self._highest = max(self._highest, value)
                 if self._highest >= drop.least and value < (1.0 - drop.fraction) * self._highest:
-                    return f"{drop.channel} fell from {self._highest:.6g} to {value:.6g}"
-        return ""
+                    self.met = self.met or f"{drop.channel} fell from {self._highest:.6g} to {value:.6g}"

@@ -31,12 +31,15 @@ class Criterion(Protocol):
 class LoadDropCriterion:
     """The criterion that the load has fallen by a fraction of the highest load of the phase.
 
+    In compression the largest compressive load counts, and `sense` is -1.
+
     During a motion a drop counts only if the load has reached `carried_n`. So noise and seating grips end no
     phase.
     """
 
     fraction: float
     carried_n: float
+    sense: float = 1.0
 
     def can_end(self, number: int, _: ProtocolStep) -> bool:
         """Return True, because the load can drop during any step."""
@@ -44,12 +47,12 @@ class LoadDropCriterion:
 
     def is_met(self, readings: Sequence[RigReading]) -> bool:
         """Return True if the last load has fallen by the fraction."""
-        highest_n = max(reading.load_n for reading in readings[1:])
-        return readings[-1].load_n < (1.0 - self.fraction) * highest_n
+        loads_n = [self.sense * reading.load_n for reading in readings[1:]]
+        return loads_n[-1] < (1.0 - self.fraction) * max(loads_n)
 
     def at_readings(self) -> PhaseEvent:
         """Return an event that compares each reading with the highest load of the motion."""
-        return _Drop(self.fraction, self.carried_n)
+        return _Drop(self)
 
     def describe(self) -> str:
         """Return a description of this criterion for an error message."""
@@ -59,14 +62,15 @@ class LoadDropCriterion:
 class _Drop:
     """A drop of the load below the highest load of a motion, as an event of a phase."""
 
-    def __init__(self, fraction: float, carried_n: float) -> None:
-        self._fraction, self._carried_n = fraction, carried_n
+    def __init__(self, criterion: LoadDropCriterion) -> None:
+        self._criterion = criterion
         self._highest_n = -math.inf
 
     def __call__(self, reading: RigReading) -> bool:
-        self._highest_n = max(self._highest_n, reading.load_n)
-        lowest_n = (1.0 - self._fraction) * self._highest_n
-        return self._highest_n >= self._carried_n and reading.load_n < lowest_n
+        load_n = self._criterion.sense * reading.load_n
+        self._highest_n = max(self._highest_n, load_n)
+        lowest_n = (1.0 - self._criterion.fraction) * self._highest_n
+        return self._highest_n >= self._criterion.carried_n and load_n < lowest_n
 
     def renew(self) -> None:
         """Determine the highest load again, because the specimen has relaxed in a pause."""

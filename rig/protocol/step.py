@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol, TypeAlias
 
 from dic.runfile.schema import StepKind
@@ -64,6 +64,10 @@ class RigReading:
         """Return load, displacement and angle under the keys "N", "mm" and "deg". Leave out NaN values."""
         values = {"N": self.load_n, "mm": self.displacement_mm, "deg": self.angle_deg}
         return {unit: value for unit, value in values.items() if not math.isnan(value)}
+
+    def mirrored(self) -> "RigReading":
+        """Return the reading with the opposite signs of load and displacement: compression as tension."""
+        return replace(self, load_n=-self.load_n, displacement_mm=-self.displacement_mm)
 
     def of(self, quantity: Quantity) -> float:
         """Return the value of a quantity: the load, the displacement or the angle."""
@@ -176,6 +180,10 @@ class ProtocolStep:
     def pulls(self) -> bool:
         """True if the step moves the load frame to a load or to a displacement."""
         return self.quantity in ("load", "displacement") and not self.holds
+
+    def mirrored(self) -> "ProtocolStep":
+        """Return a motion in compression as one in tension, for checks that know only tension."""
+        return replace(self, target=-self.target)
 
     def value(self, reading: RigReading) -> float:
         """Return the quantity of the step's target from a reading: load, displacement or angle.
