@@ -6,6 +6,8 @@ calls a driver itself.
 
 import math
 import queue
+import threading
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
@@ -197,9 +199,9 @@ class Calls:
             )
         call = Call(device, action, function, deadline, self._clock, self._patience_s)
         if device not in self._workers:
-            self._workers[device] = _Worker(device, self._news)
+            self._workers[device] = _Worker(device, self._news, self._clock)
             self._workers[device].start()
-        self._workers[device].add(call, self._clock.activity())
+        self._workers[device].add(call)
         return call
 
     def do(self, device: str, action: str, function: Callable[[], T], deadline: Deadline) -> T:
@@ -315,40 +317,76 @@ class Calls:
 class _Worker(DeviceThread):
     """The thread that makes all calls of one device."""
 
-    def __init__(self, device: str, news: Event) -> None:
+    def __init__(self, device: str, news: Event, clock: Clock) -> None:
         super().__init__(f"calls of {device}")
         self.action = ""
         self.waits_for_a_person = False
         self._news = news
-        self._waiting: queue.SimpleQueue[tuple[Call[Any], Activity] | None] = queue.SimpleQueue()
-        self._activities: list[Activity] = []
+        self._clock = clock
+        self._lock = threading.Lock()
+        # the calls that run or wait, and how many of the first ones have been given up
+        self._calls: deque[Call[Any]] = deque()
+        self._given_up = 0
+        self._leaving = False
+        self._activity: Activity | None = None
+        self._begun: queue.SimpleQueue[tuple[Call[Any], Activity] | None] = queue.SimpleQueue()
 
     @property
     def idle(self) -> bool:
         """True if no call runs or waits on this thread."""
-        return not self._activities
+        return not self._calls
 
-    def add(self, call: Call[Any], activity: Activity) -> None:
-        self._activities.append(activity)
-        self._waiting.put((call, activity))
+    def add(self, call: Call[Any]) -> None:
+        with self._lock:
+            self._calls.append(call)
+            if len(self._calls) == 1:
+                self._begin(call)
 
     def give_up(self) -> None:
         """Let simulated time pass without waiting for the calls on this thread."""
-        for activity in tuple(self._activities):
+        with self._lock:
+            self._given_up = len(self._calls)
+            activity = self._activity
+        if activity is not None:
             activity.end()
 
     def leave(self) -> None:
         self.give_up()
-        self._waiting.put(None)
+        with self._lock:
+            self._leaving = True
+            if not self._calls:
+                self._begun.put(None)
 
     def run(self) -> None:
-        while (entry := self._waiting.get()) is not None:
+        while (entry := self._begun.get()) is not None:
             call, activity = entry
             self.action, self.waits_for_a_person = call.action, call.deadline.duration_s == math.inf
             # Suppress `GivenUp`, which ends a call of a simulated device after the engine has given up the
             # call.
             with suppress(GivenUp), activity:
-                call.run()
-                self._news.set()
-            self._activities.remove(activity)
+                try:
+                    call.run()
+                    self._news.set()
+                finally:
+                    self._begin_next()
             self.waits_for_a_person = False
+
+    def _begin(self, call: Call[Any]) -> None:
+        self._activity = self._clock.activity()
+        if self._given_up:
+            self._activity.end()
+        self._begun.put((call, self._activity))
+
+    def _begin_next(self) -> None:
+        """Announce the next call before this one ends, so that no simulated time passes between them.
+
+        A call that was announced earlier would stop simulated time, although it waits for the call before,
+        which may wait for simulated time.
+        """
+        with self._lock:
+            self._calls.popleft()
+            self._activity, self._given_up = None, max(0, self._given_up - 1)
+            if self._calls:
+                self._begin(self._calls[0])
+            elif self._leaving:
+                self._begun.put(None)

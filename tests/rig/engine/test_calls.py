@@ -100,6 +100,41 @@ def test_simulated_device_may_compute_for_longer_than_its_deadline():
         assert clock.now_s() == 0.0
 
 
+def test_a_call_that_waits_for_its_turn_does_not_stop_simulated_time():
+    clock, order = VirtualClock(), []
+    calls = Calls(clock, lambda: None)
+
+    def act(name: str, duration_s: float) -> None:
+        order.append((name, clock.now_s()))
+        clock.sleep(duration_s)
+
+    with clock.activity():
+        begun = [
+            calls.begin("cameras.left", name, lambda name=name: act(name, 0.5), Deadline(5.0))
+            for name in ("take frames", "close stream", "read settings")
+        ]
+        for call in begun:
+            calls.finish(call)
+        assert order == [("take frames", 0.0), ("close stream", 0.5), ("read settings", 1.0)]
+        assert clock.now_s() == 1.5
+        assert calls.idle("cameras.left")
+    calls.close()
+
+
+def test_calls_behind_one_that_was_given_up_let_time_pass():
+    clock = VirtualClock()
+    calls = Calls(clock, lambda: None)
+    with clock.activity():
+        hanging = calls.begin("stage", "read", lambda: clock.sleep(3600.0), Deadline(0.7))
+        behind = calls.begin("stage", "stop", lambda: clock.sleep(3600.0), Deadline(0.7))
+        for call in (hanging, behind):
+            with pytest.raises(DeviceTimeout):
+                calls.finish(call)
+        clock.sleep(10.0)
+        assert clock.now_s() < 20.0
+    calls.close()
+
+
 def test_simulated_device_that_computes_on_a_busy_computer_does_not_hang(monkeypatch):
     """It takes longer than the patience, and the processor time shows that it computes."""
     clock, finished, patience_s, asked = VirtualClock(), threading.Event(), 0.2, []
