@@ -47,6 +47,8 @@ class AcquisitionRun:
             return "no images are being taken now"
         if (asked := self._asked) is None:
             return "this protocol does not take images on request"
+        if self._run.pauses.switch.on:
+            return "the run is paused"
         asked.ask(self._run.clock.now_s())
         return ""
 
@@ -113,15 +115,22 @@ class AcquisitionRun:
         self._publish()
         while True:
             reading = run.read()
+            paused = run.pauses.meanwhile("while images are taken")
             ended = self._ended(acquisition, ends.met, shots, begun_s)
             while self.timing.asked < acquisition.images and not self._end_requested:
                 due_s = dues.next_s() if due_s is None else due_s
                 if due_s is None or due_s > run.clock.now_s():
                     break
-                shots.ask(due_s, reading)
+                if paused:
+                    # What fell into a pause is missing; no image of another time stands for it.
+                    self.timing.ask()
+                    self.timing.miss()
+                    run.pauses.left_out(1)
+                else:
+                    shots.ask(due_s, reading)
                 due_s = None
             self._record(step, shots.poll())
-            if ended or (due_s == math.inf and not shots.waits):
+            if not paused and (ended or (due_s == math.inf and not shots.waits)):
                 run.log("info", f"images end: {ended or 'all are taken'}")
                 return reading
             left_s = math.inf if due_s is None else due_s - run.clock.now_s()

@@ -124,6 +124,8 @@ class Pauses:
         self.ended_s = -math.inf
         self.totals = PauseTotals()
         self._run = run
+        self._begun: RigReading | None = None
+        self._before: tuple[State, PhaseEvent | None] = State.IDLE, None
 
     def asked(self, place: str) -> bool:
         """Return whether `point` would wait at this place of the present step."""
@@ -141,18 +143,42 @@ class Pauses:
         who = self.requests.asked(self._number, place)
         if not who:
             return None
-        state, event, run.event = run.news.status.state, run.event, None
+        self._begin(place, who)
+        return self._end(*self._wait())
+
+    def meanwhile(self, place: str) -> bool:
+        """Return True as long as the run is paused, without waiting.
+
+        For a caller that goes on meanwhile, because it moves nothing and only lets its images wait. It calls
+        this method after each reading.
+        """
+        run = self._run
+        if self._begun is None:
+            if who := self.requests.asked(self._number, place):
+                self._begin(place, who)
+        elif (by := self.requests.take_over()) and (reading := run.news.status.reading) is not None:
+            self._end(reading, by)
+        return self._begun is not None
+
+    def _begin(self, place: str, who: str) -> None:
+        """Stop everything, and begin to watch it as in a hold."""
+        run = self._run
+        self._before, run.event = (run.news.status.state, run.event), None
         run.log("info", f"{PAUSED} {self._number} ({place}) by {who}")
-        begun = run.news.status.reading or run.read()
+        self._begun = run.news.status.reading or run.read()
         run.devices.stop()
         step = ProtocolStep(self._number, "rest", load_drop="slow")
         run.watch.begin(step)
         run.watch.expect(step.load_drop)
         run.news.publish(state=State.PAUSED)
         self._count(count=1)
-        reading, by = self._wait()
-        paused_s = reading.time_s - begun.time_s
-        self.ended_s = reading.time_s
+
+    def _end(self, reading: RigReading, by: str) -> float:
+        """Let the run go on after the last reading of a pause, and return the duration of the pause in s."""
+        run, (state, event) = self._run, self._before
+        assert self._begun is not None
+        paused_s = reading.time_s - self._begun.time_s
+        self.ended_s, self._begun = reading.time_s, None
         self._count(duration_s=paused_s)
         run.log("info", f"{GOES_ON} by {by} after {paused_s:.1f} s")
         run.news.publish(state=state)
@@ -165,6 +191,10 @@ class Pauses:
         """Record that the images of a step are taken late."""
         self._count(late_steps=1)
         self._run.log("warning", f"{step}: its images come {by_s:.1f} s late, because the run was paused")
+
+    def left_out(self, count: int) -> None:
+        """Count images of an acquisition that were due in a pause and are not taken."""
+        self._count(missed_steps=count)
 
     def missed(self, step: ProtocolStep) -> None:
         """Record that the images of a step are not taken."""

@@ -112,6 +112,8 @@ def test_a_run_is_watched_and_aborted_by_http(start, files):
         while json.loads(ask("GET", "/v1/status")[1])["state"] != "paused":
             assert json.loads(ask("GET", "/v1/status")[1])["outcome"] is None
         assert ask("POST", "/v1/continue", **allowed)[0] == 202
+        while json.loads(ask("GET", "/v1/status")[1])["pause_requested"]:
+            pass
         assert ask("POST", "/v1/pause", **allowed)[0] == 202
         path = "/v1/abort?reason=smoke"
         assert ask("POST", path, Authorization=f"Bearer {token}")[0] == 202
