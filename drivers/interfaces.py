@@ -169,7 +169,10 @@ class LoadFrameState:
 
 @dataclass(frozen=True)
 class LoadFrameLimits:
-    """Limits of load, displacement, speed and load rate, as read back from the load frame."""
+    """Limits of load, displacement, speed and load rate, as read back from the load frame.
+
+    A load frame that cannot control the load, but only the displacement, has a `load_rate_max_n_s` of 0.
+    """
 
     load_min_n: float
     load_max_n: float
@@ -180,7 +183,10 @@ class LoadFrameLimits:
 
 
 class LoadFrame(Protocol):
-    """A tensile load frame in load or displacement control. In its safe state it holds its position."""
+    """A tensile load frame in displacement control and, mostly, in load control.
+
+    In its safe state it holds its position.
+    """
 
     info: DeviceInfo
     limits: LoadFrameLimits
@@ -189,7 +195,10 @@ class LoadFrame(Protocol):
         """Read the machine's state and reset its watchdog. Raise `DeviceError` if the values are invalid."""
 
     def go_to_load(self, load_n: float, rate_n_s: float) -> None:
-        """Start a ramp to a load, in N, at a rate in N/s. Loads beyond the limits are refused."""
+        """Start a ramp to a load, in N, at a rate in N/s. Loads beyond the limits are refused.
+
+        A load frame without control of the load refuses every load with a `DeviceFault`.
+        """
 
     def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
         """Start a move to a crosshead position, in mm. Positions beyond the limits are refused."""

@@ -216,7 +216,10 @@ def verify(run_file: Path, json_path: Path | None, force: bool) -> None:
 
     require_places([run_file], [json_path], force=force)
     found = verify_run(run_file)
-    lines = [f"{found.path}: {found.status}, {found.steps} of {found.planned} planned steps"]
+    of_all = "" if found.planned is None else f" of {found.planned} planned"
+    lines = [f"{found.path}: {found.status}, {found.steps + found.overwritten}{of_all} steps"]
+    if found.overwritten:
+        lines += [f"the images of the newest {found.steps} steps are kept, as the protocol asks for"]
     lines += [
         f"{name}: {camera.valid} images, {camera.in_steps} in finished steps, {len(camera.damaged)} damaged"
         for name, camera in found.cameras.items()
@@ -224,6 +227,10 @@ def verify(run_file: Path, json_path: Path | None, force: bool) -> None:
     lines += [
         f"interlock {name}: {interlock.readings} readings, {interlock.outside} outside its range"
         for name, interlock in found.interlocks.items()
+    ]
+    lines += [
+        f"channels.{name}: {channel.samples} samples, {channel.lost} lost, {channel.outside} out of range"
+        for name, channel in found.channels.items()
     ]
     lines += [f"digest: {found.digest}"]
     lines += [f"not good: {problem}" for problem in found.problems]

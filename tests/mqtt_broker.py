@@ -94,7 +94,9 @@ class Publisher:
         self._thread.start()
 
     def _run(self, period_s: float) -> None:
-        while not self._ending.wait(period_s):
+        due_s = time.monotonic() + period_s
+        while not self._ending.wait(max(0.0, due_s - time.monotonic())):
+            due_s += period_s
             if self._client.is_connected():
                 self.publish()
 

@@ -92,19 +92,26 @@ class LinePort(DevicePort):
         with self._write_lock:
             self._write(command.encode(self._syntax.encoding) + self._syntax.end, command, permit)
 
-    def ask(self, question: str, read: Callable[[str], T], attempts: int = ATTEMPTS) -> T:
+    def ask(
+        self,
+        question: str,
+        read: Callable[[str], T],
+        attempts: int = ATTEMPTS,
+        permit: Callable[[], None] | None = None,
+    ) -> T:
         """Ask a question and return the answer. Repeat the question if no valid answer comes.
 
         ``read(line)`` returns the value in a line, or raises `ValueError` if the line is not the answer.
         `attempts` is the largest number of attempts. A question that a stop interrupted is repeated in any
-        case. May raise `DeviceTimeout` or `LinkLost`.
+        case. `permit` is described for `send`; a command to move needs one that raises after a stop. May
+        raise `DeviceTimeout` or `LinkLost`.
         """
         attempt = 0
         while True:
             attempt += 1
             try:
                 with self._turn.ordinary():
-                    return self._attempt(question, read, attempt)
+                    return self._attempt(question, read, attempt, permit)
             except OvertakenError:
                 attempt -= 1
             except DeviceTimeout:
@@ -118,13 +125,15 @@ class LinePort(DevicePort):
         `at_most_s` is the upper limit of the wait for an answer, in seconds, even if the reply timeout is
         longer. The port needs a `Proof`. May raise `DeviceTimeout` or `LinkLost`.
         """
-        if self._syntax.proof is None:
+        proof = self._syntax.proof
+        if proof is None:
             raise ValueError("an urgent question needs a question that proves the order of the answers")
         timeout_s = min(self._reply_timeout_s, at_most_s)
         with self._turn.urgent():
             answer, line = self._answer(question, lambda line: (read(line), line), None, timeout_s)
-            with self._losing(self._syntax.proof.question):
-                self._prove(self._syntax.proof, line, timeout_s)
+            if question != proof.question:
+                with self._losing(proof.question):
+                    self._prove(proof, line, timeout_s)
             return answer
 
     def settle(self) -> None:
@@ -146,12 +155,14 @@ class LinePort(DevicePort):
             self._channel.close()
         self._turn.close()
 
-    def _attempt(self, question: str, read: Callable[[str], T], attempt: int) -> T:
+    def _attempt(
+        self, question: str, read: Callable[[str], T], attempt: int, permit: Callable[[], None] | None
+    ) -> T:
         """Ask a question once. If the first attempt gets no answer in time, try to receive it late."""
         wait = self.call_time.first_wait_s if attempt == 1 else self.call_time.last_wait_s
         proof = self._syntax.proof
         try:
-            return self._answer(question, read, self._turn.wake, wait(self._reply_timeout_s))
+            return self._answer(question, read, self._turn.wake, wait(self._reply_timeout_s), permit)
         except DeviceTimeout as silence:
             if attempt > 1 or not self._owed or proof is None:
                 raise
@@ -174,7 +185,14 @@ class LinePort(DevicePort):
         self._suspect = False
         return found
 
-    def _answer(self, question: str, read: Callable[[str], T], wake: int | None, timeout_s: float) -> T:
+    def _answer(
+        self,
+        question: str,
+        read: Callable[[str], T],
+        wake: int | None,
+        timeout_s: float,
+        permit: Callable[[], None] | None = None,
+    ) -> T:
         suspect, self._suspect = self._suspect, True
         self._owed = False
         with self._losing(question):
@@ -183,10 +201,12 @@ class LinePort(DevicePort):
                 timeout_s = min(timeout_s, self.call_time.left_s)
             self._buffer = b""
             self._channel.drain()
-            self.send(question)
+            self.send(question, permit)
             # the device owes exactly one answer until `_line` has received it
             self._owed = True
-            line = self._line(question, wake, timeout_s, self._clock.now_s() + timeout_s)
+            deadline_s = self._clock.now_s() + timeout_s
+            while self._is_proof(line := self._line(question, wake, timeout_s, deadline_s), question):
+                continue
             self._owed = False
         try:
             answer = read(line)
@@ -282,6 +302,11 @@ class LinePort(DevicePort):
                 got = f"the part {self._buffer[:SHOWN_MAX]!r}" if self._buffer.strip() else "silence"
                 raise self._timeout(question, timeout_s, got)
             self._buffer += data
+
+    def _is_proof(self, line: str, question: str) -> bool:
+        """Return whether a line is the answer to the proving question, which came twice, and to no other."""
+        proof = self._syntax.proof
+        return proof is not None and line == self.proven and question != proof.question
 
     def _text(self, line: bytes) -> str:
         return line.decode(self._syntax.encoding, "backslashreplace").strip()

@@ -51,8 +51,8 @@ def stop_until_confirmed(
     """Command a stop again and again until the device confirms it.
 
     ``stop_once()`` commands a stop once, and returns an empty text if the device stands still, otherwise the
-    reason why this is not certain. It may raise `DeviceError`. ``on_lost()`` is called after a `LinkLost`, to
-    let `stop_once` open the line again. `name` is the device's name and port.
+    reason why this is not certain. ``on_lost()`` is called after a `LinkLost`, to open the line again. Both
+    may raise `DeviceError`. `name` is the device's name and port.
 
     Raise `DeviceTimeout` if the device does not confirm the stop before the deadline of the stop.
     """
@@ -63,7 +63,10 @@ def stop_until_confirmed(
                 return
         except LinkLost as lost:
             got = lost.got
-            on_lost()
+            try:
+                on_lost()
+            except DeviceError as error:
+                got = error.got
         except DeviceError as error:
             got = error.got
         clock.sleep(times.poll_s)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 from drivers.clock import Clock
 from drivers.signals import ChannelDevice
-from rig.channels.sampler import Sampler
+from rig.channels.sampler import HANG_S, Sampler
 from rig.samples import SignalReading, TimedSamples
 
 
@@ -12,6 +12,7 @@ class RunChannels:
     """The channel devices of a run, by their names in the rig file.
 
     `record` is called with a device's name and its samples, on the thread of the device's sampler.
+    `hang_s` is the time in s after which a call of a driver counts as hanging.
     """
 
     def __init__(
@@ -19,12 +20,13 @@ class RunChannels:
         devices: Mapping[str, ChannelDevice],
         clock: Clock,
         record: Callable[[str, TimedSamples], None] = lambda _, __: None,
+        hang_s: float = HANG_S,
     ) -> None:
         def recording(name: str) -> Callable[[TimedSamples], None]:
             return lambda samples: record(name, samples)
 
         self._samplers = {
-            name: Sampler(f"channels.{name}", device, clock, recording(name))
+            name: Sampler(f"channels.{name}", device, clock, recording(name), hang_s)
             for name, device in devices.items()
         }
 

@@ -17,7 +17,7 @@ from rig.threads import DeviceThread, error_of_driver
 _READ_S = 0.25
 """Longest wait in s for a sample, before the thread looks whether it is to end."""
 _SILENCE_S, _SILENT_SAMPLES = 1.0, 10.0
-_HANG_S = 5.0
+HANG_S = 5.0
 """A call may take this time in s longer than the driver was told, before it counts as hanging."""
 _FIRST_S, _FIRST_UNRATED_S, _FIRST_SAMPLES = 5.0, 30.0, 3.0
 """Longest wait in s for the first sample, with and without a fixed rate, and least number of intervals."""
@@ -38,6 +38,8 @@ class Sampler(DeviceThread):
     clock : Clock
     record : callable
         Called with all samples in their order, on the thread of the sampler.
+    hang_s : float
+        See `HANG_S`.
 
     Attributes
     ----------
@@ -48,11 +50,16 @@ class Sampler(DeviceThread):
     """
 
     def __init__(
-        self, name: str, device: ChannelDevice, clock: Clock, record: Callable[[TimedSamples], None]
+        self,
+        name: str,
+        device: ChannelDevice,
+        clock: Clock,
+        record: Callable[[TimedSamples], None],
+        hang_s: float = HANG_S,
     ) -> None:
         super().__init__(f"samples of {name}")
         self._device_name, self._device, self._clock = name, device, clock
-        self._record = record
+        self._record, self._hang_s = record, hang_s
         self._readings = Readings({signal.name: signal.delay_s for signal in device.signals})
         self.take = self._readings.take
         self._time_line = TimeLine(name)
@@ -139,7 +146,7 @@ class Sampler(DeviceThread):
     def _require_running(self) -> None:
         if self._error is not None:
             raise self._error
-        if self._clock.now_s() - self._called_s > _READ_S + _HANG_S:
+        if self._clock.now_s() - self._called_s > _READ_S + self._hang_s:
             raise DeviceTimeout(
                 self._device_name,
                 "read",
@@ -201,7 +208,7 @@ class Sampler(DeviceThread):
                     self._device_name,
                     "read",
                     f"{signal.name} within {signal.low:g} to {signal.high:g} {signal.unit}",
-                    "no valid value" if np.isnan(value) else f"{value:.6g} {signal.unit}",
+                    "no valid value" if np.isnan(value) else f"{value:.10g} {signal.unit}",
                     "check the sensor, its amplifier and its cable; if the value is right, widen the range "
                     f"of {signal.name} in the rig file",
                 )

@@ -19,9 +19,11 @@ from dic.files.writing import replacing
 from dic.quality.findings import picture_findings, quality_findings
 from dic.quality.picture import assess_picture
 from dic.quality.quality import assess_quality
-from drivers.clock import SystemClock
+from drivers.clock import Clock, SystemClock
 from drivers.errors import DeviceError
 from drivers.interfaces import Camera, Frame, LoadFrame, RotationStage, Setting
+from drivers.signals import ChannelDevice
+from rig.commands.check_channels import report, sampled
 from rig.device_settings import read_settings, reports_settings
 from rig.devices import OpenedInterlock, Rig
 from rig.engine.calls import CAMERA_MARGIN_S, PATIENCE_S
@@ -104,10 +106,15 @@ def check_rig(rig: Rig, keep: Callable[[str, Image], None] = lambda name, image:
         checks["load_frame"] = partial(_check_load_frame, found, rig.load_frame, call)
     for name, interlock in rig.interlocks.items():
         checks[f"interlocks.{name}"] = partial(_check_interlock, found, name, interlock, call)
+    for name, device in rig.channels.items():
+        checks[f"channels.{name}"] = partial(
+            _check_channels, found, f"channels.{name}", device, rig.clock, call
+        )
     for name, camera in rig.cameras.items():
         checks[f"cameras.{name}"] = partial(_check_camera, found, name, camera, call, keep)
     devices: dict[str, Any] = {"stage": rig.stage, "load_frame": rig.load_frame}
     devices |= {f"interlocks.{name}": interlock.device for name, interlock in rig.interlocks.items()}
+    devices |= {f"channels.{name}": device for name, device in rig.channels.items()}
     devices |= {f"cameras.{name}": camera for name, camera in rig.cameras.items()}
     for name, check in checks.items():
         try:
@@ -208,6 +215,14 @@ def _check_interlock(found: RigCheck, lock_name: str, interlock: OpenedInterlock
         )
 
 
+def _check_channels(found: RigCheck, name: str, device: ChannelDevice, clock: Clock, call: _Calls) -> None:
+    samples, time_s = sampled(device, clock, lambda read: call.read(name, read))
+    state, line, problems = report(name, device, samples, time_s)
+    _add_identity(found, name, device.info, state)
+    found.lines.append(line)
+    found.problems.extend(problems)
+
+
 def _check_camera(
     found: RigCheck, camera_name: str, camera: Camera, call: _Calls, keep: Callable[[str, Image], None]
 ) -> None:
@@ -227,12 +242,17 @@ def _full_level(bits: int) -> int:
 
 
 def _add(found: RigCheck, name: str, info: Any, state: Any) -> None:
-    identity, values = asdict(info), asdict(state)
+    values = asdict(state)
+    _add_identity(found, name, info, values)
+    found.lines.append("  " + ", ".join(f"{key} {_shown(value)}" for key, value in values.items()))
+
+
+def _add_identity(found: RigCheck, name: str, info: Any, values: Any) -> None:
+    identity = asdict(info)
     found.devices[name] = {"identity": identity, "state": values}
     found.lines.append(
         f"{name}: " + ", ".join(f"{key} {value}" for key, value in identity.items() if value != "")
     )
-    found.lines.append("  " + ", ".join(f"{key} {_shown(value)}" for key, value in values.items()))
 
 
 def _add_settings(found: RigCheck, name: str, device: Any, call: _Calls) -> None:

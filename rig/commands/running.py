@@ -62,6 +62,8 @@ def end_lines(run_path: Path, outcome: "Outcome") -> list[str]:
         say(f"rig: {sentence}", err=True)
     for sentence in [] if outcome.timing is None else outcome.timing.sentences():
         say(f"rig: {sentence}", err=True)
+    for name, lost in outcome.lost_samples.items():
+        say(f"rig: channels.{name}: {lost} samples were lost", err=True)
     done = f"{outcome.status}: {outcome.steps_done} steps {place}"
     return [done, *pause_lines(outcome.pauses), at_rest_line(outcome.at_end)]
 
@@ -85,6 +87,7 @@ def run_dict(run_path: Path, outcome: "Outcome") -> dict[str, Any]:
         "run_file": str(run_path),
         "status": outcome.status,
         "timing": None if outcome.timing is None else outcome.timing.as_dict(),
+        "lost_samples": dict(outcome.lost_samples),
         "reason": outcome.reason,
         "unsafe": list(outcome.unsafe),
         "lost_devices": list(outcome.lost_devices),

@@ -15,6 +15,7 @@ from rig.engine.timing import Timing
 from rig.engine.written import WrittenSteps
 from rig.errors import BadImage
 from rig.protocol.acquire import Acquisition
+from rig.protocol.acquisition_tables import FirstBeyond
 from rig.protocol.dues import AskedDues, Dues
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import StepRecord
@@ -23,6 +24,8 @@ _LAST_IMAGES_S = 2.0
 """After the end, images that are due already are waited for at most for this time in s, added to the timeout
 of an image."""
 _PAUSE_LEAST_S = 1e-3
+_PLACE = "between two images"
+"""Where a run may be paused, for the record."""
 
 
 class AcquisitionRun:
@@ -91,19 +94,36 @@ class AcquisitionRun:
 
     def _wait_for_beginning(self, acquisition: Acquisition, shots: Shots) -> float:
         run, begin = self._run, acquisition.schedule.begin
+        self._wait_for_streams(shots)
         if begin is None:
             return run.clock.now_s()
         run.log("info", f"waiting for {begin}")
         self._publish(waits_for=str(begin))
-        while not begin.is_met(reading := run.read()):
+        first = FirstBeyond(begin)
+        run.observers = [first.see]
+        while math.isnan(first.time_s):
+            run.read()
             if self._end_requested:
                 return run.clock.now_s()
+            if run.pauses.asked(_PLACE):
+                self._pause(shots)
             shots.poll()
             run.calls.pause(run.settle.poll_s)
         run.log("info", f"{begin} was reached")
-        found = reading.signals[begin.signal]
-        beyond = [begin.is_beyond(value) for value in found.values.tolist()]
-        return float(found.time_s[beyond.index(True)])
+        return first.time_s
+
+    def _wait_for_streams(self, shots: Shots) -> None:
+        while not shots.are_ready:
+            self._run.read()
+            shots.poll()
+            self._run.calls.pause(self._run.settle.poll_s)
+
+    def _pause(self, shots: Shots) -> None:
+        """Take no images while the run is paused; the machine, which takes no commands, goes on."""
+        shots.close()
+        self._run.pauses.point(_PLACE)
+        shots.open()
+        self._wait_for_streams(shots)
 
     def _follow(self, step: ProtocolStep, dues: Dues, shots: Shots, begun_s: float) -> RigReading:
         run, acquisition = self._run, step.acquisition
@@ -115,22 +135,22 @@ class AcquisitionRun:
         self._publish()
         while True:
             reading = run.read()
-            paused = run.pauses.meanwhile("while images are taken")
             ended = self._ended(acquisition, ends.met, shots, begun_s)
+            if not ended and run.pauses.asked(_PLACE):
+                self._finish(step, shots)
+                self._pause(shots)
             while self.timing.asked < acquisition.images and not self._end_requested:
                 due_s = dues.next_s() if due_s is None else due_s
                 if due_s is None or due_s > run.clock.now_s():
                     break
-                if paused:
-                    # What fell into a pause is missing; no image of another time stands for it.
-                    self.timing.ask()
-                    self.timing.miss()
-                    run.pauses.left_out(1)
-                else:
+                if due_s > run.pauses.ended_s:
                     shots.ask(due_s, reading)
+                else:
+                    self.timing.paused += 1
+                    run.pauses.left_out(1)
                 due_s = None
             self._record(step, shots.poll())
-            if not paused and (ended or (due_s == math.inf and not shots.waits)):
+            if ended or (due_s == math.inf and not shots.waits):
                 run.log("info", f"images end: {ended or 'all are taken'}")
                 return reading
             left_s = math.inf if due_s is None else due_s - run.clock.now_s()
@@ -166,7 +186,7 @@ class AcquisitionRun:
             self._publish()
 
     def _record_one(self, first: ProtocolStep, shot: Shot) -> None:
-        run, acquisition = self._run, first.acquisition
+        acquisition = first.acquisition
         assert isinstance(acquisition, Acquisition)
         middle_s = float(np.mean([frame.middle[0] for frame in shot.frames.values()]))
         number = self.timing.take(shot.due_s, middle_s)
@@ -176,19 +196,21 @@ class AcquisitionRun:
             findings = self._images.judge(step, shot.frames)
         except BadImage:
             # The run ends, but nothing else shows this moment.
-            self._record_frames(shot)
+            self._record_frames(shot, None)
             raise
         for device, sentence in findings.items():
             self._warnings.warn(device, f"{device}: {step}: {sentence}")
-        frames = self._record_frames(shot)
+        # The reference stays, because every later image is compared with it.
+        frames = self._record_frames(shot, None if step.kind == "reference" else acquisition.schedule.keep_s)
         # Drop the samples, which are in the tables of the channels, so that many steps need little memory.
         reading = replace(shot.reading, time_s=middle_s, signals={})
         self._written.add(StepRecord(step, reading, frames, shot.due_s))
-        run.pulses.give("step")
 
-    def _record_frames(self, shot: Shot) -> Frames:
+    def _record_frames(self, shot: Shot, keep_s: float | None) -> Frames:
         self._images.newest |= shot.frames
-        return {name: (record_frame(self._run, name, frame), 1) for name, frame in shot.frames.items()}
+        return {
+            name: (record_frame(self._run, name, frame, keep_s), 1) for name, frame in shot.frames.items()
+        }
 
     def _publish(self, waits_for: str = "") -> None:
         now = self.timing.now(waits_for, on_request=self._asked is not None)

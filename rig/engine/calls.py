@@ -6,13 +6,11 @@ calls a driver itself.
 
 import math
 import queue
-import threading
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
-from threading import get_native_id
+from threading import Lock, get_native_id
 from time import process_time
 from typing import Any, Generic, TypeVar
 
@@ -314,6 +312,15 @@ class Calls:
         )
 
 
+@dataclass
+class _Entry:
+    """A call that runs or waits on the thread of its device. Only the first one has an activity."""
+
+    call: Call[Any]
+    activity: Activity | None = None
+    given_up: bool = False
+
+
 class _Worker(DeviceThread):
     """The thread that makes all calls of one device."""
 
@@ -321,45 +328,41 @@ class _Worker(DeviceThread):
         super().__init__(f"calls of {device}")
         self.action = ""
         self.waits_for_a_person = False
-        self._news = news
-        self._clock = clock
-        self._lock = threading.Lock()
-        # the calls that run or wait, and how many of the first ones have been given up
-        self._calls: deque[Call[Any]] = deque()
-        self._given_up = 0
-        self._leaving = False
-        self._activity: Activity | None = None
-        self._begun: queue.SimpleQueue[tuple[Call[Any], Activity] | None] = queue.SimpleQueue()
+        self._news, self._clock = news, clock
+        self._waiting: queue.SimpleQueue[_Entry | None] = queue.SimpleQueue()
+        self._entries: list[_Entry] = []
+        self._lock = Lock()
 
     @property
     def idle(self) -> bool:
         """True if no call runs or waits on this thread."""
-        return not self._calls
+        return not self._entries
 
     def add(self, call: Call[Any]) -> None:
+        entry = _Entry(call)
         with self._lock:
-            self._calls.append(call)
-            if len(self._calls) == 1:
-                self._begin(call)
+            self._entries.append(entry)
+            self._announce_first()
+        self._waiting.put(entry)
 
     def give_up(self) -> None:
         """Let simulated time pass without waiting for the calls on this thread."""
         with self._lock:
-            self._given_up = len(self._calls)
-            activity = self._activity
-        if activity is not None:
-            activity.end()
+            entries = tuple(self._entries)
+            for entry in entries:
+                entry.given_up = True
+        for entry in entries:
+            if entry.activity is not None:
+                entry.activity.end()
 
     def leave(self) -> None:
         self.give_up()
-        with self._lock:
-            self._leaving = True
-            if not self._calls:
-                self._begun.put(None)
+        self._waiting.put(None)
 
     def run(self) -> None:
-        while (entry := self._begun.get()) is not None:
-            call, activity = entry
+        while (entry := self._waiting.get()) is not None:
+            call, activity = entry.call, entry.activity
+            assert activity is not None
             self.action, self.waits_for_a_person = call.action, call.deadline.duration_s == math.inf
             # Suppress `GivenUp`, which ends a call of a simulated device after the engine has given up the
             # call.
@@ -368,25 +371,21 @@ class _Worker(DeviceThread):
                     call.run()
                     self._news.set()
                 finally:
-                    self._begin_next()
+                    self._end(entry)
             self.waits_for_a_person = False
 
-    def _begin(self, call: Call[Any]) -> None:
-        self._activity = self._clock.activity()
-        if self._given_up:
-            self._activity.end()
-        self._begun.put((call, self._activity))
-
-    def _begin_next(self) -> None:
-        """Announce the next call before this one ends, so that no simulated time passes between them.
-
-        A call that was announced earlier would stop simulated time, although it waits for the call before,
-        which may wait for simulated time.
-        """
+    def _end(self, entry: _Entry) -> None:
         with self._lock:
-            self._calls.popleft()
-            self._activity, self._given_up = None, max(0, self._given_up - 1)
-            if self._calls:
-                self._begin(self._calls[0])
-            elif self._leaving:
-                self._begun.put(None)
+            self._entries.remove(entry)
+            self._announce_first()
+
+    def _announce_first(self) -> None:
+        """Announce the work of the first call.
+
+        A call that waits for another one is announced only when that one ends. On a simulated clock its
+        activity would otherwise get its turn, while its thread still sleeps in the other call for ever.
+        """
+        if self._entries and (first := self._entries[0]).activity is None:
+            first.activity = self._clock.activity()
+            if first.given_up:
+                first.activity.end()

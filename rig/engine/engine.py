@@ -23,7 +23,7 @@ from rig.engine.preparation import Preparation
 from rig.engine.questions import Questions
 from rig.engine.safety import SafeState
 from rig.engine.settings import SettingsRecord
-from rig.engine.status import EngineStatus, News, Outcome, State
+from rig.engine.status import EngineStatus, MeasuredAtRest, News, Outcome, State
 from rig.errors import Aborted, RigError
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep, RigReading
@@ -289,13 +289,13 @@ class Engine:
 
     def _finish(self, record: StepRecord) -> None:
         record_step(self.context, record)
-        self.context.pulses.give("step")
         self._file(record)
 
     def _file(self, record: StepRecord) -> None:
         """Tell that a step is on the disk."""
         (self._records if record.step.kind != "acquired" else self._acquired).append(record)
         self._news.step(record)
+        self.context.pulses.give("step")
 
     def _enter(self, state: State, step: ProtocolStep | None) -> None:
         self._news.publish(state=state, step=step)
@@ -343,6 +343,9 @@ class Engine:
     def _outcome(self, status: RunStatus, reason: str, unsafe: tuple[str, ...] = ()) -> Outcome:
         run = self.context
         at_end = look(run.devices, run.calls, self._safe_state.confirmed)
+        if run.rig.measured and (reading := self.status.reading) is not None:
+            measured = MeasuredAtRest(reading.load_n, reading.displacement_mm)
+            at_end = replace(at_end, measured=measured)
         run.calls.close()
         self._news.close(self.leaving_s)
         return Outcome(

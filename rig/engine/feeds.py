@@ -43,6 +43,10 @@ class Feed(Protocol):
 
     most_open: int
 
+    @property
+    def is_ready(self) -> bool:
+        """False until the stream of the camera has delivered its first frame."""
+
     def ask(self, due_s: float) -> None:
         """Ask for the image whose exposure is nearest to a time, which is not in the future."""
 
@@ -77,6 +81,7 @@ class GrabFeed:
     """A camera without a stream, which begins each image when it is asked for it."""
 
     most_open = 1
+    is_ready = True
 
     def __init__(self, camera: CalledCamera, timeout_s: float) -> None:
         self._camera, self._timeout_s = camera, timeout_s
@@ -131,6 +136,11 @@ class StreamFeed:
         self._used_s = -math.inf
         self._call: Call[None] | None = None
         self._lost = ""
+
+    @property
+    def is_ready(self) -> bool:
+        """True if there is a frame."""
+        return bool(self._frames)
 
     def ask(self, due_s: float) -> None:
         """Ask for the frame nearest to a time."""

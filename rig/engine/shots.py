@@ -64,6 +64,11 @@ class Shots:
             self._feeds[name] = feed_of(camera, run.clock, timeout_s, timing.tolerance_s)
         self._ready_s = run.clock.now_s()
 
+    @property
+    def are_ready(self) -> bool:
+        """True if each stream has delivered a frame."""
+        return all(feed.is_ready for feed in self._feeds.values())
+
     def ask(self, due_s: float, reading: RigReading) -> None:
         """Ask all cameras for an image, or count it as missing if they are too slow."""
         self._timing.ask()

@@ -1,5 +1,6 @@
 """The state of a run, a snapshot of a run, and the outcome of a run."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -56,6 +57,14 @@ class EngineStatus:
 
 
 @dataclass(frozen=True)
+class MeasuredAtRest:
+    """The newest load, and displacement (NaN without one), of a load frame that is only read."""
+
+    load_n: float
+    displacement_mm: float = math.nan
+
+
+@dataclass(frozen=True)
 class AtRest:
     """The last readings of the load frame and the stage, for example after the end of a run.
 
@@ -68,12 +77,15 @@ class AtRest:
         The devices that did not answer, with the reason.
     stopped : frozenset of str
         The devices that had confirmed a hold or a stop just before.
+    measured : MeasuredAtRest or None
+        The values of a load frame that is only read; None without one, or if it does not answer.
     """
 
     load_frame: LoadFrameState | None = None
     stage: StageState | None = None
     silent: dict[str, str] = field(default_factory=dict)
     stopped: frozenset[str] = frozenset()
+    measured: MeasuredAtRest | None = None
 
 
 @dataclass(frozen=True)

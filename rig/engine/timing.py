@@ -51,6 +51,8 @@ class Timing:
     planned : int or None
         Number of images in all; None if events decide it.
     asked, taken, late, missing : int
+    paused : int
+        Number of images that were not asked for, because the run was paused at their times.
     first_s : float
         Middle of the exposure of the first image, on the rig's clock.
     """
@@ -62,6 +64,7 @@ class Timing:
     taken: int = 0
     late: int = 0
     missing: int = 0
+    paused: int = 0
     first_s: float = math.nan
     _last_s: float = math.nan
     _latest_s: float = 0.0
@@ -117,6 +120,8 @@ class Timing:
         found = [f"{self.taken} of {self.asked} images taken"]
         if not math.isnan(self.interval_s):
             found[0] += f", every {self.reached_s:.4g} s in the median, {self.interval_s:g} s was asked for"
+        if self.paused:
+            found[0] += f"; {self.paused} fell into pauses"
         if self.is_late:
             found.append(
                 f"{self.late} images were more than {self.tolerance_s:g} s off their times (the worst by "
@@ -132,6 +137,7 @@ class Timing:
             "taken": self.taken,
             "late": self.late,
             "missing": self.missing,
+            "paused": self.paused,
             "latest_s": self._latest_s,
             "tolerance_s": self.tolerance_s,
             "asked_interval_s": None if math.isnan(self.interval_s) else self.interval_s,

@@ -1,5 +1,6 @@
 """All news of one run: the two files, the message at the end of the run, and the HTTP interface."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,6 +24,8 @@ from rig.recorder import RunHeader
 
 _NO_STATUS = EngineStatus(State.IDLE, None, 0, 0, None)
 _NOT_YET = "the run has not begun"
+IMAGES_EVERY_S = 1.0
+"""Shortest real time in s between two events of steps of an acquisition."""
 _FILES_S = 2.0
 """Real time in s for writing the last lines of each news file."""
 
@@ -77,6 +80,7 @@ class RunNews:
         self._events: EventFile | None = None
         self._shown: tuple[State, object] | None = None
         self._told_s = 0.0
+        self._image_told_s = -math.inf
         self._abort_reason: str | None = None
         self._outcome: Outcome | None = None
         self._server: HttpServer | None = None
@@ -143,7 +147,9 @@ class RunNews:
                 self._bulletin.add(wording.state_changed(news))
         elif isinstance(news, LogEntry):
             self._bulletin.add(wording.logged(news))
-        else:
+        elif news.step.kind != "acquired" or self._told_s - self._image_told_s >= IMAGES_EVERY_S:
+            # An acquisition may have many images in a second, so tell only some of them.
+            self._image_told_s = self._told_s if news.step.kind == "acquired" else self._image_told_s
             self._bulletin.add(wording.step_finished(news))
 
     def end(self, outcome: Outcome) -> Outcome:

@@ -6,6 +6,7 @@ from typing import Any
 
 from drivers.interfaces import OperatorQuestion
 from rig.engine.status import EngineStatus, LogEntry, Outcome
+from rig.engine.timing import TimingNow
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import StepRecord
 
@@ -58,6 +59,7 @@ def reading_table(reading: RigReading | None) -> dict[str, Any] | None:
         "displacement_mm": number(reading.displacement_mm),
         "angle_deg": number(reading.angle_deg),
         "moving": reading.moving,
+        "channels": {name: number(each.newest) for name, each in reading.signals.items()},
     }
 
 
@@ -70,6 +72,24 @@ def status_table(status: EngineStatus) -> dict[str, Any]:
         "steps_done": status.steps_done,
         "steps_planned": status.steps_planned,
         "reading": reading_table(status.reading),
+        "acquisition": acquisition_table(status.acquisition),
+    }
+
+
+def acquisition_table(now: TimingNow | None) -> dict[str, Any] | None:
+    """Return the numbers of images of an acquisition as a JSON object, None without one."""
+    if now is None:
+        return None
+    return {
+        "asked": now.asked,
+        "taken": now.taken,
+        "late": now.late,
+        "missing": now.missing,
+        "planned": now.planned,
+        "asked_interval_s": number(now.interval_s),
+        "reached_interval_s": number(now.reached_s),
+        "waits_for": now.waits_for,
+        "on_request": now.on_request,
     }
 
 

@@ -70,10 +70,22 @@ class AcquireProtocol(BaseProtocol):
             has_reference=self.reference,
         )
         parts: list[CoursePart] = [beginning] if beginning.grid or beginning.has_reference else []
-        parts.append(Acquisition(self.acquire, self.end, not self.reference))
+        parts.append(self.acquisition)
         if self.grid_images == "after":
             parts.append(GridAfter())
         return Course(tuple(parts), Positions())
+
+    @property
+    def acquisition(self) -> "Acquisition":
+        """The part of the course with the images of the test."""
+        return Acquisition(self.acquire, self.end, not self.reference)
+
+    @property
+    def planned_steps(self) -> int | None:
+        """The number of all steps, None if events decide it."""
+        images = self.acquisition.planned
+        others = sum(step.acquisition is None for step in self.steps())
+        return None if images is None else others + images
 
     @property
     def conditions(self) -> Conditions:

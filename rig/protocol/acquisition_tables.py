@@ -89,6 +89,12 @@ class Schedule(Settings):
     trigger: Level | None = Field(default=None, description="an image at each rise above, or fall below")
     on_request: Literal[True] | None = Field(default=None, description="an image when the operator asks")
     begin: Level | None = Field(default=None, description="wait for this before the first image")
+    keep_s: float | None = Field(
+        default=None,
+        ge=1.0,
+        le=_SECONDS_MAX,
+        description="only the images of the last seconds stay in the file",
+    )
     tolerance_s: float | None = Field(
         default=None, gt=0.0, le=3600.0, description="an image that is later makes the run end with status 1"
     )
@@ -110,6 +116,20 @@ class Schedule(Settings):
     def signals(self) -> list[str]:
         """The signals that the table names."""
         return [table.signal for table in (self.increment, self.trigger, self.begin) if table is not None]
+
+    @property
+    def text(self) -> str:
+        """When images are due, in words."""
+        if self.every_s is not None:
+            return f"every {self.every_s:g} s"
+        if self.times_s is not None:
+            return f"at {len(self.times_s)} times from {self.times_s[0]:g} s to {self.times_s[-1]:g} s"
+        if self.logarithmic is not None:
+            log = self.logarithmic
+            return f"at times that grow tenfold in {log.per_decade} images, from {log.first_s:g} s"
+        if self.increment is not None:
+            return f"at each change of {self.increment.channel} by {self.increment.by:g}"
+        return "whenever the operator asks" if self.trigger is None else f"each time {self.trigger} begins"
 
     @property
     def lateness_max_s(self) -> float:
@@ -174,6 +194,37 @@ class End(Settings):
     def signals(self) -> list[str]:
         """The signals that the table names."""
         return [table.signal for table in (self.reaches, self.drop) if table is not None]
+
+    @property
+    def text(self) -> str:
+        """What ends the images, in words."""
+        drop = self.drop
+        ends = [
+            "" if self.duration_s is None else f"{self.duration_s:g} s are over",
+            "" if self.images is None else f"{self.images} images were asked for",
+            "" if self.reaches is None else f"{self.reaches} is reached",
+            "" if drop is None else f"{drop.channel} falls by {drop.fraction:.0%}",
+            "the operator ends them",
+        ]
+        return " or ".join(filter(None, ends))
+
+
+class FirstBeyond:
+    """Looks in every reading for the first sample beyond a level; `time_s` is its time, NaN before it."""
+
+    def __init__(self, level: Level) -> None:
+        self._level = level
+        self.time_s = math.nan
+
+    def see(self, reading: RigReading) -> None:
+        """Search the new samples of the signal."""
+        found = reading.signals.get(self._level.signal)
+        if found is None or not found.is_new or not math.isnan(self.time_s):
+            return
+        for time_s, value in zip(found.time_s.tolist(), found.values.tolist(), strict=True):
+            if self._level.is_beyond(value):
+                self.time_s = time_s
+                return
 
 
 class EndOfSignals:

@@ -12,6 +12,8 @@ from dic.runfile import schema
 from dic.runfile.reader import RunFile
 from drivers.interfaces import Frame, InterlockState, LoadFrameState, StageState
 from rig.errors import RigError
+from rig.protocol.acquire import AcquireProtocol
+from rig.protocol.protocol import Protocol
 from rig.recorder.records import OPERATOR_DONE, STEP_ON_FILE
 from rig.replay.pauses import RecordedPause, recorded_pauses
 
@@ -32,6 +34,22 @@ def of_another_version(run: RunFile, what: str, error: Exception) -> ReplayError
         " ".join(str(error).split())[:200],
         "replay it with the version of offaxis that recorded it",
     )
+
+
+def require_commanded(run: RunFile, protocol: Protocol) -> None:
+    """Raise `ReplayError` if the run's images were taken at times or events, and not after commanded steps.
+
+    Such a run has no decisions of an engine that could be repeated: its times are those of real cameras, and
+    its samples came on threads of their own.
+    """
+    measured = any(known.quantity for signals in run.channels.values() for known in signals.values())
+    if isinstance(protocol, AcquireProtocol) or protocol.conditions.signals or measured:
+        raise ReplayError(
+            str(run.path),
+            "a run whose steps were commanded",
+            "one beside a machine that takes no commands, or with events of channels",
+            "check it with rig verify, and evaluate it with dic process, which need no replay",
+        )
 
 
 @dataclass(frozen=True)

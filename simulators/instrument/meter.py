@@ -8,7 +8,7 @@ drivers.
 import threading
 from collections.abc import Mapping, Sequence
 
-from drivers.clock import Clock
+from drivers.clock import Clock, SystemClock
 from simulators.wire.faults import INSTRUMENT, FaultPanel
 from simulators.wire.ports import LineServer, port_of
 
@@ -174,7 +174,10 @@ class SendingMeterServer(_MeterLine):
         super().close()
 
     def _send(self, period_s: float) -> None:
-        while not self._closing.wait(period_s):
+        clock = SystemClock()
+        due_s = clock.now_s() + period_s
+        while not self._closing.wait(max(0.0, due_s - clock.now_s())):
+            due_s += period_s
             self._port.tick(_NEXT)
 
 

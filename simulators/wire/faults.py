@@ -62,12 +62,12 @@ FAULTS = {
     for fault in (
         Fault("lose-request", "the message never reaches the device", LINES, counted=True),
         Fault("drop", "the device acts, but its answer is lost", DEVICES, counted=True),
-        Fault("corrupt", "the answer arrives damaged", (*LINES, CAMERA), counted=True),
+        Fault("corrupt", "the answer arrives damaged", (*LINES, CAMERA, MQTT), counted=True),
         Fault("split", "the answer arrives in pieces", LINES, counted=True),
         Fault("delay", "the answer comes SECONDS later", DEVICES, "SECONDS", "0.02", True, 0, 3600),
         Fault("duplicate", "the answer arrives twice", (*LINES, MQTT), counted=True),
         Fault("late", "the answer arrives only after the next message", LINES, counted=True),
-        Fault("stale", "the previous answer or frame comes again", (*LINES, CAMERA), counted=True),
+        Fault("stale", "the previous answer or frame comes again", (*LINES, CAMERA, MQTT), counted=True),
         Fault(
             "wrong-unit",
             "the answer has another device's address",

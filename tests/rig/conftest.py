@@ -228,7 +228,7 @@ class FakeRig:
         self.load_frame = FakeLoadFrame(self.clock, self.calls) if "load_frame" in devices else None
         self.stage = FakeStage(self.clock, self.calls) if "stage" in devices else None
 
-    def engine(self, *, on_status=(), on_step=(), **options) -> Engine:
+    def engine(self, *, on_status=(), on_step=(), reopen=None, **options) -> Engine:
         rig = Rig(
             self.clock,
             self.operator,
@@ -242,6 +242,7 @@ class FakeRig:
             measured=self.measured,
             triggers=self.triggers,
             call_timeout_s=self.call_timeout_s,
+            reopen=reopen or {},
         )
         header = RunHeader(
             title=self.protocol.title,

@@ -1,15 +1,12 @@
 """The driver `mqtt-channels`: topics of an MQTT broker as signals."""
 
 import math
-from collections import deque
-from dataclasses import dataclass
-
-import numpy as np
 
 from drivers.channels.device_time import DeviceTime
 from drivers.channels.mqtt.payload import Payload
 from drivers.channels.mqtt.settings import MqttChannelSettings
 from drivers.channels.mqtt.subscription import ArrivedMessage, Subscription
+from drivers.channels.sample_queue import RestartedError, SampleQueue
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import DeviceInfo, OpenContext
 from drivers.lines.addresses import resolve_address
@@ -17,18 +14,8 @@ from drivers.lines.call_time import CallTime
 from drivers.registry import DriverSpec
 from drivers.signals import Samples
 
-BURST_S = 0.02
+BURST_S = 0.003
 """Messages that arrive this soon after another one may have waited together on their way."""
-
-
-@dataclass(frozen=True)
-class _Row:
-    number: int
-    values: dict[str, float]
-    device_s: float
-    earliest_s: float
-    arrived_s: float
-    restart: str
 
 
 class _Topic:
@@ -75,8 +62,7 @@ class MqttChannels:
             for topic, names in settings.topics.items()
         }
         self._time = None if settings.time is None else DeviceTime(1.0)
-        self._rows: deque[_Row] = deque()
-        self._next = 0
+        self._queue = SampleQueue(self._settings, has_time=settings.time is not None)
         self._bad = ""
         self._closed = False
         self._subscription = Subscription(self._name, self._settings, self._clock)
@@ -91,7 +77,7 @@ class MqttChannels:
             raise LinkLost(self._name, "read", "a connection", "the connection was closed", "open it again")
         call_time = CallTime(timeout_s, patience_s=self._patience_s)
         with call_time.call():
-            while not self._rows:
+            while not self._queue:
                 try:
                     messages = self._subscription.take(call_time.left_s)
                 except LinkLost as lost:
@@ -103,42 +89,26 @@ class MqttChannels:
                     self._add(message)
                 if not messages:
                     raise self._silence(timeout_s)
-        if restart := self._rows[0].restart:
-            self._rows[0] = _Row(**{**vars(self._rows[0]), "restart": ""})
+        try:
+            return self._queue.take()
+        except RestartedError as restart:
             remedy = "find out why the publisher's clock was set back"
-            raise DeviceFault(self._name, "read", "a time that increases", restart, remedy)
-        rows = [self._rows.popleft()]
-        while self._time is not None and self._rows and not self._rows[0].restart:
-            if self._rows[0].number != rows[-1].number + 1:
-                break
-            rows.append(self._rows.popleft())
-        return self._samples(rows)
+            raise DeviceFault(self._name, "read", "a time that increases", str(restart), remedy) from restart
 
     def close(self) -> None:
         """End the connection. A repeated call has no effect."""
         self._closed = True
         self._subscription.close()
 
-    def _samples(self, rows: list[_Row]) -> Samples:
-        values = np.array([[row.values[name] for name in self._settings.signals] for row in rows])
-        timed = self._time is not None
-        return Samples(
-            self._settings.in_units(values),
-            rows[0].number,
-            rows[-1].arrived_s,
-            -math.inf if timed else rows[0].earliest_s,
-            np.array([row.device_s for row in rows]) if timed else None,
-        )
-
     def _add(self, message: ArrivedMessage) -> None:
         """Add a message to its sample, unless it came twice or has another form."""
         topic, arrived_s = self._topics[message.topic], message.arrived_s
-        self._next += message.lost
+        self._queue.lose(message.lost)
         try:
             values, time_s = topic.payload.read(message.payload)
         except ValueError as error:
             self._bad = f"{error} on {message.topic}"
-            self._next += 1
+            self._queue.lose()
             return
         device_s, restart = math.nan, ""
         if self._time is not None:
@@ -151,9 +121,8 @@ class MqttChannels:
         if len(parts) < len(self._topics):
             return
         complete = {name: value for part, _ in parts for name, value in part.items()}
-        earliest_s = min(earliest_s for _, earliest_s in parts)
-        self._rows.append(_Row(self._next, complete, device_s, earliest_s, arrived_s, restart))
-        self._next += 1
+        values = [complete[name] for name in self._settings.signals]
+        self._queue.add(values, min(earliest_s for _, earliest_s in parts), arrived_s, device_s, restart)
         for each in self._topics.values():
             each.part = None
 

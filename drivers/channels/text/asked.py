@@ -27,24 +27,32 @@ class TextPort(LinePort):
 
 
 class AskedText(TextDevice):
-    """A text instrument that is asked for each sample, `rate_hz` times per second."""
+    """A text instrument that is asked for each sample, `rate_hz` times per second.
+
+    A sample has the number of its due time. If the instrument is too slow, due times pass without a sample,
+    and their numbers are missing.
+    """
 
     def __init__(self, settings: TextChannelSettings, context: OpenContext) -> None:
         super().__init__(settings, context)
         self._port: TextPort | None = None
         self._errand: Errand[Samples] = Errand(f"ask {self._name}")
-        self._due_s = self._asked_s = -math.inf
-        self._count = 0
+        # the due times are a fixed grid, as for other devices that are asked
+        self._begun_s = math.nan
+        self._next = 0
         self._trouble = ""
         self._fields = {query: self._line_fields(names) for query, names in settings.queries.items()}
         names = [name for names in settings.queries.values() for name in names]
         self._order = [names.index(name) for name in settings.signals]
         self._open()
-        self._count = 0
 
     def _read(self, call_time: CallTime) -> Samples:
         wait_s = call_time.left_s
-        self._wait_until(self._due_s, call_time, f"a rate of {self.rate_hz:g} Hz")
+        if math.isnan(self._begun_s):
+            self._begun_s = self._clock.now_s()
+        self._wait_until(
+            self._begun_s + self._next / self.rate_hz, call_time, f"a rate of {self.rate_hz:g} Hz"
+        )
         while True:
             if not self._errand.is_running:
                 self._require_ready(call_time)
@@ -59,28 +67,25 @@ class AskedText(TextDevice):
                 if call_time.left_s == 0.0 or not call_time.patient:
                     raise
         self._trouble = ""
-        period_s = 1.0 / self.rate_hz
-        asked_s = self._asked_s
-        # a late sample shortens the wait for the next one, but is not made up for by many at once
-        self._due_s = max(asked_s, max(self._due_s, asked_s - period_s) + period_s)
         return samples
 
     def _ask(self) -> Samples:
         """Ask for one sample, on the thread of the errand, because an answer may take longer than a call."""
-        self._asked_s = self._clock.now_s()
+        asked_s = self._clock.now_s()
+        number = max(self._next, math.floor((asked_s - self._begun_s) * self.rate_hz + 1e-6))
         numbers: list[float] = []
         for query, fields in self._fields.items():
             numbers += self._opened.ask(query, partial(self._numbers, fields), ATTEMPTS)
         # an answer with a time of its own may be older than the question, and still be true at this time
-        earliest_s, device_s = self._asked_s, None
+        earliest_s, device_s = asked_s, None
         if self._time is not None:
             earliest_s = -math.inf
             device_s = np.array([self._time.seconds(numbers.pop(0), self._clock.now_s())])
             if self._time.restart:
                 raise self._restarted(self._time.restart)
-        self._count += 1
+        self._next = number + 1
         values = self._settings.in_units(np.array([[numbers[place] for place in self._order]]))
-        return Samples(values, self._count - 1, self._clock.now_s(), earliest_s, device_s)
+        return Samples(values, number, self._clock.now_s(), earliest_s, device_s)
 
     def _numbers(self, fields: LineFields, line: str) -> list[float]:
         """Return the numbers of an answer. Raise `ValueError` if it is the answer to an earlier question."""

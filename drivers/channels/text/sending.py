@@ -1,16 +1,14 @@
 """A text instrument that sends lines by itself: one sample is one line."""
 
 import math
-from collections import deque
-from dataclasses import dataclass
 
-import numpy as np
-
+from drivers.channels.sample_queue import RestartedError, SampleQueue
 from drivers.channels.text.device import TextDevice, described, fits
 from drivers.channels.text.fields import LineFields
 from drivers.channels.text.listener import BACKLOG, ArrivedLine, Listener
 from drivers.channels.text.opening import identity, open_line
 from drivers.channels.text.settings import ENDS, TextChannelSettings, TextCheck
+from drivers.clock import SystemClock
 from drivers.errors import DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
 from drivers.lines.call_time import CallTime
@@ -18,18 +16,6 @@ from drivers.lines.channel import CHANNEL_ERRORS
 from drivers.signals import Samples
 
 _REMEDY = "check power, cable, baud rate, and rate_hz, columns and patterns in the rig file"
-
-
-@dataclass(frozen=True)
-class _Row:
-    """The numbers of a line, and its number. `restart` tells that the instrument was restarted before it."""
-
-    number: int
-    values: list[float]
-    device_s: float
-    earliest_s: float
-    arrived_s: float
-    restart: str
 
 
 class SendingText(TextDevice):
@@ -44,8 +30,7 @@ class SendingText(TextDevice):
         self._listener: Listener | None = None
         heads = [each for each in (settings.time, settings.counter) if each is not None]
         self._fields = LineFields(settings, [*heads, *settings.signals.values()])
-        self._rows: deque[_Row] = deque()
-        self._next = 0
+        self._queue = SampleQueue(settings, has_time=settings.time is not None)
         self._counter: int | None = None
         self._bad = ""
         self._waited_s = 0.0
@@ -53,34 +38,23 @@ class SendingText(TextDevice):
         self._open()
 
     def _read(self, call_time: CallTime) -> Samples:
-        self._waited_s = call_time.last_wait_s(self._settings.longest_wait_s)
-        while not self._rows:
+        self._waited_s, real = call_time.last_wait_s(self._settings.longest_wait_s), SystemClock()
+        end_s = real.now_s() + self._waited_s
+        while not self._queue:
             self._require_ready(call_time)
-            for line in self._take(call_time.last_wait_s(self._settings.longest_wait_s)):
+            for line in self._take(end_s - real.now_s()):
                 self._add(line)
-        first = self._rows[0]
-        if first.restart:
-            self._rows[0] = _Row(**{**vars(first), "restart": ""})
-            raise self._restarted(first.restart)
-        rows = [self._rows.popleft()]
-        while self._time is not None and self._rows:
-            if self._rows[0].restart or self._rows[0].number != rows[-1].number + 1:
-                break
-            rows.append(self._rows.popleft())
-        return Samples(
-            self._settings.in_units(np.array([row.values for row in rows])),
-            first.number,
-            rows[-1].arrived_s,
-            -math.inf if self._time is not None else first.earliest_s,
-            None if self._time is None else np.array([row.device_s for row in rows]),
-        )
+        try:
+            return self._queue.take()
+        except RestartedError as restart:
+            raise self._restarted(str(restart)) from restart
 
     def _add(self, line: ArrivedLine) -> None:
         """Append the sample of a line, unless the line came twice or has no valid form."""
         if line.arrived_s > self._arrived_s:
             self._before_s, self._arrived_s = self._arrived_s, line.arrived_s
         counted = self._settings.counter is not None
-        self._next += 0 if counted else line.lost
+        self._lose(line.lost)
         if line.may_be_cut or self._is_ignored(line.text):
             return
         try:
@@ -91,7 +65,7 @@ class SendingText(TextDevice):
                 raise ValueError(f"{line.text!r} without a time or a whole number as counter")
         except (ValueError, OverflowError) as error:
             self._bad = str(error)
-            self._next += 0 if counted else 1
+            self._lose(1)
             return
         if self._time is not None and self._time.is_repeated(time):
             return
@@ -101,9 +75,12 @@ class SendingText(TextDevice):
             if int(counter) == self._counter:
                 return
             restart = self._count(int(counter)) or restart
-        row = _Row(self._next, values, device_s, self._before_s, line.arrived_s, restart)
-        self._next += 1
-        self._rows.append(row)
+        self._queue.add(values, self._before_s, line.arrived_s, device_s, restart)
+
+    def _lose(self, count: int) -> None:
+        """Count lost lines, unless the instrument's own counter tells them."""
+        if self._settings.counter is None:
+            self._queue.lose(count)
 
     def _count(self, counter: int) -> str:
         """Add the lines that are missing before a counter. Return a sentence if the counter went back."""
@@ -114,10 +91,10 @@ class SendingText(TextDevice):
         wraps_at = None if settings is None else settings.wraps_at
         if counter < last and (wraps_at is None or last - counter < wraps_at / 2):
             # nobody knows how many are missing
-            self._next += 1
+            self._queue.lose()
             return f"a counter that went back from {last} to {counter}"
         passed = counter - last if wraps_at is None else (counter - last) % wraps_at
-        self._next += passed - 1
+        self._queue.lose(passed - 1)
         return ""
 
     def _take(self, wait_s: float) -> list[ArrivedLine]:
@@ -150,7 +127,7 @@ class SendingText(TextDevice):
             self._told(settings.errors, call_time)
         self.info = identity(settings, answer)
         # lines may have been lost while the line was not open
-        self._next += 1 if self._next else 0
+        self._queue.lose()
 
     def _told(self, check: TextCheck, call_time: CallTime) -> str:
         """Ask a question, and return the answer, which comes between lines that were not asked for."""

@@ -30,6 +30,7 @@ def finders(monkeypatch) -> dict[str, Finder | None]:
     replaced: dict[str, Finder | None] = {
         "v4l2": Finder("V4L2 cameras", listed=lambda: [Found("a camera", {"device": "/dev/video7"})]),
         "aravis": Finder(VISION, answering=list),
+        "gentl": None,
     }
 
     def driver(name: str) -> DriverSpec:

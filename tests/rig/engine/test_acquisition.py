@@ -226,45 +226,14 @@ def test_an_event_during_another_wait_of_the_engine_is_seen(tmp_path, monkeypatc
     rig = beside(tmp_path, text, lambda t: 1000.0 if 3.30 < t < 3.34 else 0.0)
     record = acquisition.record_frame
 
-    def slow(run, camera, frame):
+    def slow(run, camera, frame, keep_s):
         if 3.0 < run.clock.now_s() < 3.2:
             for _ in range(50):
                 run.read()
                 run.calls.pause(0.02)
-        return record(run, camera, frame)
+        return record(run, camera, frame, keep_s)
 
     monkeypatch.setattr(acquisition, "record_frame", slow)
     outcome = rig.engine().run()
     assert any("channels.force above 900 was reached" in event for event in rig.events())
     assert outcome.timing.taken < 8
-
-
-def test_a_pause_lets_the_images_wait_and_counts_those_that_fell_into_it(tmp_path):
-    rig = beside(tmp_path)
-    engine = rig.engine()
-    done = []
-
-    def act(time_s, then):
-        if rig.clock.now_s() >= time_s and then not in done:
-            done.append(then)
-            getattr(engine, then)("a test")
-        return True
-
-    force_n = rig.channels["box"].force_n
-    rig.channels["box"].force_n = lambda t: act(4.1, "pause") and act(6.3, "go_on") and force_n(t)
-    outcome = engine.run()
-    assert outcome.status == "completed", outcome.reason
-    columns, camera, box = steps(rig.path)
-    due_s = columns["due_s"][1:]
-    gap = int(np.argmax(np.diff(due_s)))
-    assert np.diff(due_s)[gap] == pytest.approx(2.5, abs=0.6)
-    missing = 20 - len(due_s)
-    assert 3 <= missing <= 6
-    assert outcome.timing.missing == outcome.pauses.missed_steps == missing
-    assert not outcome.is_good
-    # the channels were recorded all the time, and each image has its own time
-    assert (np.diff(box["number"]) == 1).all()
-    assert np.all(np.abs(camera["middle_s"] - columns["due_s"]) < 0.05)
-    said = rig.events()
-    assert any(event.startswith("paused in step") for event in said)
-    assert any(event.startswith("goes on by a test after 2.") for event in said)

@@ -57,6 +57,7 @@ WAYS = {
         {
             **ASKED,
             "query": "TIME?",
+            "rate_hz": 20.0,
             "time": {"column": 1, "unit": "ms"},
             "signals": signals(force={"column": 2}, travel={"column": 3}),
         },

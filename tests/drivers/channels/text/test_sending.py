@@ -2,9 +2,6 @@
 
 import itertools
 import math
-import os
-import threading
-import tty
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from typing import Any
@@ -16,6 +13,7 @@ from drivers.channels.text.settings import TextChannelSettings
 from drivers.clock import SystemClock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
+from tests.drivers.channels.text.serial_sender import Sender
 
 FORCE = {"unit": "N", "range": [-1000.0, 1000.0]}
 WITH_BOTH = {
@@ -24,28 +22,6 @@ WITH_BOTH = {
     "signals": {"force": {**FORCE, "column": 3}},
 }
 READ_S = 2.0
-
-
-class Sender:
-    """The instrument's end of a serial line."""
-
-    def __init__(self) -> None:
-        self._near, self._far = os.openpty()
-        tty.setraw(self._far)
-        self.path = os.ttyname(self._far)
-
-    def say(self, *lines: str, end: str = "\r\n") -> None:
-        os.write(self._near, "".join(line + end for line in lines).encode())
-
-    def heard(self, count: int) -> bytes:
-        received = b""
-        while len(received) < count:
-            received += os.read(self._near, 4096)
-        return received
-
-    def close(self) -> None:
-        for descriptor in (self._near, self._far):
-            os.close(descriptor)
 
 
 @pytest.fixture
@@ -62,13 +38,8 @@ def opened(sender: Sender) -> Iterator[Callable[..., SendingText]]:
     def open_with(*first: str, **changes: Any) -> SendingText:
         table = {"address": sender.path, "stream": True, "rate_hz": 10.0, "signals": {"force": FORCE}}
         settings = TextChannelSettings.model_validate({**table, **changes})
-        # opening the port discards what came before
-        speaking = threading.Timer(0.1, sender.say, first)
-        speaking.start()
-        try:
+        with sender.saying_soon(*first):
             devices.append(SendingText(settings, OpenContext("channels.box", SystemClock())))
-        finally:
-            speaking.join()
         return devices[-1]
 
     yield open_with
