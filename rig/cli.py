@@ -124,13 +124,35 @@ def run(
 @cli.command()
 @click.argument("rig_path", metavar="RIG", type=_PATH)
 @click.option("-o", "--output", type=_PATH, help="Keep each camera's picture in this folder, as NAME.png.")
+@click.option(
+    "--delay",
+    metavar="CHANNEL",
+    help="Measure only the delay of this channel against the cameras: switch a light that the cameras see, "
+    "whose voltage is the channel.",
+)
+@click.option("--seconds", type=NumberRange(5.0, 600.0), help="Film for this time with --delay. Default: 30.")
 @_JSON
 @FORCE
-def check(rig_path: Path, output: Path | None, json_path: Path | None, force: bool) -> None:
+def check(
+    rig_path: Path,
+    output: Path | None,
+    delay: str | None,
+    seconds: float | None,
+    json_path: Path | None,
+    force: bool,
+) -> None:
     """Open the devices of RIG, read their state and take one image with each camera. No device moves.
 
-    If a device fails, the other devices are still checked.
+    If a device fails, the other devices are still checked. Channels are read for two seconds; output lines
+    give no pulse.
     """
+    if delay is not None:
+        if output is not None:
+            raise click.UsageError("give -o only without --delay")
+        _check_delay(rig_path, delay, seconds, json_path, force)
+        return
+    if seconds is not None:
+        raise click.UsageError("give --seconds only with --delay")
     from rig import open_rig, read_rig
     from rig.commands.check import check_rig, keep_in
     from rig.guardian.lock import machines_locked
@@ -149,6 +171,23 @@ def check(rig_path: Path, output: Path | None, json_path: Path | None, force: bo
     lines = found.lines + [f"not good: {problem}" for problem in found.problems]
     table = {"devices": found.devices, "problems": found.problems, "failed": failed}
     _finish(lines, table, json_path, good=not found.problems, done=not failed)
+
+
+def _check_delay(
+    rig_path: Path, delay: str, seconds: float | None, json_path: Path | None, force: bool
+) -> None:
+    from rig import open_rig, read_rig
+    from rig.commands.check_delay import SECONDS, measure_delay, only_delay
+
+    rig_file, signal = only_delay(read_rig(rig_path), delay)
+    require_places([rig_path], [json_path], force=force)
+    with open_rig(rig_file) as rig:
+        found = measure_delay(rig, signal, seconds or SECONDS, lambda line: say(f"rig: {line}", err=True))
+    for sentence in found.failed.values():
+        say(f"rig: {sentence}", err=True)
+    lines = found.lines + [f"not good: {problem}" for problem in found.problems]
+    table = {"delays": found.delays, "problems": found.problems, "failed": found.failed}
+    _finish(lines, table, json_path, good=not (found.problems or found.failed), done=bool(found.delays))
 
 
 @cli.command()

@@ -12,7 +12,8 @@ class RunChannels:
     """The channel devices of a run, by their names in the rig file.
 
     `record` is called with a device's name and its samples, on the thread of the device's sampler.
-    `hang_s` is the time in s after which a call of a driver counts as hanging.
+    `hang_s` is the time in s after which a call of a driver counts as hanging. With `any_value`, a value out
+    of its range is no fault.
     """
 
     def __init__(
@@ -21,12 +22,13 @@ class RunChannels:
         clock: Clock,
         record: Callable[[str, TimedSamples], None] = lambda _, __: None,
         hang_s: float = HANG_S,
+        any_value: bool = False,
     ) -> None:
         def recording(name: str) -> Callable[[TimedSamples], None]:
             return lambda samples: record(name, samples)
 
         self._samplers = {
-            name: Sampler(f"channels.{name}", device, clock, recording(name), hang_s)
+            name: Sampler(f"channels.{name}", device, clock, recording(name), hang_s, any_value)
             for name, device in devices.items()
         }
 

@@ -40,6 +40,8 @@ class Sampler(DeviceThread):
         Called with all samples in their order, on the thread of the sampler.
     hang_s : float
         See `HANG_S`.
+    any_value : bool
+        True if a value out of its range is no fault, as for a check of the rig.
 
     Attributes
     ----------
@@ -56,11 +58,12 @@ class Sampler(DeviceThread):
         clock: Clock,
         record: Callable[[TimedSamples], None],
         hang_s: float = HANG_S,
+        any_value: bool = False,
     ) -> None:
         super().__init__(f"samples of {name}")
         self._device_name, self._device, self._clock = name, device, clock
-        self._record, self._hang_s = record, hang_s
-        self._readings = Readings({signal.name: signal.delay_s for signal in device.signals})
+        self._record, self._hang_s, self._any_value = record, hang_s, any_value
+        self._readings = Readings(device.signals)
         self.take = self._readings.take
         self._time_line = TimeLine(name)
         usual_s = max(_SILENCE_S, _SILENT_SAMPLES / device.rate_hz) if device.rate_hz else np.inf
@@ -170,7 +173,8 @@ class Sampler(DeviceThread):
         timed = self._timed(samples)
         self._count(samples)
         self._record(timed)
-        self._require_valid(timed)
+        if not self._any_value:
+            self._require_valid(timed)
         self._readings.add(timed)
         self.newest_s = float(timed.time_s[-1])
         self.count += len(timed.values)

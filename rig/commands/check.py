@@ -19,11 +19,11 @@ from dic.files.writing import replacing
 from dic.quality.findings import picture_findings, quality_findings
 from dic.quality.picture import assess_picture
 from dic.quality.quality import assess_quality
-from drivers.clock import Clock, SystemClock
+from drivers.clock import SystemClock
 from drivers.errors import DeviceError
 from drivers.interfaces import Camera, Frame, LoadFrame, RotationStage, Setting
-from drivers.signals import ChannelDevice
-from rig.commands.check_channels import report, sampled
+from rig.commands.check_channels import check_channels, check_trigger
+from rig.commands.rig_check import RigCheck
 from rig.device_settings import read_settings, reports_settings
 from rig.devices import OpenedInterlock, Rig
 from rig.engine.calls import CAMERA_MARGIN_S, PATIENCE_S
@@ -50,19 +50,6 @@ class GreyLevels:
     maximum: int
     standard_deviation: float
     saturated: float
-
-
-@dataclass(frozen=True)
-class RigCheck:
-    """The result of a rig check: lines to print, a table of the devices for JSON, and the problems.
-
-    `failed` gives the reason for each device that could not be checked.
-    """
-
-    lines: list[str]
-    devices: dict[str, Any]
-    problems: list[str]
-    failed: dict[str, str]
 
 
 def grey_levels(image: Image, bits: int) -> GreyLevels:
@@ -106,16 +93,17 @@ def check_rig(rig: Rig, keep: Callable[[str, Image], None] = lambda name, image:
         checks["load_frame"] = partial(_check_load_frame, found, rig.load_frame, call)
     for name, interlock in rig.interlocks.items():
         checks[f"interlocks.{name}"] = partial(_check_interlock, found, name, interlock, call)
-    for name, device in rig.channels.items():
-        checks[f"channels.{name}"] = partial(
-            _check_channels, found, f"channels.{name}", device, rig.clock, call
-        )
     for name, camera in rig.cameras.items():
         checks[f"cameras.{name}"] = partial(_check_camera, found, name, camera, call, keep)
+    for name in rig.channels:
+        checks[f"channels.{name}"] = partial(check_channels, found, rig, name)
+    for name, trigger in rig.triggers.items():
+        checks[f"triggers.{name}"] = partial(check_trigger, found, name, trigger)
     devices: dict[str, Any] = {"stage": rig.stage, "load_frame": rig.load_frame}
     devices |= {f"interlocks.{name}": interlock.device for name, interlock in rig.interlocks.items()}
-    devices |= {f"channels.{name}": device for name, device in rig.channels.items()}
     devices |= {f"cameras.{name}": camera for name, camera in rig.cameras.items()}
+    devices |= {f"channels.{name}": device for name, device in rig.channels.items()}
+    devices |= {f"triggers.{name}": trigger.device for name, trigger in rig.triggers.items()}
     for name, check in checks.items():
         try:
             check()
@@ -213,14 +201,6 @@ def _check_interlock(found: RigCheck, lock_name: str, interlock: OpenedInterlock
             f"{name}: the value is {state.value:g}{interlock.unit}, but a run needs {interlock.allowed}; "
             "find out why the interlock does not allow a run"
         )
-
-
-def _check_channels(found: RigCheck, name: str, device: ChannelDevice, clock: Clock, call: _Calls) -> None:
-    samples, time_s = sampled(device, clock, lambda read: call.read(name, read))
-    state, line, problems = report(name, device, samples, time_s)
-    _add_identity(found, name, device.info, state)
-    found.lines.append(line)
-    found.problems.extend(problems)
 
 
 def _check_camera(

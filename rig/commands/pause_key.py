@@ -1,15 +1,20 @@
 """Pause a run by a key at its terminal, and let it go on by a word."""
 
+import math
 import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
+from drivers.clock import SystemClock
 from drivers.terminal.keys import Keys
 from drivers.terminal.question import Question, Withdrawn
 from rig import Engine
 
 KEY, WORD = "p", "continue"
+IMAGE_KEY, END_KEY = "i", "e"
+TWICE_S = 2.0
+"""The images of an acquisition end if the key for it is pressed twice within this time in s."""
 BY = "the person at the terminal"
 LEAVING_S = 1.0
 """Longest time in s for which the end of a run waits until the terminal is as before."""
@@ -19,7 +24,8 @@ class PauseKey(threading.Thread):
     """Listens to the terminal during a run: a key pauses the run, and a word lets it go on.
 
     A single key is enough to pause, because a pause is safe. To go on takes a word, because then the machine
-    moves again. A pause that another program requested is shown and ended here too.
+    moves again. During an acquisition a key asks for an image, and one that is pressed twice ends the images,
+    which nothing brings back. A pause that another program requested is shown and ended here too.
 
     Parameters
     ----------
@@ -37,6 +43,7 @@ class PauseKey(threading.Thread):
         self._turn = threading.Condition()
         self._uses, self._lent, self._paused, self._ended = False, 0, False, False
         self._question: Question | None = None
+        self._clock, self._end_pressed_s = SystemClock(), -math.inf
 
     def tell(self, *, paused: bool) -> None:
         """Tell whether the run is paused now. Any thread may call this method."""
@@ -78,13 +85,25 @@ class PauseKey(threading.Thread):
             try:
                 if paused:
                     self._ask()
-                elif self._keys.next(self._wakes).casefold() == KEY:
-                    self._engine.pause(BY, at_machine=True)
+                else:
+                    self._obey(self._keys.next(self._wakes).casefold())
                 self._forget_waking()
             finally:
                 with self._turn:
                     self._uses = False
                     self._turn.notify_all()
+
+    def _obey(self, key: str) -> None:
+        """Do what a key asks for. A key that makes no sense now has no effect."""
+        if key == KEY:
+            self._engine.pause(BY, at_machine=True)
+        elif key == IMAGE_KEY:
+            self._engine.request_image()
+        elif key == END_KEY:
+            now_s = self._clock.now_s()
+            if now_s - self._end_pressed_s <= TWICE_S:
+                self._engine.request_end()
+            self._end_pressed_s = now_s
 
     def _ask(self) -> None:
         """Ask for the word that lets the run go on, until it is typed or the pause ends otherwise."""

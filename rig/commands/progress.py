@@ -8,8 +8,16 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from dic.shell.bottom_lines import bottom_lines
 from dic.shell.console import say
+from drivers.clock import SystemClock
 from drivers.terminal.keys import Keys
 from rig import Engine, EngineStatus, RigReading, State, StepRecord
+from rig.commands.acquiring import (
+    SummaryLines,
+    beside_a_machine,
+    how_to_end,
+    is_acquiring,
+    what_is_taken,
+)
 from rig.commands.pause_key import KEY, PauseKey
 from rig.engine.devices import Asked
 from rig.engine.status import PauseTotals
@@ -33,7 +41,11 @@ def what_happens(status: EngineStatus | None) -> str:
     """Return a line, usually of at most 80 characters, that names the moving device and its step."""
     if status is None or status.step is None:
         return "opening the rig; nothing moves"
+    if is_acquiring(status) and status.acquisition is not None:
+        return what_is_taken(status, status.acquisition)
     step, at = status.step, _values(status.reading)
+    if status.load_is_measured:
+        return beside_a_machine(status, step, at)
     moves = status.reading is not None and status.reading.moving
     mover = "stage" if step.kind == "rotation" else "load frame"
     match status.state:
@@ -61,6 +73,8 @@ def what_happens(status: EngineStatus | None) -> str:
 def how_to_stop(status: EngineStatus | None) -> str:
     """Return a text that says what Ctrl-C does on this rig."""
     units = {} if status is None or status.reading is None else status.reading.by_unit()
+    if status is not None and status.load_is_measured:
+        units.pop("N", None)
     effects = [effect for unit, effect in _EFFECTS if unit in units]
     return f"Ctrl-C: {', '.join(effects) or 'the run ends'}"
 
@@ -86,6 +100,7 @@ class Screen:
         self._asking = False
         self._steps_printed = 0
         self._held_back: list[str] = []
+        self._summaries, self._clock = SummaryLines(), SystemClock()
         self._pause_key: PauseKey | None = None
 
     def listen(self, engine: Engine) -> None:
@@ -103,12 +118,19 @@ class Screen:
             self._pause_key.tell(paused=status.state is State.PAUSED)
 
     def on_step(self, record: StepRecord) -> None:
-        """Print a finished step. During a question, print it after the answer."""
+        """Print a finished step, or now and then one of an acquisition. During a question, print it after the
+        answer."""
         with self._changed:
-            if self._asking:
-                self._held_back.append(_step_line(record))
-            else:
-                say(_step_line(record))
+            acquired = record.step.kind == "acquired"
+            line = (
+                self._summaries.of(record, self._status, self._clock.now_s())
+                if acquired
+                else _step_line(record)
+            )
+            if line and self._asking:
+                self._held_back.append(line)
+            elif line:
+                say(line)
             self._steps_printed += 1
             self._changed.notify_all()
 
@@ -139,8 +161,7 @@ class Screen:
             self._asking = True
             if self.live is not None:
                 self.live.stop()
-            reading = None if self._status is None else self._status.reading
-            say(_holding(reading), err=True)
+            say(_holding(self._status), err=True)
         try:
             yield
         finally:
@@ -186,6 +207,9 @@ class Screen:
         simulated = "SIMULATED, " if status is not None and status.simulated else ""
         counted = "" if status is None else f"{done} of {planned} steps, "
         pause = "" if self._pause_key is None else f", {KEY}: pause"
+        if status is not None and is_acquiring(status) and (now := status.acquisition) is not None:
+            done, planned, counted = now.taken, now.planned or max(now.taken, 1), ""
+            pause += "" if self._pause_key is None else how_to_end(now)
         below.add_row(
             ProgressBar(planned, done, BAR_WIDTH),
             Text(f"{simulated}{counted}{how_to_stop(status)}{pause}", no_wrap=True, overflow="ellipsis"),
@@ -216,11 +240,15 @@ def _step_line(record: StepRecord) -> str:
     return f"{record.step}: settled at {shown}; images: {images}"
 
 
-def _holding(reading: RigReading | None) -> str:
+def _holding(status: EngineStatus | None) -> str:
     """Return the text that names the machines that stand still while a person is asked."""
-    units = {} if reading is None else reading.by_unit()
-    load = f"the load frame holds at {units['N']:.1f} N, {units['mm']:.4f} mm" if "N" in units else ""
+    units = {} if status is None or status.reading is None else status.reading.by_unit()
     angle = f"the stage stands at {units['deg']:.2f} deg" if "deg" in units else ""
+    if status is not None and status.load_is_measured:
+        stands = f"; {angle}" if angle else ""
+        shows = f", and shows {units['N']:.1f} N" if "N" in units else ""
+        return f"The load frame takes no commands{shows}: see for yourself that it stands{stands}."
+    load = f"the load frame holds at {units['N']:.1f} N, {units['mm']:.4f} mm" if "N" in units else ""
     return f"Nothing moves: {'; '.join(filter(None, (load, angle))) or 'no reading yet'}."
 
 

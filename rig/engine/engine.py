@@ -28,7 +28,7 @@ from rig.errors import Aborted, RigError
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
-from rig.recorder.records import STEP_REACHED
+from rig.recorder.records import COMPLETED, STEP_REACHED
 
 KEPT_RECORDS = 1000
 """Number of the newest steps of an acquisition that the outcome of a run has."""
@@ -117,7 +117,9 @@ class Engine:
         # An acquisition may have a million images, whose records are in the run file.
         self._acquired: deque[StepRecord] = deque(maxlen=KEPT_RECORDS)
         planned, before = len(protocol.steps()), len(self._earlier)
-        status = EngineStatus(State.IDLE, None, planned, 0, None, rig.simulated, before)
+        status = EngineStatus(
+            State.IDLE, None, planned, 0, None, rig.simulated, before, load_is_measured=bool(rig.measured)
+        )
         self._news = Announcements(recorder, rig.clock, status, on_status, on_step, on_news, self.abort)
         self.context = RunContext(protocol, rig, recorder, self._news, on_progress, on_question)
         self._motion = RunMotion(self.context)
@@ -310,7 +312,7 @@ class Engine:
         end_channels(self.context)
         for sentence in self.context.channels.new_losses(whole=True):
             self.context.log("warning", sentence)
-        self.context.log("info", "protocol completed")
+        self.context.log("info", COMPLETED)
         self.context.recorder.close("completed", "", self.context.clock.utc())
         self._enter(State.COMPLETED, self.status.step)
 

@@ -38,7 +38,8 @@ class EngineStatus:
 
     `simulated` is True if any device of the rig is simulated. `steps_before` is the number of steps that an
     earlier run has finished, if this run continues it; `steps_done` does not count these steps. `acquisition`
-    has the numbers of images, once an acquisition has begun.
+    has the numbers of images, once an acquisition has begun. `load_is_measured` is True if the load frame is
+    only read, so that nothing of this program stops it.
     """
 
     state: State
@@ -49,6 +50,7 @@ class EngineStatus:
     simulated: bool = False
     steps_before: int = 0
     acquisition: TimingNow | None = None
+    load_is_measured: bool = False
 
     @property
     def steps_finished(self) -> int:

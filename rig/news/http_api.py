@@ -55,6 +55,8 @@ class RunControl:
     pause: Callable[[str], str]  # requests a pause, for a reason
     go_on: Callable[[], str]  # ends the pause
     answer: Callable[[str], str]  # answers the question of the protocol with a word
+    image: Callable[[], str]  # asks for an image of an acquisition
+    end: Callable[[], str]  # ends the images of an acquisition
 
 
 @dataclass(frozen=True)
@@ -85,6 +87,8 @@ def make_app(view: RunView) -> ASGIApp:
             Route("/v1/pause", api.pause, methods=["POST"]),
             Route("/v1/continue", api.go_on, methods=["POST"]),
             Route("/v1/answer", api.answer, methods=["POST"]),
+            Route("/v1/image", api.image, methods=["POST"]),
+            Route("/v1/end", api.end, methods=["POST"]),
         ],
         exception_handlers={HTTPException: api.refused, Exception: api.broken},
     )
@@ -103,6 +107,7 @@ class _Api:
 
     async def index(self, _: Request) -> Response:
         places = ["status", "events", "events?since=N", "abort", "pause", "continue", "answer?word=WORD"]
+        places += ["image", "end"]
         places += [f"cameras/{name}/thumbnail.png" for name in self._view.about.cameras]
         return self._json({"places": [f"/v1/{place}" for place in places]})
 
@@ -183,6 +188,16 @@ class _Api:
         if not word:
             raise HTTPException(400, "expected the word of the question, as in answer?word=done")
         return self._accepted(self._view.control.answer(word))
+
+    async def image(self, request: Request) -> Response:
+        """Take an image now, in an acquisition that takes images on request."""
+        self._require_token(request)
+        return self._accepted(self._view.control.image())
+
+    async def end(self, request: Request) -> Response:
+        """End the images of an acquisition. The run goes on with what follows them."""
+        self._require_token(request)
+        return self._accepted(self._view.control.end())
 
     def _require_token(self, request: Request) -> None:
         given = request.headers.get("authorization", "")

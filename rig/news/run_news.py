@@ -192,7 +192,9 @@ class RunNews:
                 return None
             return thumbnail(frame, self._bits[camera], width_px, kind, simulated=about.simulated)
 
-        control = RunControl(self._abort, self._pause, self._go_on, self._answer)
+        control = RunControl(
+            self._abort, self._pause, self._go_on, self._answer, self._image, self._end_images
+        )
         view = RunView(about, self._bulletin, self._status, picture, control, place.token, place.port)
         self._server = HttpServer(place, view)
         self._server.start()
@@ -254,3 +256,9 @@ class RunNews:
 
     def _answer(self, word: str) -> str:
         return _NOT_YET if self._engine is None else self._engine.answer(word, "HTTP")
+
+    def _image(self) -> str:
+        return _NOT_YET if self._engine is None else self._engine.request_image()
+
+    def _end_images(self) -> str:
+        return _NOT_YET if self._engine is None else self._engine.request_end()

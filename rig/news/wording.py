@@ -73,6 +73,7 @@ def status_table(status: EngineStatus) -> dict[str, Any]:
         "steps_planned": status.steps_planned,
         "reading": reading_table(status.reading),
         "acquisition": acquisition_table(status.acquisition),
+        "load_is_measured": status.load_is_measured,
     }
 
 

@@ -15,6 +15,7 @@ from rig.protocol.tables import Sample
 
 OPERATOR_DONE = "operator: done"
 STEP_ON_FILE = "the step is on file"
+COMPLETED = "protocol completed"
 """Messages of events that end a wait during which the devices were read.
 
 A replay ends its waits at the same events.

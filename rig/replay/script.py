@@ -14,7 +14,7 @@ from drivers.interfaces import Frame, InterlockState, LoadFrameState, StageState
 from rig.errors import RigError
 from rig.protocol.acquire import AcquireProtocol
 from rig.protocol.protocol import Protocol
-from rig.recorder.records import OPERATOR_DONE, STEP_ON_FILE
+from rig.recorder.records import COMPLETED, OPERATOR_DONE, STEP_ON_FILE
 from rig.replay.pauses import RecordedPause, recorded_pauses
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -93,7 +93,7 @@ class Script:
             return [int(count) for count in np.searchsorted(readings, rows)]
 
         counts = {name: before(found[order]) for name, found in cameras.items()}
-        for message in (OPERATOR_DONE, STEP_ON_FILE):
+        for message in (OPERATOR_DONE, STEP_ON_FILE, COMPLETED):
             chosen = events["message"] == message.encode()
             counts[message] = before(events[order][chosen])
         messages = (message.decode(errors="replace") for message in events["message"])

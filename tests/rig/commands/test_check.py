@@ -192,12 +192,14 @@ def test_shows_channels_with_their_values_and_says_which_one_is_out_of_its_range
     status, out, table = check(SMALL, BOX)
     assert status == 1
     assert "channels.box: vendor Modbus, model inputs of unit 1" in out
-    assert "  heat 21.5 °C, force 0 N; 21 samples in 1.0 s, 0 lost" in out
+    assert "  heat 21.5 °C, noise 0 °C, range 15 to 30 °C" in out
+    assert "  force 0 N, noise 0 N, range 5 to 100 N" in out
     problem = (
-        "channels.box: force is 0 N, expected 5 to 100 N; check the sensor and its cable, or widen its range"
+        "channels.force: it is 0 N, expected 5 to 100 N; check the sensor and its cable, or widen its range"
     )
     assert table["problems"] == [problem]
-    assert table["devices"]["channels.box"]["state"]["values"] == {"heat": 21.5, "force": 0.0}
+    signals = table["devices"]["channels.box"]["signals"]
+    assert {name: each["newest"] for name, each in signals.items()} == {"heat": 21.5, "force": 0.0}
 
 
 class SpeckledCamera:

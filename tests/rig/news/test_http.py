@@ -34,7 +34,7 @@ class Served:
     bulletin: Bulletin
     aborts: list[str] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
-    """Requests for a pause, for going on, and answers."""
+    """Requests for a pause, for going on, for images and their end, and answers."""
     refusal: str = ""
     drawing: threading.Event = field(default_factory=threading.Event)
     may_draw: threading.Event = field(default_factory=threading.Event)
@@ -49,6 +49,8 @@ class Served:
             lambda reason: note(f"pause {reason}"),
             lambda: note("continue"),
             lambda word: note(f"answer {word}"),
+            lambda: note("image"),
+            lambda: note("end"),
         )
 
     def post(self, path: str) -> tuple[int, dict]:
@@ -112,6 +114,8 @@ def test_every_answer_has_the_version_and_says_that_the_run_is_simulated(served)
         ("POST", "/v1/abort", 401),
         ("POST", "/v1/pause", 401),
         ("GET", "/v1/pause", 405),
+        ("GET", "/v1/image", 405),
+        ("POST", "/v1/end", 401),
         ("GET", "/v1/cameras/right/thumbnail.png", 404),
     ):
         found, headers, body = served.ask(method, path)
@@ -156,7 +160,7 @@ def test_an_abort_needs_the_token_and_may_be_repeated(served):
 
 
 def test_a_pause_going_on_and_an_answer_need_the_token_and_tell_why_they_are_refused(served):
-    for place in ("pause", "continue", "answer?word=off"):
+    for place in ("pause", "continue", "answer?word=off", "image", "end"):
         assert served.ask("POST", f"/v1/{place}")[0] == 401
         assert served.ask("POST", f"/v1/{place}", Authorization="Bearer no-such-token")[0] == 401
         assert served.ask("POST", f"/v1/{place}", Origin="http://evil.example")[0] == 403
