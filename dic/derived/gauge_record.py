@@ -249,7 +249,8 @@ def _lag_n(known: Sequence[Mapping[str, Any]], use: Mask) -> Float | None:
 def _own_std_n(known: Sequence[Mapping[str, Any]], use: Mask) -> Float | None:
     """Return `Curve.load_std_n`, which lacks the part that all images share; None if no load states it."""
     std, lag = (
-        np.array([float(each.get(name, np.nan)) for each in known])[use] for name in ("load_std_n", "load_lag_n")
+        np.array([float(each.get(name, np.nan)) for each in known])[use]
+        for name in ("load_std_n", "load_lag_n")
     )
     own = np.sqrt(np.maximum(std**2 - np.nan_to_num(lag) ** 2, 0.0))
     return own if np.isfinite(own).any() else None

@@ -1,4 +1,4 @@
-"""A testing machine that takes no commands, its voltage, and a camera that runs freely; without code of `dic`.
+"""A testing machine that takes no commands, its voltage, and a free-running camera; without code of `dic`.
 
 The crosshead moves at one speed. The machine's controller refreshes its voltage 100 times per second. Each
 refresh shows the load of an earlier moment: the machine's delay, with a jitter of 20 ms. Mains hum and white
@@ -77,9 +77,7 @@ def closed_test(seed, *, length_s=40.0, images=200, delay_std_s=0.01, noise_shar
     exposed_s = np.linspace(0.3, length_s - 0.3, images) + 0.02 * rng.uniform(-1, 1, images)
     strain, load_n = state(exposed_s)
     middle_s = exposed_s + 0.001 * rng.normal(size=images)
-    return ClosedTest(
-        box_s + clock_s, volts_n, middle_s, strain, load_n, force, e_mpa / 1e3, float(rp02_mpa)
-    )
+    return ClosedTest(box_s + clock_s, volts_n, middle_s, strain, load_n, force, e_mpa / 1e3, float(rp02_mpa))
 
 
 def write_test(path: Path, test: ClosedTest, **header: object) -> Path:
