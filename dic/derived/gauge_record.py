@@ -210,6 +210,7 @@ def gauge_curve(
         None if across is None else across[use],
         time_s if np.isfinite(time_s).all() else None,
         _passed(load_n, use),
+        _own_std_n(known, use),
     )
     followed = _followed(series, gauge, transverse, chosen)
     # For raw strain, only the errors that the images cause are known; for a channel, only those of its time.
@@ -243,6 +244,16 @@ def _lag_n(known: Sequence[Mapping[str, Any]], use: Mask) -> Float | None:
     """Return `GaugeCurve.lag_n`; the change is 0 at images where it is not known."""
     found = np.array([float(each.get("load_lag_n", np.nan)) for each in known])[use]
     return np.nan_to_num(found) if np.isfinite(found).any() else None
+
+
+def _own_std_n(known: Sequence[Mapping[str, Any]], use: Mask) -> Float | None:
+    """Return `Curve.load_std_n`, which lacks the part that all images share; None if no load states it."""
+    std, lag = (
+        np.array([float(each.get(name, np.nan)) for each in known])[use]
+        for name in ("load_std_n", "load_lag_n")
+    )
+    own = np.sqrt(np.maximum(std**2 - np.nan_to_num(lag) ** 2, 0.0))
+    return own if np.isfinite(own).any() else None
 
 
 def _passed(load_n: Float, use: Mask) -> Float | None:

@@ -52,9 +52,9 @@ def about_series(
     ----------
     series : GaugeSeries
     gauge : str
-        Name of the gauge along the specimen.
+        Name of the gauge or the channel along the specimen.
     kind : str
-        "raw", "calibrated" or "corrected".
+        "raw", "calibrated" or "corrected"; "measured" for a channel.
     facts : mapping of str to mapping
         The tables of `StatedFacts`.
     title : str, optional
@@ -68,6 +68,8 @@ def about_series(
     facts = _with_run(series, facts)
     name = _name(facts, title or Path(series.source).name, _identity(series))
     extensometer = f"offaxis {version('offaxis')}, gauge {gauge}, {kind} strain"
+    if gauge in series.channels:
+        extensometer = gauge
     return AboutTest(name, facts, extensometer, lengths[0] if lengths else None, iri)
 
 

@@ -31,6 +31,9 @@ class Curve:
         Instants without a strain are left out of the curve. The array has the smallest and largest load of
         the instants left out just before each point, and NaN if there are none. None if no instant was left
         out.
+    load_std_n : ndarray, shape (n,), or None
+        Standard deviation of each load without the errors that all loads share; NaN where it is not known.
+        None if nothing states it.
 
     Raises
     ------
@@ -45,9 +48,10 @@ class Curve:
     transverse: Float | None = None
     time_s: Float | None = None
     passed_n: Float | None = None
+    load_std_n: Float | None = None
 
     def __post_init__(self) -> None:
-        names = ("load_n", "strain", "transverse", "time_s", "passed_n")
+        names = ("load_n", "strain", "transverse", "time_s", "passed_n", "load_std_n")
         for name in names:
             given = getattr(self, name)
             if given is not None:

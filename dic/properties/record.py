@@ -100,6 +100,17 @@ class Record:
         # The third difference of white noise has 1 + 9 + 9 + 1 = 20 times its variance.
         return float(1.4826 * np.median(np.abs(np.diff(values, n=3))) / np.sqrt(20.0))
 
+    def stress_noise(self, stress: Float) -> float:
+        """Return the standard deviation of the noise of stresses of the record, MPa.
+
+        It is the noise that they show, or the stated one if this is larger: the noise of loads that share
+        samples is alike at neighbouring points, so that their differences do not show it.
+        """
+        stated = self.curve.load_std_n
+        known = np.zeros(0) if stated is None else stated[np.isfinite(stated)]
+        least = float(np.median(known)) / self.area_mm2 if known.size else 0.0
+        return max(self.noise(stress), least)
+
     def loops(self, stop: int) -> list[tuple[float, float]]:
         """Return the highest and lowest stress of each unloading-reloading loop before the point `stop`."""
         stress, strain = self.stress[:stop], self.strain[:stop]

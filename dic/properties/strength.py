@@ -54,7 +54,7 @@ def tensile_strength(
 ) -> PropertyValue:
     """Return the tensile strength Rm, which is computed without any strain."""
     stress = float(record.stress[at])
-    noise = record.noise(record.stress)
+    noise = record.stress_noise(record.stress)
     without_strain = _largest_without_strain(record, plateau)
     count = np.count_nonzero(record.stress[begin_of(plateau) :] >= stress - FLAT_TIMES * noise)
     window, flags = {"point": at}, []
@@ -79,7 +79,7 @@ def uniform_elongations(
     if reason:
         return missing("%", AGT_RULE, reason), missing("%", AG_RULE, reason)
     stress = record.strained_stress
-    noise = record.noise(stress)
+    noise = record.stress_noise(stress)
     begin = begin_of(plateau)
     flat = begin + np.flatnonzero(stress[begin:] >= stress[at] - 2.0 * noise)
     # If the stress falls far between two points, they belong to two different maxima.

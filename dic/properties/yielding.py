@@ -197,7 +197,7 @@ def _yield_value(
 
 
 def _local_noise(record: Record) -> float:
-    return record.noise(record.strained_stress)
+    return record.stress_noise(record.strained_stress)
 
 
 def _doubt(elastic: Elastic) -> list[str]:

@@ -237,10 +237,18 @@ class _Steps:
         ]
 
     def joined(self, earlier: ExposedSteps | None) -> ExposedSteps:
-        """Return the steps after those of an earlier run."""
+        """Return the steps after those of an earlier run; all of them have the channels of both."""
         if earlier is None:
             return ExposedSteps(self._steps, self._remarks)
-        return ExposedSteps(earlier.steps + self._steps, earlier.remarks + self._remarks)
+        steps = earlier.steps + self._steps
+        every = {each.name: each.unit for step in steps for each in step.channels}
+        unknown = {name: ChannelValue(name, unit, np.nan) for name, unit in every.items()}
+
+        def filled(step: RunStep) -> RunStep:
+            own = {each.name: each for each in step.channels if each.unit == every[each.name]}
+            return replace(step, channels=tuple((unknown | own).values()))
+
+        return ExposedSteps(list(map(filled, steps)), earlier.remarks + self._remarks)
 
 
 def _timed(step: RunStep, at_s: float, std_s: float) -> RunStep:

@@ -15,7 +15,7 @@ from simulators.rig.rig_tables import RigTables
 from simulators.rig.scene_wire import SceneServer
 from simulators.rig.truth_log import TruthLog
 from simulators.rig.virtual_rig import VirtualRig
-from simulators.wire.faults import DAQ, FAULTS
+from simulators.wire.faults import FAULTS, NOT_IN_RIG
 
 HELP = (
     "fault DEVICE.FAULT   switch a fault on, such as stage.drop:2",
@@ -156,7 +156,8 @@ class Simulation:
         """Return a line for each fault: its syntax, its devices and its effect."""
         width = max(len(fault.usage) for fault in FAULTS.values())
         devices = {
-            name: ", ".join(each for each in fault.devices if each != DAQ) for name, fault in FAULTS.items()
+            name: ", ".join(each for each in fault.devices if each not in NOT_IN_RIG)
+            for name, fault in FAULTS.items()
         }
         return [f"{fault.usage:{width}}  {fault.summary} ({devices[name]})" for name, fault in FAULTS.items()]
 

@@ -13,7 +13,9 @@ INTERLOCK, CLOSED_MACHINE, INSTRUMENT, MQTT = "interlock", "closed_machine", "in
 MACHINES = (STAGE, NEWPORT, LOAD_FRAME)
 LINES = (*MACHINES, INTERLOCK, CLOSED_MACHINE, INSTRUMENT)
 DAQ = "daq"
-"""A device that samples by its own clock. It is not in the virtual rig; the tests imitate its library."""
+"""A device that samples by its own clock; the tests imitate its library."""
+NOT_IN_RIG = (INSTRUMENT, MQTT, DAQ)
+"""Devices that are simulated alone, and are not part of the virtual rig."""
 DEVICES = (*LINES, CAMERA, DAQ, MQTT)
 PICTURE = "picture"
 """Device name of faults in the pictures of all cameras, such as blur. Drivers cannot notice them."""

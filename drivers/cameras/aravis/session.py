@@ -15,7 +15,7 @@ from drivers.cameras.aravis.library import Aravis, AravisError
 from drivers.cameras.aravis.settings import AravisSettings
 from drivers.cameras.genicam.camera_clock import LatchedClock
 from drivers.cameras.genicam.numbers import FrameNumbers
-from drivers.cameras.genicam.stamps import StampRule, Times
+from drivers.cameras.genicam.stamps import StampRule, Times, require_past
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, LinkLost
 from drivers.interfaces import Frame, Setting
@@ -158,7 +158,7 @@ class AravisSession:
         # Aravis' timestamp is the date and time at which the first packet arrived
         arrived_s = call("buffer_get_system_timestamp", buffer) * 1e-9 - date_s
         sequence = self._numbers.number(int(call("buffer_get_frame_id", buffer)), arrived_s)
-        times = self._times(buffer, arrived_s)
+        times = self._times(buffer, arrived_s, received_s)
         if self._unsettled:
             self._unsettled -= 1
             return None
@@ -179,7 +179,7 @@ class AravisSession:
             middle_std_s=times.middle_std_s,
         )
 
-    def _times(self, buffer: int, arrived_s: float) -> Times:
+    def _times(self, buffer: int, arrived_s: float, received_s: float) -> Times:
         """Return when the frame in a buffer was exposed."""
         clock = self._camera_clock
         if clock is None:
@@ -188,7 +188,7 @@ class AravisSession:
             clock.keep()
         stamp_ns = int(self._library.call("buffer_get_timestamp", buffer))
         stamped_s, half_s = clock.camera.on_rig(stamp_ns * 1e-9)
-        return self._rule.of_camera(stamped_s, half_s)
+        return require_past(self._rule.of_camera(stamped_s, half_s), received_s, self._device)
 
     def _image(self, buffer: int, *, whole: bool) -> tuple[Any, int]:
         width, height = self._settings.width_px, self._settings.height_px

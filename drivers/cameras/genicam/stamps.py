@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from drivers.cameras.genicam.settings import GenicamSettings
 from drivers.cameras.middle import middle_of_arrival, middle_of_start
+from drivers.errors import DeviceFault
 
 
 @dataclass(frozen=True)
@@ -14,6 +15,19 @@ class Times:
     exposed_s: float
     middle_s: float
     middle_std_s: float
+
+
+def require_past(times: Times, received_s: float, device: str) -> Times:
+    """Return the times of a frame; raise `DeviceFault` if the middle of its exposure is after its arrival."""
+    if times.middle_s > received_s:
+        raise DeviceFault(
+            device,
+            "get frame",
+            "a frame from the past",
+            f"one whose exposure lies {times.middle_s - received_s:.3f} s after its arrival",
+            'correct `stamp`, or use "arrival": the camera\'s time stamps do not mark this',
+        )
+    return times
 
 
 class StampRule:

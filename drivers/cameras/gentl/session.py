@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from drivers.cameras.genicam.camera_clock import LatchedClock
 from drivers.cameras.genicam.numbers import FrameNumbers
-from drivers.cameras.genicam.stamps import StampRule, Times
+from drivers.cameras.genicam.stamps import StampRule, Times, require_past
 from drivers.cameras.gentl.device import Device, GentlError, Picture
 from drivers.cameras.gentl.features import Features
 from drivers.cameras.gentl.settings import GentlSettings
@@ -191,7 +191,8 @@ class GentlSession:
             raise self._fault("a time stamp of the camera", "none", 'leave out `stamp`, or use "arrival"')
         with self._talk:
             clock.keep()
-        return self._rule.of_camera(*clock.camera.on_rig(picture.stamp_s))
+        times = self._rule.of_camera(*clock.camera.on_rig(picture.stamp_s))
+        return require_past(times, received_s, self._name)
 
     def _image(self, picture: Picture) -> tuple[NDArray[np.uint8] | NDArray[np.uint16], int]:
         settings = self._settings

@@ -191,4 +191,4 @@ def test_a_wrong_clock_changes_slope_and_strength_as_theory_says():
     # The ratio of two strains does not depend on the load's scale.
     assert judged.join_parts["nu"]["both"] == pytest.approx(0.0, abs=1e-9)
     assert judged.as_dict()["std_by_join"]["E_gpa"] == modulus
-    assert " and 1 GPa, Rp02 " in judged.join_text
+    assert " and 1 GPa, Rp02 " in judged.time_texts[0]

@@ -112,6 +112,20 @@ def test_simulated_device_may_compute_for_longer_than_its_deadline():
         assert clock.now_s() == 0.0
 
 
+def test_calls_behind_one_that_was_given_up_let_time_pass():
+    clock = VirtualClock()
+    calls = Calls(clock, lambda: None)
+    with clock.activity():
+        hanging = calls.begin("stage", "read", lambda: clock.sleep(3600.0), Deadline(0.7))
+        behind = calls.begin("stage", "stop", lambda: clock.sleep(3600.0), Deadline(0.7))
+        for call in (hanging, behind):
+            with pytest.raises(DeviceTimeout):
+                calls.finish(call)
+        clock.sleep(10.0)
+        assert clock.now_s() < 20.0
+    calls.close()
+
+
 def test_simulated_device_that_computes_on_a_busy_computer_does_not_hang(monkeypatch):
     """It takes longer than the patience, and the processor time shows that it computes."""
     clock, finished, patience_s, asked = VirtualClock(), threading.Event(), 0.2, []

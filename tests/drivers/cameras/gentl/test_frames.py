@@ -63,6 +63,17 @@ def test_the_cameras_own_clock_tells_the_exposure(plugged, context, clock):
     camera.close()
 
 
+def test_a_stamp_from_the_future_is_refused(plugged, context):
+    plugged.values |= CLOCK
+    camera = opened(plugged, context, stamp="start")
+    camera.grab(1.0)
+    told = plugged.camera_s
+    plugged.camera_s = lambda time_s: told(time_s + 0.5)
+    with pytest.raises(DeviceFault, match=r"exposure lies 0\.4\d+ s after its arrival; correct `stamp`"):
+        camera.grab(1.0)
+    camera.close()
+
+
 def test_frames_that_are_not_whole_carry_flags_and_a_stream_tells_of_them(plugged, context):
     camera = opened(plugged, context, format="Mono16")
     plugged.faults = {20: "lost", 30: "incomplete", 40: "small"}
