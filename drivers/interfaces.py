@@ -169,7 +169,10 @@ class LoadFrameState:
 
 @dataclass(frozen=True)
 class LoadFrameLimits:
-    """Limits of load, displacement, speed and load rate, as read back from the load frame."""
+    """Limits of load, displacement, speed and load rate, as read back from the load frame.
+
+    A load frame that cannot control the load, but only the displacement, has a `load_rate_max_n_s` of 0.
+    """
 
     load_min_n: float
     load_max_n: float
@@ -180,7 +183,10 @@ class LoadFrameLimits:
 
 
 class LoadFrame(Protocol):
-    """A tensile load frame in load or displacement control. In its safe state it holds its position."""
+    """A tensile load frame in displacement control and, mostly, in load control.
+
+    In its safe state it holds its position.
+    """
 
     info: DeviceInfo
     limits: LoadFrameLimits
@@ -189,7 +195,10 @@ class LoadFrame(Protocol):
         """Read the machine's state and reset its watchdog. Raise `DeviceError` if the values are invalid."""
 
     def go_to_load(self, load_n: float, rate_n_s: float) -> None:
-        """Start a ramp to a load, in N, at a rate in N/s. Loads beyond the limits are refused."""
+        """Start a ramp to a load, in N, at a rate in N/s. Loads beyond the limits are refused.
+
+        A load frame without control of the load refuses every load with a `DeviceFault`.
+        """
 
     def go_to_displacement(self, displacement_mm: float, speed_mm_s: float) -> None:
         """Start a move to a crosshead position, in mm. Positions beyond the limits are refused."""
@@ -267,6 +276,18 @@ class OperatorAction(Enum):
     )
 
 
+@dataclass(frozen=True)
+class OperatorQuestion:
+    """A request of a protocol to the person at the rig, in one line, and the word that confirms it."""
+
+    text: str
+    word: str
+
+    def is_confirmed_by(self, typed: str) -> bool:
+        """Return True if a typed text is the word. Capital letters and spaces around it do not matter."""
+        return typed.strip().casefold() == self.word.casefold()
+
+
 class Operator(Protocol):
     """The person at the rig, or a substitute for that person.
 
@@ -275,10 +296,25 @@ class Operator(Protocol):
 
     An operator may also have a method ``close()``, which ends a waiting `perform` with a `DeviceError`. A run
     that ends while it waits for the operator calls this method.
+
+    An operator who can be asked the questions of a protocol also has the methods of `AsksQuestions`.
     """
 
     def perform(self, action: OperatorAction) -> None:
         """Wait until the person has done the action. Raise `DeviceError` if the person refuses the action."""
+
+
+class AsksQuestions(Protocol):
+    """Optional part of the interface of an operator: questions with a word that the protocol declares.
+
+    A run with a phase `ask` needs these methods. Its questions are also given to ``notice``, if there is one.
+    """
+
+    def ask(self, question: OperatorQuestion) -> None:
+        """Wait until the person has confirmed a question with its word. Raise `DeviceError` on a refusal."""
+
+    def withdraw(self) -> None:
+        """End a waiting `ask`, because the question was answered elsewhere. Later questions are asked."""
 
 
 @dataclass(frozen=True)

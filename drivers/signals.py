@@ -74,6 +74,9 @@ class ChannelDevice(Protocol):
     signals : tuple of Signal
     rate_hz : float
         Number of samples per second; 0 if samples come at no fixed rate.
+
+    A device may also have an attribute `silence_s`: the time in s without a sample after which a run ends.
+    Without it, a run ends after ten missing samples, and never if there is no fixed rate.
     """
 
     info: DeviceInfo

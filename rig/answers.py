@@ -111,20 +111,47 @@ class _CheckedReadings(_Checked):
 
 
 class _CheckedImages(_Checked):
+    def __getattr__(self, name: str) -> Any:
+        # Only a camera that has a stream has this attribute.
+        return (
+            self._checked_stream
+            if name == "stream" and hasattr(self._device, name)
+            else super().__getattr__(name)
+        )
+
     def grab(self, timeout_s: float) -> Any:
         """Return an image. Raise `DeviceFault` if it is none, or its times are impossible.
 
         The engine itself refuses and repeats an image that was exposed before it was asked for.
         """
-        frame = self._as("grab", self._device.grab(timeout_s), Frame)
+        return self._image("grab", self._device.grab(timeout_s))
+
+    def _checked_stream(self, capacity: int) -> "_CheckedStream":
+        return _CheckedStream(self._name, self._device.stream(capacity), self._clock)
+
+    def _image(self, action: str, value: Any) -> Any:
+        frame = self._as(action, value, Frame)
         now_s = self._clock.now_s()
         if got := _wrong_time(frame.exposed_s, -math.inf, frame.received_s):
             expected = "an image exposed before it was received"
-            raise DeviceFault(self._name, "grab", expected, f"one exposed {got}", _UNKNOWN_TIMES)
+            raise DeviceFault(self._name, action, expected, f"one exposed {got}", _UNKNOWN_TIMES)
         if got := _wrong_time(frame.received_s, frame.exposed_s, now_s):
             expected = "an image received until now"
-            raise DeviceFault(self._name, "grab", expected, f"one received {got}", _UNKNOWN_TIMES)
+            raise DeviceFault(self._name, action, expected, f"one received {got}", _UNKNOWN_TIMES)
+        middle_s, middle_std_s = frame.middle
+        if got := _wrong_time(middle_s, frame.exposed_s, frame.received_s):
+            expected = "an image with the middle of its exposure between its times"
+            raise DeviceFault(self._name, action, expected, f"one {got}", _UNKNOWN_TIMES)
+        if not 0.0 <= middle_std_s < math.inf:
+            expected = "a standard deviation of the middle of the exposure"
+            raise DeviceFault(self._name, action, expected, f"{middle_std_s}", _UNKNOWN_TIMES)
         return frame
+
+
+class _CheckedStream(_CheckedImages):
+    def next(self, timeout_s: float) -> Any:
+        """Return the next image. Raise the same errors as `grab` of its camera."""
+        return self._image("stream", self._device.next(timeout_s))
 
 
 class _CheckedSamples(_Checked):

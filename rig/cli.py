@@ -2,7 +2,7 @@
 
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -13,17 +13,14 @@ from drivers.errors import ConfigurationError, DeviceError
 from rig import RigError
 from rig.commands.hand_commands import hold, jog, status, unload
 from rig.commands.output import JSON as _JSON, PATH as _PATH, NumberRange, finish as _finish, write as _write
+from rig.commands.queue_command import queue
 from rig.threads import (
     device_threads,
     drivers_exit_by_exception,
-    dying_of_signals,
     last_resort,
     leave,
     never_released,
 )
-
-if TYPE_CHECKING:
-    from rig import Outcome
 
 
 def main() -> None:
@@ -105,10 +102,9 @@ def run(
     With --continue, the finished steps of an earlier run are not repeated. If the specimen is in a load
     frame, the operator must first confirm that nobody has touched it.
     """
-    from rig import NewsOptions, plan_protocol, run_protocol
-    from rig.commands.at_rest import at_rest_line
-    from rig.commands.continuing import next_segment, say_where_it_stands
-    from rig.commands.progress import run_screen
+    from rig import plan_protocol
+    from rig.commands.continuing import next_segment
+    from rig.commands.running import end_lines, run_dict, run_on_screen
 
     run_path = output or (Path(f"{protocol.stem}.h5") if continues is None else next_segment(continues))
     inputs = [protocol, rig_path, run_path, *([] if continues is None else [continues])]
@@ -116,50 +112,47 @@ def run(
     made = plan_protocol(protocol, rig_path)
     for caution in made.cautions:
         say(f"rig: caution: {caution}", err=True)
-    news = NewsOptions(
-        notify, http, lambda line: say(f"rig: {line}", err=True), on_continue=say_where_it_stands
-    )
     with ExitStack() as ending:
-        with run_screen() as screen:
-            try:
-                outcome = run_protocol(
-                    protocol,
-                    rig_path,
-                    run_path,
-                    on_status=[screen.on_status],
-                    on_step=[screen.on_step],
-                    on_question=screen.on_question,
-                    continues=continues,
-                    news=news,
-                )
-            finally:
-                # All devices are closed now, so a signal may kill the program if output to the terminal
-                # hangs.
-                ending.enter_context(dying_of_signals())
-        whole = outcome.recorded and run_path.is_file()
-        place = f"in {run_path}" if whole else "were finished; the reason above says where their data are"
-        done = f"{outcome.status}: {outcome.steps_done} steps {place}"
-        lines = [done, at_rest_line(outcome.at_end)]
-        for sentence in filter(None, (outcome.reason, *outcome.lost_devices, *outcome.lost_listeners)):
-            say(f"rig: {sentence}", err=True)
-        if outcome.timing is not None:
-            for sentence in outcome.timing.sentences():
-                say(f"rig: {sentence}", err=True)
+        options: dict[str, Any] = {"continues": continues, "notify": notify, "http": http}
+        outcome = run_on_screen(protocol, rig_path, run_path, ending, **options)
+        lines = end_lines(run_path, outcome)
+        table = run_dict(run_path, outcome) | {"limits": made.limits.table.rows()}
         good, recorded = outcome.is_good, outcome.recorded
-        table = _run_dict(run_path, outcome) | {"limits": made.limits.table.rows()}
         _finish(lines, table, json_path, good=good, done=recorded)
 
 
 @cli.command()
 @click.argument("rig_path", metavar="RIG", type=_PATH)
 @click.option("-o", "--output", type=_PATH, help="Keep each camera's picture in this folder, as NAME.png.")
+@click.option(
+    "--delay",
+    metavar="CHANNEL",
+    help="Measure only the delay of this channel against the cameras: switch a light that the cameras see, "
+    "whose voltage is the channel.",
+)
+@click.option("--seconds", type=NumberRange(5.0, 600.0), help="Film for this time with --delay. Default: 30.")
 @_JSON
 @FORCE
-def check(rig_path: Path, output: Path | None, json_path: Path | None, force: bool) -> None:
+def check(
+    rig_path: Path,
+    output: Path | None,
+    delay: str | None,
+    seconds: float | None,
+    json_path: Path | None,
+    force: bool,
+) -> None:
     """Open the devices of RIG, read their state and take one image with each camera. No device moves.
 
-    If a device fails, the other devices are still checked.
+    If a device fails, the other devices are still checked. Channels are read for two seconds; output lines
+    give no pulse.
     """
+    if delay is not None:
+        if output is not None:
+            raise click.UsageError("give -o only without --delay")
+        _check_delay(rig_path, delay, seconds, json_path, force)
+        return
+    if seconds is not None:
+        raise click.UsageError("give --seconds only with --delay")
     from rig import open_rig, read_rig
     from rig.commands.check import check_rig, keep_in
     from rig.guardian.lock import machines_locked
@@ -178,6 +171,23 @@ def check(rig_path: Path, output: Path | None, json_path: Path | None, force: bo
     lines = found.lines + [f"not good: {problem}" for problem in found.problems]
     table = {"devices": found.devices, "problems": found.problems, "failed": failed}
     _finish(lines, table, json_path, good=not found.problems, done=not failed)
+
+
+def _check_delay(
+    rig_path: Path, delay: str, seconds: float | None, json_path: Path | None, force: bool
+) -> None:
+    from rig import open_rig, read_rig
+    from rig.commands.check_delay import SECONDS, measure_delay, only_delay
+
+    rig_file, signal = only_delay(read_rig(rig_path), delay)
+    require_places([rig_path], [json_path], force=force)
+    with open_rig(rig_file) as rig:
+        found = measure_delay(rig, signal, seconds or SECONDS, lambda line: say(f"rig: {line}", err=True))
+    for sentence in found.failed.values():
+        say(f"rig: {sentence}", err=True)
+    lines = found.lines + [f"not good: {problem}" for problem in found.problems]
+    table = {"delays": found.delays, "problems": found.problems, "failed": found.failed}
+    _finish(lines, table, json_path, good=not (found.problems or found.failed), done=bool(found.delays))
 
 
 @cli.command()
@@ -245,7 +255,10 @@ def verify(run_file: Path, json_path: Path | None, force: bool) -> None:
 
     require_places([run_file], [json_path], force=force)
     found = verify_run(run_file)
-    lines = [f"{found.path}: {found.status}, {found.steps} of {found.planned} planned steps"]
+    of_all = "" if found.planned is None else f" of {found.planned} planned"
+    lines = [f"{found.path}: {found.status}, {found.steps + found.overwritten}{of_all} steps"]
+    if found.overwritten:
+        lines += [f"the images of the newest {found.steps} steps are kept, as the protocol asks for"]
     lines += [
         f"{name}: {camera.valid} images, {camera.in_steps} in finished steps, {len(camera.damaged)} damaged"
         for name, camera in found.cameras.items()
@@ -253,6 +266,10 @@ def verify(run_file: Path, json_path: Path | None, force: bool) -> None:
     lines += [
         f"interlock {name}: {interlock.readings} readings, {interlock.outside} outside its range"
         for name, interlock in found.interlocks.items()
+    ]
+    lines += [
+        f"channels.{name}: {channel.samples} samples, {channel.lost} lost, {channel.outside} out of range"
+        for name, channel in found.channels.items()
     ]
     lines += [f"digest: {found.digest}"]
     lines += [f"not good: {problem}" for problem in found.problems]
@@ -347,34 +364,5 @@ def demo(output: Path) -> None:
     say(f"open {made.report.resolve()}")
 
 
-def _run_dict(run_path: Path, outcome: "Outcome") -> dict[str, Any]:
-    from rig.commands.at_rest import at_rest_dict
-
-    steps = [
-        {
-            "index": record.step.index,
-            "kind": record.step.kind,
-            "target": record.step.target if record.step.target == record.step.target else None,
-            "load_n": record.reading.by_unit().get("N"),
-            "displacement_mm": record.reading.by_unit().get("mm"),
-            "angle_deg": record.reading.by_unit().get("deg"),
-            "time_s": record.reading.time_s,
-            "images": {name: count for name, (_, count) in record.frames.items()},
-        }
-        for record in outcome.steps
-    ]
-    return {
-        "run_file": str(run_path),
-        "status": outcome.status,
-        "timing": None if outcome.timing is None else outcome.timing.as_dict(),
-        "reason": outcome.reason,
-        "unsafe": list(outcome.unsafe),
-        "lost_devices": list(outcome.lost_devices),
-        "lost_listeners": list(outcome.lost_listeners),
-        "at_end": at_rest_dict(outcome.at_end),
-        "steps": steps,
-    }
-
-
-for _command in (status, hold, unload, jog):
+for _command in (status, hold, unload, jog, queue):
     cli.add_command(_command)

@@ -129,6 +129,7 @@ class Rig:
         infos += [device.info for device in (self.stage, self.load_frame) if device is not None]
         infos += [interlock.device.info for interlock in self.interlocks.values()]
         infos += [device.info for device in self.channels.values()]
+        infos += [trigger.device.info for trigger in self.triggers.values()]
         return self.virtual or any(info.simulated for info in infos)
 
 

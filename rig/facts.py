@@ -1,5 +1,6 @@
 """Limits and image sizes of a rig, first read from the rig file and later from the opened devices."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 from drivers.interfaces import CameraInfo, LoadFrameLimits
@@ -46,6 +47,7 @@ class RigFacts:
 
 
 UNKNOWN_RIG = RigFacts()
+_LOAD_RATE = "load_rate_max_n_s"
 _OF_LOAD_FRAME = [each.name for each in fields(LoadFrameLimits)]
 
 
@@ -106,14 +108,14 @@ def narrowed(rig_file: RigFile, protocol: Protocol) -> RigFile:
     if entry is None or declared is None:
         return rig_file
     limits = {
-        "load": ("n", declared.load_max_n),
-        "displacement": ("mm", declared.displacement_max_mm),
+        "load": ("n", declared.load_max_n, declared.load_least_n),
+        "displacement": ("mm", declared.displacement_max_mm, declared.displacement_least_mm),
     }
     narrower: dict[str, float] = {}
-    for name, (unit, limit) in limits.items():
+    for name, (unit, greatest, least) in limits.items():
         for setting, value, choose in (
-            (f"{name}_max_{unit}", limit, min),
-            (f"{name}_min_{unit}", -limit, max),
+            (f"{name}_max_{unit}", greatest, min),
+            (f"{name}_min_{unit}", least, max),
         ):
             if isinstance(known := entry.setting(setting), float):
                 narrower[setting] = choose(known, value)
@@ -140,7 +142,8 @@ def objections(protocol: Protocol, facts: RigFacts) -> list[str]:
     ]
     if missing:
         return missing
-    found = [sentence for demand in conditions.demands for sentence in _beyond(demand, facts)]
+    found = _without_load_control(conditions.demands, facts)
+    found += [sentence for demand in conditions.demands for sentence in _beyond(demand, facts)]
     if "stage" in conditions.devices and facts.angle_min_deg is not None and facts.angle_min_deg > 0.0:
         found.append(
             f"the reference is at 0 deg, but stage.angle_min_deg is {facts.angle_min_deg:g}; set that to 0"
@@ -156,8 +159,21 @@ def objections(protocol: Protocol, facts: RigFacts) -> list[str]:
     return found
 
 
+def _without_load_control(demands: Sequence[Demand], facts: RigFacts) -> list[str]:
+    """Return a sentence if a protocol moves to loads, and the load frame cannot control the load."""
+    keys = [demand.key for demand in demands if demand.fact == _LOAD_RATE]
+    if not keys or facts.load_rate_max_n_s != 0.0:
+        return []
+    return [
+        f"{', '.join(keys)}: a load frame that controls the load is needed, and that of this rig only moves "
+        "to displacements; use motions to a displacement, or another rig"
+    ]
+
+
 def _beyond(demand: Demand, facts: RigFacts) -> list[str]:
     allowed: float | None = getattr(facts, demand.fact)
+    if demand.fact == _LOAD_RATE and allowed == 0.0:
+        return []
     if allowed is None or (demand.value >= allowed if demand.is_lowest else demand.value <= allowed):
         return []
     most, direction = ("least", "more") if demand.is_lowest else ("most", "less")

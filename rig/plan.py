@@ -10,6 +10,7 @@ from rig.facts import UNKNOWN_RIG, RigFacts, objections
 from rig.limit_settings import RigLimits
 from rig.limits.run_limits import RunLimits, limits_of
 from rig.mounting import Mounting
+from rig.protocol.acquire import AcquireProtocol
 from rig.protocol.durations import motion_times_s
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep
@@ -30,6 +31,44 @@ class PlannedStep:
 
 
 @dataclass(frozen=True)
+class AcquisitionPlan:
+    """What is known beforehand about the images at times or events.
+
+    Attributes
+    ----------
+    text : str
+        When images are due, and what ends them.
+    images : int or None
+        Number of images of each camera, None if events decide it.
+    interval_s : float or None
+        Time between two images, None without a fixed one.
+    keep_s : float or None
+        Time in s for which images stay in the file, None if all of them stay.
+    image_bytes : int or None
+        Size of one image of all cameras together, None if it is unknown.
+    """
+
+    text: str
+    images: int | None
+    interval_s: float | None
+    keep_s: float | None
+    image_bytes: int | None
+
+    @property
+    def images_per_hour(self) -> float | None:
+        """Number of images of each camera in an hour, None without a fixed rate."""
+        return None if self.interval_s is None else 3600.0 / self.interval_s
+
+    @property
+    def images_on_file(self) -> int | None:
+        """Number of images of each camera that stay in the file, None if it is unknown."""
+        if self.keep_s is None or self.interval_s is None:
+            return self.images
+        kept = math.ceil(self.keep_s / self.interval_s) + 1
+        return kept if self.images is None else min(kept, self.images)
+
+
+@dataclass(frozen=True)
 class Plan:
     """The plan of the longest possible run of a protocol.
 
@@ -39,11 +78,13 @@ class Plan:
         All possible steps. Steps with `conditional` are executed only if the behaviour of the specimen
         requires them.
     images : int or None
-        Number of images from all steps and all cameras, or None without a rig file.
+        Number of images from all steps and all cameras, or None without a rig file, or if events decide it.
     size_bytes : int or None
-        Size of all images in bytes, or None if the size of an image is unknown.
+        Size of all images in the file in bytes, or None if their number or the size of an image is unknown.
     worst_load_n, worst_displacement_mm : float
         The limits of load and displacement beyond which the engine ends a tension test. NaN for a rotation.
+    least_load_n, least_displacement_mm : float or None
+        The same limits in compression, if the protocol declares them.
     limits : RunLimits
         The merged limits of the run, and the plausible behaviour of specimen, grips and load frame.
     objections : list of str
@@ -52,6 +93,8 @@ class Plan:
         Warnings about dangers that the rig file accepts. Every start of a run prints them.
     mounting : Mounting
         The mounting of grid and specimen, as the protocol and the rig file declare it.
+    acquisition : AcquisitionPlan or None
+        The images at times or events, None for another protocol.
     """
 
     title: str
@@ -65,6 +108,9 @@ class Plan:
     objections: list[str]
     cautions: list[str] = field(default_factory=list)
     mounting: Mounting = field(default_factory=Mounting)
+    acquisition: AcquisitionPlan | None = None
+    least_load_n: float | None = None
+    least_displacement_mm: float | None = None
 
     @property
     def duration_s(self) -> float | None:
@@ -82,18 +128,24 @@ def make_plan(protocol: Protocol, facts: RigFacts = UNKNOWN_RIG, rig_limits: Rig
     per_step = protocol.images.per_step
     imaging_s = per_step * (facts.cameras or 0) * SECONDS_PER_IMAGE
     planned = [
-        PlannedStep(step, None if motion_s is None else motion_s + _still_s(step, protocol, imaging_s))
+        PlannedStep(step, _duration_s(step, motion_s, protocol, imaging_s))
         for step, motion_s in zip(steps, motion_times_s(steps, facts.speed_deg_s), strict=True)
     ]
     limits = protocol.conditions.limits
     in_force = limits_of(protocol, facts, rig_limits)
-    imaged = sum(step.images for step in steps)
+    acquisition = _acquisition(protocol, facts)
+    imaged = per_step * sum(step.images for step in steps if step.acquisition is None)
+    taken = kept = imaged if acquisition is None else None
+    if acquisition is not None and acquisition.images is not None:
+        taken = imaged + acquisition.images
+    if acquisition is not None and acquisition.images_on_file is not None:
+        kept = imaged + acquisition.images_on_file
     return Plan(
         title=protocol.title,
         kind=protocol.kind,
         steps=planned,
-        images=None if facts.cameras is None else imaged * per_step * facts.cameras,
-        size_bytes=None if facts.image_bytes is None else imaged * per_step * facts.image_bytes,
+        images=None if facts.cameras is None or taken is None else taken * facts.cameras,
+        size_bytes=None if facts.image_bytes is None or kept is None else kept * facts.image_bytes,
         worst_load_n=math.nan if limits is None else limits.load_max_n,
         worst_displacement_mm=math.nan if limits is None else limits.displacement_max_mm,
         limits=in_force,
@@ -101,6 +153,22 @@ def make_plan(protocol: Protocol, facts: RigFacts = UNKNOWN_RIG, rig_limits: Rig
         # setting.
         objections=objections(protocol, facts) or in_force.objections,
         mounting=protocol.mounting,
+        acquisition=acquisition,
+        least_load_n=None if limits is None else limits.load_min_n,
+        least_displacement_mm=None if limits is None else limits.displacement_min_mm,
+    )
+
+
+def _acquisition(protocol: Protocol, facts: RigFacts) -> AcquisitionPlan | None:
+    if not isinstance(protocol, AcquireProtocol):
+        return None
+    part = protocol.acquisition
+    return AcquisitionPlan(
+        f"{part.schedule.text}, until {part.end_of.text}",
+        part.planned,
+        part.schedule.every_s,
+        part.schedule.keep_s,
+        facts.image_bytes,
     )
 
 
@@ -146,6 +214,18 @@ def require_feasible(plan: Plan, folder: Path) -> None:
 def format_bytes(size: int) -> str:
     """Return a size in bytes as text, in MB or GB."""
     return f"{size / 1e6:.1f} MB" if size < 1e9 else f"{size / 1e9:.1f} GB"
+
+
+def _duration_s(
+    step: ProtocolStep, motion_s: float | None, protocol: Protocol, imaging_s: float
+) -> float | None:
+    if isinstance(protocol, AcquireProtocol) and step.acquisition is not None and not step.timed:
+        # the one step that stands for all images at unknown times
+        end, every_s = protocol.end, protocol.acquire.every_s
+        if every_s is not None and end.images is not None:
+            return min(every_s * (end.images - 1), end.duration_s or math.inf)
+        return end.duration_s
+    return None if motion_s is None else motion_s + _still_s(step, protocol, imaging_s)
 
 
 def _still_s(step: ProtocolStep, protocol: Protocol, imaging_s: float) -> float:

@@ -9,6 +9,7 @@ import math
 import re
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +20,10 @@ from dic.runfile.lock import is_recorded
 from dic.runfile.reader import RunFile
 from rig.devices import Rig
 from rig.errors import ProtocolError, RigError
+from rig.protocol.acquire import AcquireProtocol
 from rig.protocol.protocol import Protocol, recorded_protocol
 from rig.protocol.step import ProtocolStep, RigReading
-from rig.recorder.records import PHASE_ENDED, STEP_REACHED
+from rig.recorder.records import PHASE_ENDED, STEP_MISSED, STEP_REACHED
 
 _TOLERANCES = 5.0
 """Largest accepted change of load, displacement or angle since the earlier run, in settling tolerances."""
@@ -103,6 +105,9 @@ def read_earlier(path: Path, definition: str, configuration: str) -> FinishedPar
                 )
         # Runs of earlier versions have no still images.
         protocol = recorded_protocol(definition, [step.kind for step in run.steps])
+        if isinstance(protocol, AcquireProtocol):
+            remedy = "begin a new run; both files have their images, times and samples"
+            raise refuse("a protocol that commands a machine", "an acquisition beside one", remedy)
         readings = _finished(run)
         following = _following(protocol, readings)
         if 1 not in readings or following is None:
@@ -110,7 +115,8 @@ def read_earlier(path: Path, definition: str, configuration: str) -> FinishedPar
             raise refuse("a grid, a reference, and a step that is left", got, "start the protocol anew")
         if isinstance(following, str):
             raise refuse("an interruption between two commanded steps", following, "start the protocol anew")
-        identities = {name: run.identity(name) for name in run.cameras}
+        channels = [f"channels.{name}" for name in run.channels]
+        identities = {name: run.identity(name) for name in (*run.cameras, *channels)}
         end = {"load_n": math.nan, "displacement_mm": math.nan, "angle_deg": math.nan}
         for device in ("stage", "load_frame"):
             if table := run.columns(f"instrument/{device}"):
@@ -128,7 +134,8 @@ def require_unchanged(earlier: FinishedPart, protocol: Protocol, rig: Rig) -> Ri
     Raise `ContinueError` if a device was replaced, or if load, displacement or angle have changed since the
     end of the earlier run.
     """
-    devices = dict(rig.cameras) | {"stage": rig.stage, "load_frame": rig.load_frame}
+    devices: dict[str, Any] = {"stage": rig.stage, "load_frame": rig.load_frame, **rig.cameras}
+    devices |= {f"channels.{name}": device for name, device in rig.channels.items()}
     for name, identity in earlier.identities.items():
         info = getattr(devices.get(name), "info", None)
         ours = (getattr(info, "vendor", ""), getattr(info, "model", ""), getattr(info, "serial", ""))
@@ -176,7 +183,7 @@ def _finished(run: RunFile) -> dict[int, RigReading]:
     events = run.columns("events")
     # Run files of earlier versions do not record the order of rows, so leave the events out.
     rows = list(zip(events["message"], events["order"], strict=True)) if "order" in events else []
-    for beginning in (STEP_REACHED, PHASE_ENDED):
+    for beginning in (STEP_REACHED, STEP_MISSED, PHASE_ENDED):
         said = re.compile(rf"{re.escape(beginning)} (\d+)")
         for message, order in rows:
             if found := said.match(message.decode(errors="replace")):

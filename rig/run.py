@@ -123,6 +123,7 @@ def run_protocol(
                 earlier=None if earlier is None else earlier.readings,
             )
             told.connect(engine)
+            news.on_begin(engine)
             with aborting_on_signals(engine), guardian.watched(engine.abort):
                 outcome = engine.run()
             if not outcome.unsafe:

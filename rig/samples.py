@@ -42,11 +42,13 @@ class SignalReading:
         Times on the rig's clock at which the signal had these values, its delay subtracted.
     is_new : bool
         False if there was no new sample.
+    unit : str
     """
 
     values: Floats
     time_s: Floats
     is_new: bool = True
+    unit: str = ""
 
     @property
     def newest(self) -> float:

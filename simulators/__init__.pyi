@@ -8,9 +8,10 @@ from .load_frame.modbus import (
     LoadFrameServer as LoadFrameServer,
 )
 from .rig.camera import (
-    CameraSettings as CameraSettings,
+    FreeRunningCamera as FreeRunningCamera,
     SimulatedCamera as SimulatedCamera,
 )
+from .rig.camera_settings import CameraSettings as CameraSettings
 from .rig.simulation import Simulation as Simulation
 from .rig.virtual_rig import (
     VirtualRig as VirtualRig,

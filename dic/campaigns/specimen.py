@@ -22,12 +22,14 @@ from dic.records.machine import read_machine_record
 class Evaluated:
     """The properties of a test, with the kind of strain and the number of images without a reading.
 
-    The kind is empty for a table, whose column of strain the user names.
+    The kind is empty for a table, whose column of strain the user names. `direction_deg` is the direction
+    that a run states, or None.
     """
 
     properties: Properties
     strain_kind: str = ""
     left_out: int = 0
+    direction_deg: float | None = None
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,9 @@ class GaugeChoice:
             series, _ = join_record(series, record, self.join, clock=clock, gauge=gauge)
         read = gauge_curve(series, gauge, transverse, kind=self.kind, camera=self.camera)
         found = read.judged(material_properties(read.curve, settings))
-        return Evaluated(found, read.kind, read.left_out)
+        return Evaluated(
+            found, read.kind, read.left_out, None if series.run is None else series.run.direction_deg
+        )
 
 
 @dataclass(frozen=True)
@@ -132,7 +136,8 @@ class CampaignSpecimen:
     source : CurveColumns or GaugeChoice
         The columns of the table, or the gauges in the result file.
     direction_deg : float or None
-        Angle between the load and the rolling direction, at least 0° and below 180°.
+        Angle between the load and the rolling direction, at least 0° and below 180°. Without it, the
+        direction is that of the run, if the file is the result of a run that states one.
 
     Raises
     ------
@@ -153,19 +158,32 @@ class CampaignSpecimen:
     def test(self) -> SpecimenTest:
         """Evaluate the test; an error becomes the test's `failure`."""
         file = Path(self.file)
-        about = self.name, str(file), self.direction_deg
+        about = self.name, str(file)
         try:
             found = self.source.measure(file, self.settings)
+            direction_deg = self._direction(found)
             sha256 = file_sha256(file)
         except MeasurementError as failure:
-            return SpecimenTest(*about, None, failure)
+            return SpecimenTest(*about, self.direction_deg, None, failure)
         return SpecimenTest(
             *about,
+            direction_deg,
             found.properties,
             sha256=sha256,
             strain_kind=found.strain_kind,
             left_out=found.left_out,
         )
+
+    def _direction(self, found: Evaluated) -> float | None:
+        """Return the direction that the user or the run states. Raise `CurveError` if both differ."""
+        given, stated = self.direction_deg, found.direction_deg
+        if stated is not None:
+            require_direction(f"{self.name}, the run", stated)
+        if given is not None and stated is not None and given != stated:
+            expected, got = f"{stated:g}, which the run states", f"{given:g}"
+            remedy = "correct or remove it"
+            raise CurveError(self.name, "direction_deg", expected, got, remedy)
+        return stated if given is None else given
 
 
 def measure_campaign(specimens: Sequence[CampaignSpecimen]) -> Campaign:
@@ -185,7 +203,10 @@ def measure_campaign(specimens: Sequence[CampaignSpecimen]) -> Campaign:
         evaluated.
     """
     require_apart(specimens, "campaign")
-    return campaign_of([specimen.test() for specimen in specimens])
+    tests = [specimen.test() for specimen in specimens]
+    if errors := _partly_directed([(test.name, test.direction_deg) for test in tests if test.properties]):
+        raise joined(errors)
+    return campaign_of(tests)
 
 
 def require_apart(specimens: Sequence[CampaignSpecimen], source: str) -> None:
@@ -204,9 +225,23 @@ def require_apart(specimens: Sequence[CampaignSpecimen], source: str) -> None:
             for value in dict.fromkeys(values)
             if values.count(value) > 1
         ]
-    without = [specimen.name for specimen in specimens if specimen.direction_deg is None]
-    if 0 < len(without) < len(specimens):
-        expected, got = "a direction of each specimen, or none", f"none of {', '.join(without)}"
-        errors.append(CurveError(source, "direction_deg", expected, got, "name all directions, or none"))
+    # A result file may state its direction itself, so only those that give one count here.
+    known = [(each.name, each.direction_deg) for each in specimens if _states_direction(each)]
+    errors += _partly_directed(known, source)
     if errors:
         raise joined(errors)
+
+
+def _states_direction(specimen: CampaignSpecimen) -> bool:
+    return specimen.direction_deg is not None or isinstance(specimen.source, CurveColumns)
+
+
+def _partly_directed(
+    directions_deg: Sequence[tuple[str, float | None]], source: str = "campaign"
+) -> list[MeasurementError]:
+    """Return an error if only some specimens have a direction."""
+    without = [name for name, direction_deg in directions_deg if direction_deg is None]
+    if not 0 < len(without) < len(directions_deg):
+        return []
+    expected, got = "a direction of each specimen, or none", f"none of {', '.join(without)}"
+    return [CurveError(source, "direction_deg", expected, got, "name all directions, or none")]

@@ -1,4 +1,4 @@
-"""The options of `dic process` that name the regions to measure in the images of a run's cameras."""
+"""The options of `dic process` that name what to measure in the images of a run, and where its grid is."""
 
 from __future__ import annotations
 
@@ -32,12 +32,20 @@ class RunRegionOptions:
         " A polygon inside another is a hole. With --roi, the region is the intersection.",
     )
 
+    grid_from: Path | None = option(
+        "--grid-from",
+        metavar="RUN",
+        help="Take the images of the grid from this run file, because the RUN has none: the same cameras"
+        " stood in the same places. Default: the RUN itself.",
+    )
+
     @property
     def files(self) -> list[Path]:
-        """The region files and mask images that the options name."""
+        """The files that the options name."""
+        grid = [] if self.grid_from is None else [self.grid_from]
         rois = [Path(text.partition("=")[2]) for text in self.rois]
         places = [text.partition("=")[2] for text in self.polygons]
-        return rois + [Path(place) for place in places if is_file(place)]
+        return grid + rois + [Path(place) for place in places if is_file(place)]
 
     def source(self, run: Path) -> dic.pipeline.RunSource:
         """Return a run file with the regions of the options.
@@ -57,6 +65,7 @@ class RunRegionOptions:
                 )
                 for camera in {**rois, **polygons}
             },
+            self.grid_from,
         )
 
     @staticmethod

@@ -197,6 +197,8 @@ def as_dict(result: dic.pipeline.RunResult) -> dict[str, Any]:
         "title": info.title,
         "status": info.status,
         "simulated": info.simulated,
+        "sample": info.sample,
+        "direction_deg": info.direction_deg,
         "settings": vars(result.settings),
         "motion": result.corrections.motion,
         "shift": result.correcting.shift.as_dict(),

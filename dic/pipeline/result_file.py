@@ -274,9 +274,12 @@ def _read_info(run: Mapping[str, Any]) -> RunInfo:
 
     Raises `TypeError` if a value is not of the type of its property, such as two numbers for the thickness.
     """
-    values = {each.name: plain(run[each.name]) for each in fields(RunInfo)}
-    for each in fields(RunInfo):
-        kinds = (int, float) if each.type is float else cast(type, each.type)
+    # The direction is stored only if it is known.
+    known = [each for each in fields(RunInfo) if each.name != "direction_deg" or each.name in run]
+    values = {each.name: plain(run[each.name]) for each in known}
+    for each in known:
+        is_number = each.type is float or each.name == "direction_deg"
+        kinds = (int, float) if is_number else cast(type, each.type)
         if not isinstance(values[each.name], kinds):
             raise TypeError(f"{each.name} is no {each.type}")
     return RunInfo(**values)

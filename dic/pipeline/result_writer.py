@@ -158,7 +158,10 @@ class MeasurementWriter:
             self._writer.finish()
 
     def _write_run(self, set_up: RunSetUp) -> None:
-        self._writer.group("run").attrs.update(asdict(set_up.info) | {"source": set_up.source})
+        self._writer.group("run").attrs.update(
+            {name: value for name, value in asdict(set_up.info).items() if value is not None}
+            | {"source": set_up.source}
+        )
         correcting = {"correcting": set_up.correcting.as_text()}
         self._writer.group("settings").attrs.update(vars(set_up.settings) | correcting)
 

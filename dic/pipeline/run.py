@@ -94,25 +94,30 @@ def process_run(
     require_kind("correcting", correcting, CorrectionSettings | None, "give dic.CorrectionSettings()")
     settings, correcting = settings or CorrelationSettings(), correcting or CorrectionSettings()
     chosen = output if isinstance(output, ResultPlace) or output is None else ResultPlace(Path(output))
-    with open_run(source.path) as run, result_place(None if chosen is None else chosen.path) as file:
+    with (
+        open_run(source.path) as run,
+        source.opened_grid(run) as grid,
+        result_place(None if chosen is None else chosen.path) as file,
+    ):
         place = chosen or ResultPlace(file)
-        run.step_of_kind("grid")
         run.step_of_kind("reference")
         plate_mm = run.mounting.plate_mm if plate_mm is None else plate_mm
         correcting.require_use(str(source.path), list(run.cameras), kinds_of(run.series()[1:]))
-        correcting = correcting.completed(run.mounting, run.info.thickness_mm, run.grid_making)
+        correcting = correcting.completed(run.mounting, run.info.thickness_mm, grid.grid_making)
         regions = source.masks(run)
-        cameras = RunCameras(run, regions, settings, incremental, plate_mm, correcting.grid, workers)
+        cameras = RunCameras(run, regions, settings, incremental, plate_mm, correcting.grid, grid, workers)
         first, *others = cameras.exposed[run.cameras[0]].steps
         reference_s = first.time_s if any(step.kind == "static" for step in others) else nan
         known = run.info, settings, strain or StrainSettings(), correcting, plate_mm, reference_s
         set_up = RunSetUp(str(run.path), *known)
-        job = Job.of(_fields_job(run, settings, incremental) | region_digests(regions), set_up.as_dict())
+        of_fields = _fields_job(run, grid, settings, incremental) | region_digests(regions)
+        job = Job.of(of_fields, set_up.as_dict())
         with alone(place.path):
             earlier = look_up(place, job, cameras.outcomes)
             if isinstance(earlier.same, RunResult):
                 return replace(earlier.same, note=earlier.note, known=True)
-            origin = Provenance.of([run.path, *place.inputs], job)
+            files = [run.path, *([] if grid is run else [grid.path])]
+            origin = Provenance.of([*files, *place.inputs], job)
             done = partial(on_image, len(run.cameras) * (len(run.series()) - 1))
             specimens = _measure(cameras, set_up, earlier, place, origin, done)
         result = load_written(place.path)
@@ -143,10 +148,12 @@ def _measure(
     return {camera.camera: camera.specimen for camera in cameras}
 
 
-def _fields_job(run: RunFile, settings: CorrelationSettings, incremental: str) -> dict[str, Any]:
+def _fields_job(
+    run: RunFile, grid: RunFile, settings: CorrelationSettings, incremental: str
+) -> dict[str, Any]:
     """Return everything except the images of the steps that determines the fields of a run."""
-    fixed = [run.step_of_kind("grid"), run.step_of_kind("reference")]
-    digests = [run.digest(camera, step) for camera in run.cameras for step in fixed]
+    fixed = [(grid, grid.step_of_kind("grid")), (run, run.step_of_kind("reference"))]
+    digests = [of.digest(camera, step) for camera in run.cameras for of, step in fixed]
     return {
         "run": run.info.run_id,
         "images of grid and reference": joined_digest(digests),

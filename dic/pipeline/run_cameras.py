@@ -49,6 +49,8 @@ class RunCameras:
     """Distance of the specimen's surface behind the grid's lines."""
     accuracy: GridAccuracy = field(default_factory=GridAccuracy)
     """How accurately the grid was made."""
+    grid_run: RunFile | None = None
+    """The run with the images of the grid; by default the run itself."""
     workers: Workers | None = None
     """Workers that correlate the images of all cameras. By default each camera has a thread of its own."""
 
@@ -60,7 +62,8 @@ class RunCameras:
     def calibrated(self) -> list[CameraImages]:
         """Calibrate all cameras at the same time, and return them with their images."""
         with ThreadPoolExecutor() as pool:
-            fitted = pool.map(partial(calibrate_camera, self.run, accuracy=self.accuracy), self.run.cameras)
+            grid = self.grid_run or self.run
+            fitted = pool.map(partial(calibrate_camera, grid, accuracy=self.accuracy), self.run.cameras)
             return list(map(self._calibrated, self.run.cameras, of_one_grid(tuple(fitted))))
 
     def outcomes(self) -> dict[str, list[ImageOutcome]]:

@@ -1,7 +1,8 @@
 """Run files that paths name, and the regions to measure in the images of their cameras."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -11,6 +12,7 @@ from dic.errors import CorrelationError, RunFileError, require_kind
 from dic.hdf5.open import NotReadable, open_hdf5
 from dic.image.given import checked_region
 from dic.image.pages import natural_key
+from dic.runfile.joined import open_run
 from dic.runfile.reader import RunFile
 from dic.runfile.schema import CONTINUES, FORMAT
 from dic.runfile.values import read_object, read_text
@@ -34,13 +36,48 @@ class RunSource:
         the camera's images.
         Only the calibrated part of a region is measured. A camera without a region measures the specimen,
         which is found by its speckles.
+    grid_from : path, optional
+        The run file with the images of the grid, if the run has none, or others are better. Its cameras must
+        have stood in the same places. Default: the run itself.
     """
 
     path: PathLike
     regions: Mapping[str, Region] = field(default_factory=dict)
+    grid_from: PathLike | None = None
 
     def __post_init__(self) -> None:
         require_kind("path", self.path, str | Path, "name a run file")
+        require_kind(
+            "grid_from", self.grid_from, str | Path | None, "name a run file with images of the grid"
+        )
+
+    @contextmanager
+    def opened_grid(self, run: RunFile) -> Iterator[RunFile]:
+        """Open the run with the images of the grid, which may be the run itself.
+
+        Raises
+        ------
+        RunFileError
+            If there is no image of the grid, or the cameras differ in name or in the size of their images.
+        """
+        if self.grid_from is None:
+            _require_grid(run, "the run has none; name a run with the same cameras by --grid-from")
+            yield run
+            return
+        with open_run(self.grid_from) as other:
+            _require_grid(other, "name a run that has images of the grid")
+            for camera in run.cameras:
+                shape = other.image_shape(camera) if camera in other.cameras else None
+                if shape != run.image_shape(camera):
+                    height, width = run.image_shape(camera)
+                    raise RunFileError(
+                        str(other.path),
+                        "take the grid from this run",
+                        f"images of {camera} of {width} × {height} px, as in {run.path}",
+                        "no such camera" if shape is None else f"{shape[1]} × {shape[0]} px",
+                        "name a run that the same cameras recorded",
+                    )
+            yield other
 
     def masks(self, run: RunFile) -> dict[str, Mask]:
         """Return the regions as masks that have the shape of the cameras' images.
@@ -55,6 +92,11 @@ class RunSource:
                 expected, remedy = f"one of {', '.join(run.cameras)}", "name a camera of the run"
                 raise CorrelationError(str(run.path), "choose the region", expected, camera, remedy)
         return {camera: _mask(region, run.image_shape(camera)) for camera, region in self.regions.items()}
+
+
+def _require_grid(run: RunFile, remedy: str) -> None:
+    if not any(step.kind == "grid" for step in run.steps):
+        raise RunFileError(str(run.path), "calibrate", "an image of the grid", "none", remedy)
 
 
 def region_digests(masks: Mapping[str, Mask]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from dic.report.camera_images import ReportedImages, Results, images_of
 from dic.report.fact_table import Fact, FactTable
 from dic.report.hardware import hardware_table, results_file, stated_table
 from dic.report.noise_floor import NoiseFloor, noise_floor_of
-from dic.report.numbers import date
+from dic.report.numbers import date, direction_text
 from dic.report.repeat import result_of
 from dic.report.state_fields import StatePicture, quantity_along, state_picture
 from dic.report.stated_facts import StatedFacts
@@ -130,6 +130,9 @@ def _known(result: Results) -> Mapping[str, Mapping[str, Fact]]:
         "gauge_length_mm": info.gauge_length_mm,
     }
     specimen = {"name": of_run(info.sample, step="run", rule="sample")}
+    if info.direction_deg is not None:
+        told = direction_text(info.direction_deg)
+        specimen["orientation"] = of_run(told, step="run", rule="direction_deg")
     specimen |= {
         key: of_run(f"{size:g} mm", step="run", rule=key) for key, size in sizes.items() if isfinite(size)
     }

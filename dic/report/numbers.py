@@ -100,3 +100,8 @@ def _signed(value: float, decimals: int) -> str:
         # sign.
         text = f"{abs(value):,.{decimals}f}".replace(",", "\u202f")
     return f"−{text}" if value < 0 and float(text.replace("\u202f", "")) else text
+
+
+def direction_text(direction_deg: float) -> str:
+    """Return the direction of a specimen as text."""
+    return f"{direction_deg:g}° to the rolling direction"

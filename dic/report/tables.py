@@ -8,7 +8,7 @@ from pathlib import Path
 from dic.correlation.settings import CorrelationSettings
 from dic.pipeline.image_timing import ImageTiming
 from dic.pipeline.result import CameraResult
-from dic.report.numbers import date, fixed
+from dic.report.numbers import date, direction_text, fixed
 from dic.report.series import Run
 from dic.runfile.reader import RunInfo
 from dic.strain.measurement import Measurement
@@ -85,6 +85,7 @@ def settings_rows(run: Run) -> list[tuple[str, str]]:
         ("Run file", Path(result.source).name),
         ("Specimen", info.sample),
         ("Gauge section", gauge_section(info)),
+        *([] if info.direction_deg is None else [("Direction", direction_text(info.direction_deg))]),
         *correlation_rows(settings),
         (
             "Convergence",

@@ -3,6 +3,7 @@
 The module `schema` defines the layout of the file.
 """
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self, get_args
@@ -26,7 +27,10 @@ from dic.runfile.values import read_object, read_scalars, read_text, require_kno
 
 @dataclass(frozen=True)
 class RunInfo:
-    """The properties of a run as a whole: its title, status, specimen and configuration."""
+    """The properties of a run as a whole: its title, status, specimen and configuration.
+
+    `direction_deg` is the angle between the load and the rolling direction, or None if it is not known.
+    """
 
     title: str
     run_id: str
@@ -41,6 +45,7 @@ class RunInfo:
     definition: str
     configuration: str
     versions: str
+    direction_deg: float | None = None
 
 
 class RunFile:
@@ -324,6 +329,8 @@ class RunFile:
         # No caller needs the end time. The status tells whether a run has ended.
         del run["end_time"]
         simulated = bool(entry.attrs["simulated"])
+        direction_deg = sample.pop(schema.DIRECTION.name, math.nan)
+        sample[schema.DIRECTION.name] = None if math.isnan(direction_deg) else direction_deg
         self.info = RunInfo(simulated=simulated, sample=sample.pop("name"), **run, **sample)
         if self.info.status not in _STATUSES:
             raise Unlike(f"the status {self.info.status!r}")

@@ -99,6 +99,9 @@ ENTRY = GroupLayout(
     ),
     ("simulated",),
 )
+DIRECTION = Item("direction_deg", "float64", "deg")
+"""Angle between the load and the rolling direction; NaN if it was not declared, and files of earlier versions
+lack it."""
 SAMPLE = GroupLayout(
     "NXsample",
     (
@@ -106,6 +109,7 @@ SAMPLE = GroupLayout(
         Item("thickness_mm", "float64", "mm"),
         Item("width_mm", "float64", "mm"),
         Item("gauge_length_mm", "float64", "mm"),
+        DIRECTION,
     ),
 )
 TARGET = (Item("target", "S16"), Item("marker_mm", "float64", "mm"), Item("dictionary", "S"))
@@ -223,6 +227,7 @@ LATER: frozenset[Item] = frozenset(
         DUE,
         *MIDDLE,
         FIXED_FACE,
+        DIRECTION,
         *TARGET,
         *MAKING,
         *STAGE_FLAGS,

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Generic, Protocol, TypeVar
 
-from drivers.cameras.stream import CAPACITY, FrameStream
 from drivers.clock import Clock, VirtualClock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import CameraInfo, Frame, OpenContext, Setting
+from drivers.streams.stream import CAPACITY, FrameStream
 
 SILENCE_S = 1.0
 SILENCE_FRAMES = 10
@@ -28,7 +28,7 @@ class FilmingSession(Protocol):
 
     @property
     def interval_s(self) -> float:
-        """Time between two frames, in seconds."""
+        """Time between two frames, in seconds; infinite if a trigger begins each frame."""
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
         """Return the next frame whose exposure began after `after_s`. Return None after `timeout_s`."""

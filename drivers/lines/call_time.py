@@ -41,12 +41,17 @@ class CallTime:
         self._of_thread = threading.local()
 
     @contextmanager
-    def call(self) -> Iterator[None]:
-        """Begin a call on this thread. A call within another call ends at the end of the outer call."""
+    def call(self, within_s: float = math.inf) -> Iterator[None]:
+        """Begin a call on this thread. A call within another call ends at the end of the outer call.
+
+        `within_s` is the time, in seconds, that the caller gives this call, if that is less than the deadline
+        of every call.
+        """
         if self._end_s < math.inf:
             yield
             return
-        self._of_thread.end_s = self._clock.now_s() + self._usable_s
+        usable_s = min(self._usable_s, within_s + self._patience_s)
+        self._of_thread.end_s = self._clock.now_s() + usable_s
         try:
             yield
         finally:

@@ -36,8 +36,11 @@ class _Port(Protocol):
 class Channel(ABC):
     """An open connection. Every method may raise one of `CHANNEL_ERRORS` if the connection is lost.
 
-    `port` is the opened port. `close` closes it.
+    `port` is the opened port. `close` closes it. `is_cleared_by_discard` is True if no answer to an earlier
+    request can arrive after `discard`.
     """
+
+    is_cleared_by_discard = False
 
     def __init__(self, port: _Port) -> None:
         self._port = port
@@ -117,17 +120,21 @@ class SerialChannel(Channel):
     """A serial port that no other program can open at the same time.
 
     `parity` is the parity: ``N`` (none), ``E`` (even) or ``O`` (odd). `timeout_s` is the time limit for
-    sending, in seconds.
+    sending, in seconds. `data_bits` is 7 or 8.
     """
 
-    def __init__(self, path: str, baud: int, parity: str, stop_bits: int, timeout_s: float) -> None:
+    def __init__(
+        self, path: str, baud: int, parity: str, stop_bits: int, timeout_s: float, data_bits: int = 8
+    ) -> None:
         import serial
 
         try:
+            is_pseudo = _is_pseudo_terminal(path)
             self._serial: Any = serial.Serial(
                 path,
                 baudrate=baud,
-                parity=serial.PARITY_NONE if _is_pseudo_terminal(path) else parity,
+                bytesize=8 if is_pseudo else data_bits,
+                parity=serial.PARITY_NONE if is_pseudo else parity,
                 stopbits=stop_bits,
                 timeout=0,
                 exclusive=True,
@@ -202,5 +209,5 @@ def open_relay(relay: str, timeout_s: float) -> Channel | None:
 
 
 def _is_pseudo_terminal(path: str) -> bool:
-    """Return whether a path is a pseudo-terminal, whose parity Linux refuses to set a second time."""
+    """Return whether a path is a pseudo-terminal, which has neither parity nor 7 bits: Linux refuses both."""
     return os.major(Path(path).stat().st_rdev) in PTY_MAJORS

@@ -1,11 +1,11 @@
-"""Deadline for a repeated stop command, in real and in simulated time."""
+"""A repeated stop command, and its deadline in real and in simulated time."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 from drivers.clock import Clock, SystemClock
-from drivers.errors import LinkLost
+from drivers.errors import DeviceError, DeviceTimeout, LinkLost
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,38 @@ class StopDeadline:
     def passed(self) -> bool:
         """True if the deadline has passed on the rig's clock or on the system's clock."""
         return any(clock.now_s() >= end_s for clock, end_s in self._ends)
+
+
+def stop_until_confirmed(
+    name: str,
+    stop_once: Callable[[], str],
+    clock: Clock,
+    times: StopTimes = STOP_TIMES,
+    on_lost: Callable[[], object] = lambda: None,
+) -> None:
+    """Command a stop again and again until the device confirms it.
+
+    ``stop_once()`` commands a stop once, and returns an empty text if the device stands still, otherwise the
+    reason why this is not certain. ``on_lost()`` is called after a `LinkLost`, to open the line again. Both
+    may raise `DeviceError`. `name` is the device's name and port.
+
+    Raise `DeviceTimeout` if the device does not confirm the stop before the deadline of the stop.
+    """
+    deadline, got = StopDeadline(clock, times.deadline_s), "silence"
+    while not deadline.passed:
+        try:
+            if not (got := stop_once()):
+                return
+        except LinkLost as lost:
+            got = lost.got
+            try:
+                on_lost()
+            except DeviceError as error:
+                got = error.got
+        except DeviceError as error:
+            got = error.got
+        clock.sleep(times.poll_s)
+    raise DeviceTimeout(name, "stop", "standstill", got, "press the emergency stop")
 
 
 @contextmanager

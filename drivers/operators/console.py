@@ -3,7 +3,7 @@
 import threading
 
 from drivers.errors import DeviceError
-from drivers.interfaces import OpenContext, OperatorAction
+from drivers.interfaces import OpenContext, OperatorAction, OperatorQuestion
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
 from drivers.terminal.question import STDIN, Question, Withdrawn
@@ -43,8 +43,24 @@ class ConsoleOperator:
 
         Raise `DeviceError` if the terminal is closed, or if `close` was called.
         """
-        word, request = WORDS[action], REQUESTS.get(action, f"Please {action.value}.")
-        question = Question(request, word, "Ctrl-C to end the run", self._descriptor)
+        request = REQUESTS.get(action, f"Please {action.value}.")
+        self._ask(action.value, OperatorQuestion(request, WORDS[action]))
+
+    def ask(self, question: OperatorQuestion) -> None:
+        """Ask a question of the protocol, and wait without a deadline for the word that confirms it.
+
+        Raise `DeviceError` if the terminal is closed, or if `withdraw` or `close` was called.
+        """
+        self._ask("answer a question", question)
+
+    def withdraw(self) -> None:
+        """End a question that waits for its answer. Later questions are asked."""
+        with self._lock:
+            if self._question is not None:
+                self._question.withdraw()
+
+    def _ask(self, doing: str, asked: OperatorQuestion) -> None:
+        question = Question(asked.text, asked.word, "Ctrl-C to end the run", self._descriptor)
         with self._lock:
             self._question = question
             if self._closed:
@@ -52,13 +68,13 @@ class ConsoleOperator:
         try:
             question.ask()
         except EOFError:
-            raise self._unanswered(
-                action,
-                "no answer, because the terminal is closed",
-                "start the run again from a terminal, and answer each question there",
-            ) from None
+            got = "no answer, because the terminal is closed"
+            remedy = "start the run again from a terminal, and answer each question there"
+            raise DeviceError(self._name, doing, f'the word "{asked.word}"', got, remedy) from None
         except Withdrawn:
-            raise self._unanswered(action, "the end of the run", "start the run again") from None
+            got = "the end of the run" if self._closed else "a question that was withdrawn"
+            remedy = "start the run again"
+            raise DeviceError(self._name, doing, f'the word "{asked.word}"', got, remedy) from None
         finally:
             with self._lock:
                 self._question = None
@@ -70,9 +86,6 @@ class ConsoleOperator:
             self._closed = True
             if self._question is not None:
                 self._question.withdraw()
-
-    def _unanswered(self, action: OperatorAction, got: str, remedy: str) -> DeviceError:
-        return DeviceError(self._name, action.value, f'the word "{WORDS[action]}"', got, remedy)
 
 
 def open_operator(settings: ConsoleOperatorSettings, context: OpenContext) -> ConsoleOperator:

@@ -20,6 +20,7 @@ from drivers.testing.channels_contract import ChannelsBench, ChannelsContract
 from drivers.testing.interlock_contract import InterlockBench, InterlockContract
 from drivers.testing.load_frame_contract import LoadFrameBench, LoadFrameContract
 from drivers.testing.stage_contract import StageBench, StageContract
+from drivers.testing.trigger_contract import TriggerBench, TriggerContract
 
 __all__ = [
     "CameraBench",
@@ -32,4 +33,6 @@ __all__ = [
     "LoadFrameContract",
     "StageBench",
     "StageContract",
+    "TriggerBench",
+    "TriggerContract",
 ]

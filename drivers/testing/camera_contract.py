@@ -17,13 +17,15 @@ import pytest
 from drivers.clock import SystemClock
 from drivers.errors import DeviceError
 from drivers.interfaces import Camera, Frame
-from drivers.testing.camera_bench import GRAB_S, ROUNDS, CameraBench
+from drivers.testing.camera_bench import GRAB_S, ROUNDS, TINY_S, CameraBench
 from drivers.testing.common import ANSWER_S, Handle, assert_identified, assert_settings, needed, wait_until
 from drivers.testing.stream_contract import StreamContract
 
 PAUSES, PAUSE_S = 0.3, 1e-3
 """Fraction of a driver's calls and returns at which a thread pauses, and the longest pause in seconds."""
 BYTE_BITS = 8
+SURE_STD = 3.0
+"""The middle of an exposure is never farther from the truth than this number of standard deviations."""
 
 
 class CameraContract(StreamContract):
@@ -68,6 +70,18 @@ class CameraContract(StreamContract):
         frame = bench.grab()
         assert frame.exposure_us == pytest.approx(bench.exposure_us, nan_ok=True)
         assert frame.gain == pytest.approx(bench.gain, nan_ok=True)
+
+    def test_the_middle_of_the_exposure_is_within_the_times_of_the_frame(self, bench: CameraBench) -> None:
+        """The middle must lie between start and arrival, and near the truth if the test camera tells it."""
+        for _ in range(3):
+            frame = bench.grab()
+            middle_s, std_s = frame.middle
+            assert frame.exposed_s - TINY_S <= middle_s <= frame.received_s + TINY_S
+            assert 0.0 <= std_s < math.inf
+            assert math.isnan(frame.middle_s) == math.isnan(frame.middle_std_s)
+            if bench.shows is not None and not math.isnan(frame.exposure_us):
+                true_s = bench.shows(frame) + frame.exposure_us * 1e-6 / 2
+                assert abs(middle_s - true_s) <= SURE_STD * std_s + TINY_S
 
     def test_a_frame_was_exposed_after_the_call_whatever_the_pause(self, bench: CameraBench) -> None:
         """After a pause, `grab` must not return an old frame, which shows an earlier state of the

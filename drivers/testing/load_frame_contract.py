@@ -114,11 +114,23 @@ class LoadFrameContract:
 
     def test_goes_to_a_load(self, bench: LoadFrameBench) -> None:
         """A ramp to 500 N at 250 N/s must take 2 s, and the machine must report its arrival."""
+        if bench.load_frame.limits.load_rate_max_n_s == 0.0:
+            pytest.skip("this load frame cannot control the load")
         bench.load_frame.go_to_load(500.0, 250.0)
         assert bench.arrive() == pytest.approx(2.0, rel=bench.duration_tolerance)
         state = bench.load_frame.read()
         assert state.at_target
         assert state.load_n == pytest.approx(500.0, abs=bench.load_tolerance_n)
+
+    def test_a_load_frame_that_cannot_control_the_load_refuses_to(self, bench: LoadFrameBench) -> None:
+        """A load frame whose largest load rate is 0 must refuse every load, without a motion."""
+        if bench.load_frame.limits.load_rate_max_n_s > 0.0:
+            pytest.skip("this load frame can control the load")
+        for rate_n_s in (0.0, 100.0):
+            with pytest.raises(DeviceFault) as refused:
+                bench.load_frame.go_to_load(500.0, rate_n_s)
+            assert_says_all(refused.value)
+        assert not bench.load_frame.read().moving
 
     def test_tare_makes_the_present_state_the_zero(self, bench: LoadFrameBench) -> None:
         """After `tare`, both load and displacement must read zero."""

@@ -4,11 +4,11 @@ from itertools import pairwise
 
 import pytest
 
-from drivers.cameras.losses import LossKind
-from drivers.cameras.stream import StreamReport
 from drivers.clock import SystemClock
 from drivers.errors import DeviceFault, DeviceTimeout
 from drivers.interfaces import Frame
+from drivers.streams.losses import LossKind
+from drivers.streams.stream import StreamReport
 from drivers.testing.camera_bench import GRAB_S, ROUNDS, CameraBench
 from drivers.testing.common import needed, wait_until
 

@@ -2,10 +2,11 @@
 
 import threading
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
 
+from drivers.signals import Signal
 from rig.samples import SignalReading, TimedSamples
 
 _KEPT_S = 10.0
@@ -15,11 +16,11 @@ _KEPT_S = 10.0
 class Readings:
     """Keeps the samples of one device until they are read. Any thread may call all methods.
 
-    `delays_s` has the declared delay of each signal, by its name in the order of the samples.
+    `signals` are the signals in the order of the samples.
     """
 
-    def __init__(self, delays_s: Mapping[str, float]) -> None:
-        self._delays_s = dict(delays_s)
+    def __init__(self, signals: Sequence[Signal]) -> None:
+        self._signals = tuple(signals)
         self._waiting: deque[TimedSamples] = deque()
         self._newest: TimedSamples | None = None
         self._lock = threading.Lock()
@@ -42,6 +43,6 @@ class Readings:
             values = np.concatenate([each.values for each in new]) if new else self._newest.values[-1:]
             time_s = np.concatenate([each.time_s for each in new]) if new else self._newest.time_s[-1:]
         return {
-            name: SignalReading(values[:, k], time_s - delay_s, bool(new))
-            for k, (name, delay_s) in enumerate(self._delays_s.items())
+            signal.name: SignalReading(values[:, k], time_s - signal.delay_s, bool(new), signal.unit)
+            for k, signal in enumerate(self._signals)
         }

@@ -11,6 +11,7 @@ from drivers.clock import SystemClock
 from drivers.terminal.question import Question, Withdrawn
 from rig import AtRest, Rig, RigError, RigReading, open_rig, read_rig
 from rig.commands.hand_plan import Wish, plan, slowed
+from rig.commands.measured import channels_of_load, takes_no_commands, with_measured
 from rig.engine.calls import Calls
 from rig.engine.devices import called
 from rig.engine.look import look
@@ -43,11 +44,13 @@ def see(rig_path: Path) -> Seen:
         with machines_locked(rig_file), open_rig(_machines_of(rig_file), failed=failed) as rig:
             calls = Calls(rig.clock, lambda: None, rig.lost)
             with rig.clock.activity():
-                at_rest = look(called(rig, calls), calls)
+                at_rest = with_measured(look(called(rig, calls), calls), rig, calls)
                 calls.close()
     except MachineInUse as error:
         return Seen(AtRest(), f"{error.step} is in use by {error.got}")
-    return Seen(replace(at_rest, silent=at_rest.silent | failed))
+    # The channels that are opened here are the load frame's.
+    silent = {"load_frame" if name.startswith("channels.") else name: why for name, why in failed.items()}
+    return Seen(replace(at_rest, silent=at_rest.silent | silent))
 
 
 def hold(rig_path: Path, say: Callable[[str], None] = lambda _: None) -> Moved:
@@ -56,10 +59,15 @@ def hold(rig_path: Path, say: Callable[[str], None] = lambda _: None) -> Moved:
     A run or a motion by hand that has the machine is asked to end, which stops the machine at once. When it
     has released the machine, the hold is commanded and confirmed once more.
 
-    `say` gets the sentence that another program was asked to end. Raise `MachineInUse` if the other program
-    cannot be asked, or does not release the machine in time.
+    `say` gets the sentence that another program was asked to end, or that the load frame takes no commands.
+    Raise `MachineInUse` if the other program cannot be asked, or does not release the machine in time, and
+    `RigError` if nothing of the rig takes commands.
     """
     rig_file = read_rig(rig_path)
+    if (refusal := takes_no_commands(rig_file, "holding the load frame")) is not None:
+        if rig_file.stage is None:
+            raise refusal
+        say(str(refusal))
     clock = SystemClock()
     asked = 0
     end_s = clock.now_s() + RELEASE_S
@@ -120,6 +128,8 @@ def move(
     Nothing has moved before such an error.
     """
     rig_file = slowed(_without_cameras(read_rig(rig_path)), wish)
+    if wish.axis != "angle" and (refusal := takes_no_commands(rig_file, f"moving the {wish.axis}")):
+        raise refusal
     facts = facts_of_file(rig_file)
     log = Path(f"{rig_path.stem}.guardian.log")
     with guarded_rig(rig_file, log) as (rig, guardian):
@@ -178,10 +188,16 @@ def _require_device(rig: Rig, axis: str) -> None:
 
 
 def _without_cameras(rig_file: RigFile) -> RigFile:
-    """Return the rig without its cameras, so that a specimen can be unloaded although a camera fails."""
-    return replace(rig_file, cameras={})
+    """Return the rig without what only measures, so that a specimen can be unloaded although a camera fails.
+
+    Output lines are left out too, because a motion by hand is no test that another program should record.
+    """
+    return replace(rig_file, cameras={}, channels={}, triggers={})
 
 
 def _machines_of(rig_file: RigFile) -> RigFile:
-    """Return the rig with only stage and load frame, so that a failed interlock does not prevent a hold."""
-    return replace(rig_file, cameras={}, interlocks={})
+    """Return the rig with only stage and load frame, so that a failed interlock does not prevent a hold.
+
+    The channels of a load frame that is only read belong to it.
+    """
+    return channels_of_load(replace(rig_file, cameras={}, interlocks={}, triggers={}))

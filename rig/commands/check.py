@@ -22,6 +22,8 @@ from dic.quality.quality import assess_quality
 from drivers.clock import SystemClock
 from drivers.errors import DeviceError
 from drivers.interfaces import Camera, Frame, LoadFrame, RotationStage, Setting
+from rig.commands.check_channels import check_channels, check_trigger
+from rig.commands.rig_check import RigCheck
 from rig.device_settings import read_settings, reports_settings
 from rig.devices import OpenedInterlock, Rig
 from rig.engine.calls import CAMERA_MARGIN_S, PATIENCE_S
@@ -48,19 +50,6 @@ class GreyLevels:
     maximum: int
     standard_deviation: float
     saturated: float
-
-
-@dataclass(frozen=True)
-class RigCheck:
-    """The result of a rig check: lines to print, a table of the devices for JSON, and the problems.
-
-    `failed` gives the reason for each device that could not be checked.
-    """
-
-    lines: list[str]
-    devices: dict[str, Any]
-    problems: list[str]
-    failed: dict[str, str]
 
 
 def grey_levels(image: Image, bits: int) -> GreyLevels:
@@ -106,9 +95,15 @@ def check_rig(rig: Rig, keep: Callable[[str, Image], None] = lambda name, image:
         checks[f"interlocks.{name}"] = partial(_check_interlock, found, name, interlock, call)
     for name, camera in rig.cameras.items():
         checks[f"cameras.{name}"] = partial(_check_camera, found, name, camera, call, keep)
+    for name in rig.channels:
+        checks[f"channels.{name}"] = partial(check_channels, found, rig, name)
+    for name, trigger in rig.triggers.items():
+        checks[f"triggers.{name}"] = partial(check_trigger, found, name, trigger)
     devices: dict[str, Any] = {"stage": rig.stage, "load_frame": rig.load_frame}
     devices |= {f"interlocks.{name}": interlock.device for name, interlock in rig.interlocks.items()}
     devices |= {f"cameras.{name}": camera for name, camera in rig.cameras.items()}
+    devices |= {f"channels.{name}": device for name, device in rig.channels.items()}
+    devices |= {f"triggers.{name}": trigger.device for name, trigger in rig.triggers.items()}
     for name, check in checks.items():
         try:
             check()
@@ -227,12 +222,17 @@ def _full_level(bits: int) -> int:
 
 
 def _add(found: RigCheck, name: str, info: Any, state: Any) -> None:
-    identity, values = asdict(info), asdict(state)
+    values = asdict(state)
+    _add_identity(found, name, info, values)
+    found.lines.append("  " + ", ".join(f"{key} {_shown(value)}" for key, value in values.items()))
+
+
+def _add_identity(found: RigCheck, name: str, info: Any, values: Any) -> None:
+    identity = asdict(info)
     found.devices[name] = {"identity": identity, "state": values}
     found.lines.append(
         f"{name}: " + ", ".join(f"{key} {value}" for key, value in identity.items() if value != "")
     )
-    found.lines.append("  " + ", ".join(f"{key} {_shown(value)}" for key, value in values.items()))
 
 
 def _add_settings(found: RigCheck, name: str, device: Any, call: _Calls) -> None:

@@ -14,6 +14,16 @@ _TO_DECIDE = {
     "stage": (("angle_min_deg", "angle_max_deg"), "how far the stage may turn"),
     "load_frame": (("load_max_n", "displacement_max_mm"), "what the specimen and the machine may bear"),
     "interlock": (("allowed_min", "allowed_max"), "within which values a run may go on"),
+    "channels": (("rate_hz", "signals"), "what is wired to the inputs, with unit, scale and range"),
+    "trigger": ((), "the output that gives the pulse, and at which event"),
+}
+# Devices of these kinds have tables with names of their own, of which a rig may have many: for each kind the
+# group of the tables, and the beginning of the names.
+_NAMED = {
+    "camera": ("cameras", "camera"),
+    "interlock": ("interlocks", "interlock"),
+    "channels": ("channels", "box"),
+    "trigger": ("triggers", "line"),
 }
 
 
@@ -62,19 +72,16 @@ def rig_file(search: Search) -> str:
     ]
     answered = [each for place in [*search.ports, *search.modbus] for each in place.devices]
     cameras, others = _cameras_and_others([*search.devices, *answered])
-    parts += [
-        _rig_table(["cameras", f"camera_{number}"], each, usable=each.found.usable)
-        for number, each in enumerate(cameras)
-    ]
-    if not cameras:
-        parts.append("# No camera was found: add [cameras.NAME] for each.")
+    for kind, (group, name) in _NAMED.items():
+        of_kind = [each for each in (*cameras, *others) if each.spec.kind == kind]
+        parts += [
+            _rig_table([group, f"{name}_{number}"], each, usable=each.found.usable)
+            for number, each in enumerate(of_kind)
+        ]
+        if kind == "camera" and not of_kind:
+            parts.append("# No camera was found: add [cameras.NAME] for each.")
     used: set[str] = set()
-    interlocks = [each for each in others if each.spec.kind == "interlock"]
-    parts += [
-        _rig_table(["interlocks", f"interlock_{number}"], each, usable=each.found.usable)
-        for number, each in enumerate(interlocks)
-    ]
-    for each in (other for other in others if other not in interlocks):
+    for each in (other for other in others if other.spec.kind not in _NAMED):
         # a rig has at most one stage and one load frame, so more devices of these kinds become comments
         usable = each.found.usable and each.spec.kind not in used
         parts.append(_rig_table([each.spec.kind], each, usable=usable))

@@ -79,6 +79,13 @@ def slowed(rig_file: RigFile, wish: Wish) -> RigFile:
 
 
 def _load(wish: Wish, reading: RigReading, limits: LoadFrameLimits, rig_limits: RigLimits) -> HandMotion:
+    if limits.load_rate_max_n_s == 0.0:
+        raise RigError(
+            "the motion to a load",
+            "a load frame that controls the load",
+            "one that only moves to displacements",
+            "move with rig jog --displacement-mm",
+        )
     target = wish.target + (reading.load_n if wish.relative else 0.0)
     rate = _rate(wish, UNLOADED_SHARE * limits.load_max_n, limits.load_rate_max_n_s, "N/s")
     _require_within(target, limits.load_min_n, limits.load_max_n, "load", "N")

@@ -3,13 +3,24 @@
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, TypeAlias
 
 from dic.shell.bottom_lines import bottom_lines
 from dic.shell.console import say
-from drivers.interfaces import OperatorAction
-from rig import EngineStatus, RigReading, State, StepRecord
+from drivers.clock import SystemClock
+from drivers.terminal.keys import Keys
+from rig import Engine, EngineStatus, RigReading, State, StepRecord
+from rig.commands.acquiring import (
+    SummaryLines,
+    beside_a_machine,
+    how_to_end,
+    is_acquiring,
+    what_is_taken,
+)
+from rig.commands.pause_key import KEY, PauseKey
+from rig.engine.devices import Asked
+from rig.engine.status import PauseTotals
 from rig.limits.by_hand import HandMotion
 
 if TYPE_CHECKING:
@@ -30,10 +41,18 @@ def what_happens(status: EngineStatus | None) -> str:
     """Return a line, usually of at most 80 characters, that names the moving device and its step."""
     if status is None or status.step is None:
         return "opening the rig; nothing moves"
+    if is_acquiring(status) and status.acquisition is not None:
+        return what_is_taken(status, status.acquisition)
     step, at = status.step, _values(status.reading)
+    if status.load_is_measured:
+        return beside_a_machine(status, step, at)
     moves = status.reading is not None and status.reading.moving
     mover = "stage" if step.kind == "rotation" else "load frame"
     match status.state:
+        case State.PAUSED:
+            return f"PAUSED in {step}: {'the machine MOVES' if moves else 'nothing moves'}, {at}"
+        case State.PREPARING if step.question is not None:
+            return f"{step}: waiting for the operator, {at}"
         case State.PREPARING if moves and at.endswith("deg"):
             return f"preparing the {step.kind}: the stage MOVES to 0 deg, {at}"
         case State.PREPARING if moves:
@@ -54,6 +73,8 @@ def what_happens(status: EngineStatus | None) -> str:
 def how_to_stop(status: EngineStatus | None) -> str:
     """Return a text that says what Ctrl-C does on this rig."""
     units = {} if status is None or status.reading is None else status.reading.by_unit()
+    if status is not None and status.load_is_measured:
+        units.pop("N", None)
     effects = [effect for unit, effect in _EFFECTS if unit in units]
     return f"Ctrl-C: {', '.join(effects) or 'the run ends'}"
 
@@ -79,25 +100,42 @@ class Screen:
         self._asking = False
         self._steps_printed = 0
         self._held_back: list[str] = []
+        self._summaries, self._clock = SummaryLines(), SystemClock()
+        self._pause_key: PauseKey | None = None
+
+    def listen(self, engine: Engine) -> None:
+        """Let a key at the terminal pause the run of an engine, if the screen is drawn on a terminal."""
+        if self.live is not None and Keys().there:
+            self._pause_key = PauseKey(engine, self._free)
+            self._pause_key.start()
 
     def on_status(self, status: EngineStatus) -> None:
         """Show a new status of the run on the screen."""
         with self._changed:
             self._status = status
             self._changed.notify_all()
+        if self._pause_key is not None:
+            self._pause_key.tell(paused=status.state is State.PAUSED)
 
     def on_step(self, record: StepRecord) -> None:
-        """Print a finished step. During a question, print it after the answer."""
+        """Print a finished step, or now and then one of an acquisition. During a question, print it after the
+        answer."""
         with self._changed:
-            if self._asking:
-                self._held_back.append(_step_line(record))
-            else:
-                say(_step_line(record))
+            acquired = record.step.kind == "acquired"
+            line = (
+                self._summaries.of(record, self._status, self._clock.now_s())
+                if acquired
+                else _step_line(record)
+            )
+            if line and self._asking:
+                self._held_back.append(line)
+            elif line:
+                say(line)
             self._steps_printed += 1
             self._changed.notify_all()
 
     @contextmanager
-    def on_question(self, action: OperatorAction, notice: str) -> Iterator[None]:
+    def on_question(self, _: Asked, notice: str) -> Iterator[None]:
         """Draw nothing until the operator has answered. Print the notice of the operator's driver if it has
         one."""
         if self.live is None and (notice or not sys.stderr.isatty()):
@@ -106,28 +144,41 @@ class Screen:
         with self._changed:
             self._changed.wait_for(self._is_up_to_date, self._late_news_s)
             self._notice = notice
-            if not notice:
-                self._asking = True
-                if self.live is not None:
-                    self.live.stop()
-                reading = None if self._status is None else self._status.reading
-                say(_holding(reading), err=True)
+        try:
+            if notice:
+                yield
+                return
+            with nullcontext() if self._pause_key is None else self._pause_key.lent(), self._free():
+                yield
+        finally:
+            with self._changed:
+                self._notice = ""
+
+    @contextmanager
+    def _free(self) -> Iterator[None]:
+        """Leave the terminal to a question. Print nothing else until it is answered."""
+        with self._changed:
+            self._asking = True
+            if self.live is not None:
+                self.live.stop()
+            say(_holding(self._status), err=True)
         try:
             yield
         finally:
             with self._changed:
-                self._notice = ""
                 self._asking = False
                 for line in self._held_back:
                     say(line)
                 self._held_back.clear()
                 self._changed.notify_all()
-                if self.live is not None and not notice and not self._ended:
+                if self.live is not None and not self._ended:
                     self.live.start()
 
-    def wait_for_operator(self) -> None:
+    def leave(self) -> None:
         """Wait until a withdrawn question has ended, so that its output does not mix with the run's last
-        lines."""
+        lines, and leave the keyboard as it was."""
+        if self._pause_key is not None:
+            self._pause_key.leave()
         with self._changed:
             self._changed.wait_for(lambda: not self._asking, WITHDRAWAL_S)
 
@@ -155,9 +206,13 @@ class Screen:
         below = Table.grid(padding=(0, 1))
         simulated = "SIMULATED, " if status is not None and status.simulated else ""
         counted = "" if status is None else f"{done} of {planned} steps, "
+        pause = "" if self._pause_key is None else f", {KEY}: pause"
+        if status is not None and is_acquiring(status) and (now := status.acquisition) is not None:
+            done, planned, counted = now.taken, now.planned or max(now.taken, 1), ""
+            pause += "" if self._pause_key is None else how_to_end(now)
         below.add_row(
             ProgressBar(planned, done, BAR_WIDTH),
-            Text(f"{simulated}{counted}{how_to_stop(status)}", no_wrap=True, overflow="ellipsis"),
+            Text(f"{simulated}{counted}{how_to_stop(status)}{pause}", no_wrap=True, overflow="ellipsis"),
         )
         return Group(Text(self._notice or what_happens(status), no_wrap=True, overflow="ellipsis"), below)
 
@@ -174,7 +229,7 @@ def run_screen(late_news_s: float = LATE_NEWS_S) -> Iterator[Screen]:
     try:
         yield screen
     finally:
-        screen.wait_for_operator()
+        screen.leave()
         live.stop()
 
 
@@ -182,14 +237,20 @@ def _step_line(record: StepRecord) -> str:
     images = ", ".join(f"{count} {name}" for name, (_, count) in record.frames.items())
     # show four decimals, because the noise of every reading is larger than that
     shown = ", ".join(f"{round(value, 4):.6g} {unit}" for unit, value in record.reading.by_unit().items())
-    return f"{record.step}: settled at {shown}; images: {images}"
+    # nothing settles beside a machine that this program does not command
+    how = "at" if record.step.timed or record.step.kind == "acquired" else "settled at"
+    return f"{record.step}: {how} {shown}; images: {images}"
 
 
-def _holding(reading: RigReading | None) -> str:
+def _holding(status: EngineStatus | None) -> str:
     """Return the text that names the machines that stand still while a person is asked."""
-    units = {} if reading is None else reading.by_unit()
-    load = f"the load frame holds at {units['N']:.1f} N, {units['mm']:.4f} mm" if "N" in units else ""
+    units = {} if status is None or status.reading is None else status.reading.by_unit()
     angle = f"the stage stands at {units['deg']:.2f} deg" if "deg" in units else ""
+    if status is not None and status.load_is_measured:
+        stands = f"; {angle}" if angle else ""
+        shows = f", and shows {units['N']:.1f} N" if "N" in units else ""
+        return f"The load frame takes no commands{shows}: see for yourself that it stands{stands}."
+    load = f"the load frame holds at {units['N']:.1f} N, {units['mm']:.4f} mm" if "N" in units else ""
     return f"Nothing moves: {'; '.join(filter(None, (load, angle))) or 'no reading yet'}."
 
 
@@ -252,3 +313,16 @@ def hand_screen() -> Iterator[HandScreen]:
     finally:
         if live is not None and live.is_started:
             live.stop()
+
+
+def pause_lines(pauses: PauseTotals) -> list[str]:
+    """Return a line that tells the pauses of a run and the images that fell into them, or no line."""
+    if not pauses.count:
+        return []
+    times = "once" if pauses.count == 1 else f"{pauses.count} times"
+    told = [
+        f"{count} {'step' if count == 1 else 'steps'} {fate}"
+        for count, fate in ((pauses.late_steps, "imaged late"), (pauses.missed_steps, "without images"))
+        if count
+    ]
+    return [", ".join([f"paused {times} for {pauses.duration_s:.1f} s", *told])]

@@ -13,8 +13,9 @@ from pydantic import ValidationError
 from dic.runfile.lock import is_recorded
 from dic.runfile.reader import RunFile, RunInfo
 from dic.runfile.schema import Moment
-from rig.protocol.protocol import recorded_protocol
-from rig.protocol.step import ProtocolStep
+from rig.commands.verify_channels import ChannelCheck, check_channels, missing_channels
+from rig.protocol.acquire import AcquireProtocol
+from rig.protocol.protocol import Protocol, recorded_protocol
 
 _READINGS = {"load": "load_n", "displacement": "displacement_mm", "rotation": "angle_deg"}
 
@@ -44,8 +45,10 @@ class Verification:
     ----------
     status, reason : str
         Status and reason from the run file. The status of a run whose program was killed is still "running".
-    steps, planned : int
-        Number of finished steps, and number of steps in the longest possible run.
+    steps : int
+        Number of finished steps whose images are in the file.
+    planned : int or None
+        Number of steps in the longest possible run, None if events decide it.
     cameras : dict of str to CameraCheck
     problems : list of str
         One sentence for each problem. The list is empty for a completed run without damage.
@@ -54,17 +57,22 @@ class Verification:
         or "none". With "none" the file has no digest, because an old program recorded it or no program closed
         it.
     interlocks : dict of str to InterlockCheck
+    channels : dict of str to ChannelCheck
+    overwritten : int
+        Number of finished steps whose images were overwritten by later ones, as the protocol asks for.
     """
 
     path: Path
     status: str
     reason: str
     steps: int
-    planned: int
+    planned: int | None
     cameras: dict[str, CameraCheck]
     problems: list[str]
     digest: str = "none"
     interlocks: dict[str, InterlockCheck] = field(default_factory=dict)
+    channels: dict[str, ChannelCheck] = field(default_factory=dict)
+    overwritten: int = 0
 
 
 def verify_run(path: str | Path) -> Verification:
@@ -80,20 +88,18 @@ def verify_run(path: str | Path) -> Verification:
     """
     with RunFile(path) as run:
         kinds = [step.kind for step in run.steps]
-        planned = _planned(run.info.definition, kinds)
-        status, done = run.info.status, len(run.steps)
-        problems = [] if status == "completed" else [_unfinished(run, done, len(planned))]
-        problems += [
-            f"step of kind {kind}: 1 expected, {kinds.count(kind)} on file"
-            for kind in ("grid", "reference")
-            if kinds.count(kind) != 1 and run.continues is None
-        ]
-        begun = run.continues is not None or kinds[:2] == ["grid", "reference"][: len(kinds)]
-        problems += [] if begun else ["the steps are out of order"]
-        problems += _check_steps(run) + _check_files(run.info, bool(planned))
+        protocol = _protocol(run.info.definition, kinds)
+        planned, expected = _planned(protocol)
+        status, done = run.info.status, len(run.steps) + run.overwritten
+        problems = [] if status == "completed" else [_unfinished(run, done, planned)]
+        problems += _check_order(run, kinds, expected)
+        problems += _check_steps(run) + _check_files(run.info, protocol is not None)
+        if run.overwritten and not _keeps_some(protocol):
+            problems.append(f"the images of {run.overwritten} steps were overwritten by later ones")
         cameras = {name: _check_camera(run, name, problems) for name in run.cameras}
         interlocks = {name: _check_interlock(run, name, problems) for name in run.interlocks}
-        problems += _missing_interlocks(run) + _missing_settings(run)
+        channels = check_channels(run, problems)
+        problems += _missing_interlocks(run) + missing_channels(run) + _missing_settings(run)
         matches = run.digest_matches()
         if matches is False:
             problems.append("the digest of the file is wrong: something was changed after the run")
@@ -102,13 +108,30 @@ def verify_run(path: str | Path) -> Verification:
             run.path,
             status,
             run.info.status_reason,
-            done,
-            len(planned),
+            len(run.steps),
+            planned,
             cameras,
             problems,
             digest,
             interlocks,
+            channels,
+            run.overwritten,
         )
+
+
+def _check_order(run: RunFile, kinds: Sequence[str], expected: Sequence[str]) -> list[str]:
+    """Return the problems of steps of the grid and of the reference: their number and their places."""
+    if run.continues is not None:
+        return []
+    problems = [
+        f"step of kind {kind}: {expected.count(kind)} expected, {kinds.count(kind)} on file"
+        for kind in ("grid", "reference")
+        if kinds.count(kind) != expected.count(kind)
+    ]
+    begun = [kind for kind in expected[:2] if kind in ("grid", "reference")]
+    if list(kinds[: len(begun)]) != begun[: len(kinds)]:
+        problems.append("the steps are out of order")
+    return problems
 
 
 def _check_steps(run: RunFile) -> list[str]:
@@ -195,19 +218,35 @@ def _check_camera(run: RunFile, name: str, problems: list[str]) -> CameraCheck:
     return CameraCheck(len(on_file), len(in_steps), damaged)
 
 
-def _planned(definition: str, kinds: Sequence[str]) -> list[ProtocolStep]:
+def _protocol(definition: str, kinds: Sequence[str]) -> Protocol | None:
+    """Return the protocol of a run, None if it cannot be read."""
     try:
-        return recorded_protocol(definition, kinds).steps()
+        return recorded_protocol(definition, kinds)
     except (tomllib.TOMLDecodeError, ValidationError, RecursionError):
-        return []
+        return None
 
 
-def _unfinished(run: RunFile, done: int, planned: int) -> str:
+def _planned(protocol: Protocol | None) -> tuple[int | None, list[str]]:
+    """Return the number of planned steps, None if events decide it, and the kinds of these steps."""
+    if protocol is None:
+        return 0, ["grid", "reference"]
+    kinds = [step.kind for step in protocol.steps()]
+    if isinstance(protocol, AcquireProtocol):
+        return protocol.planned_steps, [str(kind) for kind in kinds]
+    return len(kinds), [str(kind) for kind in kinds]
+
+
+def _keeps_some(protocol: Protocol | None) -> bool:
+    return isinstance(protocol, AcquireProtocol) and protocol.acquire.keep_s is not None
+
+
+def _unfinished(run: RunFile, done: int, planned: int | None) -> str:
     info = run.info
     how = f"{info.status}: {info.status_reason}"
     if info.status == "running":
         how = "is being recorded" if is_recorded(run.path) else "is running, or was cut off"
-    return f"the run {how}; {done} of {planned} planned steps are on file"
+    of_all = "" if planned is None else f" of {planned} planned"
+    return f"the run {how}; {done}{of_all} steps are on file"
 
 
 def _listed(rows: list[int]) -> str:

@@ -1,40 +1,31 @@
 """Take the images of an acquisition at their times, while the channels are recorded densely beside them."""
 
 import math
-from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
-from drivers.errors import DeviceError
-from drivers.interfaces import Frame
 from rig.engine.context import RunContext
-from rig.engine.devices import CameraLost
-from rig.engine.feeds import Feed, feed_of
-from rig.engine.filing import ON_FILE, record_frame
-from rig.engine.imaging import StepImages
+from rig.engine.filing import record_frame
+from rig.engine.imaging import Frames, StepImages
+from rig.engine.seldom import SeldomWarnings
+from rig.engine.shots import Shot, Shots
 from rig.engine.timing import Timing
-from rig.errors import RecordingError
+from rig.engine.written import WrittenSteps
+from rig.errors import BadImage
 from rig.protocol.acquire import Acquisition
-from rig.protocol.dues import AskedDues
+from rig.protocol.acquisition_tables import FirstBeyond
+from rig.protocol.dues import AskedDues, Dues
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import StepRecord
 
 _LAST_IMAGES_S = 2.0
-"""After the end, images that are due already are waited for at most for this time in s."""
-
-
-@dataclass
-class _Moment:
-    """One time at which all cameras take an image. `reading` is the one after which it was asked for."""
-
-    number: int
-    due_s: float
-    reading: RigReading
-    frames: dict[str, Frame] = field(default_factory=dict)
+"""After the end, images that are due already are waited for at most for this time in s, added to the timeout
+of an image."""
+_PAUSE_LEAST_S = 1e-3
+_PLACE = "between two images"
+"""Where a run may be paused, for the record."""
 
 
 class AcquisitionRun:
@@ -45,186 +36,182 @@ class AcquisitionRun:
     """
 
     def __init__(self, run: RunContext, images: StepImages, filed: Callable[[StepRecord], None]) -> None:
-        self._run, self._images, self._filed = run, images, filed
-        self._feeds: dict[str, Feed] = {}
-        self._open: deque[_Moment] = deque()
-        self._writing: deque[tuple[StepRecord, Future[None], float]] = deque()
+        self._run, self._images = run, images
+        self._written = WrittenSteps(run, filed)
+        self._warnings = SeldomWarnings(run.clock, lambda sentence: run.log("warning", sentence))
         self._asked: AskedDues | None = None
-        self._end_requested = False
+        self._runs = self._end_requested = False
         self.timing = Timing()
         self.next_index = 0
 
-    def request_image(self) -> None:
-        """Ask for an image now, if the protocol takes images on request."""
-        if (asked := self._asked) is not None:
-            asked.ask(self._run.clock.now_s())
+    def request_image(self) -> str:
+        """Ask for an image now. Return why the request is refused, or an empty text."""
+        if not self._runs:
+            return "no images are being taken now"
+        if (asked := self._asked) is None:
+            return "this protocol does not take images on request"
+        if self._run.pauses.switch.on:
+            return "the run is paused"
+        asked.ask(self._run.clock.now_s())
+        return ""
 
-    def request_end(self) -> None:
-        """End the images; the run goes on with what follows them."""
+    def request_end(self) -> str:
+        """End the images; the run goes on with what follows them. Return why the request is refused."""
+        if not self._runs:
+            return "no images are being taken now"
         self._end_requested = True
+        return ""
 
     def take(self, step: ProtocolStep) -> RigReading:
         """Take all images of the acquisition that begins with `step`, and return the last reading."""
         acquisition, run = step.acquisition, self._run
-        assert acquisition is not None
-        self.timing = Timing(acquisition.interval_s, acquisition.schedule.lateness_max_s)
-        self._end_requested = False
+        assert isinstance(acquisition, Acquisition)
+        self.timing = Timing(acquisition.interval_s, acquisition.schedule.lateness_max_s, acquisition.planned)
+        shots = Shots(run, self._images, self.timing)
+        dues = acquisition.dues()
+        self._asked = dues if isinstance(dues, AskedDues) else None
+        self._end_requested, self._runs = False, True
         try:
-            for name in self._images.cameras:
-                self._open_feed(name)
-            begun_s = self._wait_for_beginning(acquisition)
-            reading = self._follow(step, acquisition, begun_s)
-            self._finish_open(step)
+            shots.open()
+            begun_s = self._wait_for_beginning(acquisition, shots)
+            if acquisition.first_is_reference:
+                run.pulses.give("start")
+            reading = self._follow(step, dues, shots, begun_s)
+            self._runs = False
+            self._finish(step, shots)
+        except BaseException:
+            shots.leave()
+            raise
         finally:
-            for feed in self._feeds.values():
-                with suppress(DeviceError):
-                    feed.close()
-        self._require_written(whole=True)
+            self._runs, run.observers = False, []
+        shots.close()
+        self._written.finish()
+        self._warnings.finish()
+        self._publish()
         for sentence in self.timing.sentences():
             run.log("warning" if self.timing.is_late else "info", sentence)
         return reading
 
-    def _wait_for_beginning(self, acquisition: Acquisition) -> float:
+    def _wait_for_beginning(self, acquisition: Acquisition, shots: Shots) -> float:
         run, begin = self._run, acquisition.schedule.begin
+        self._wait_for_streams(shots)
         if begin is None:
             return run.clock.now_s()
         run.log("info", f"waiting for {begin}")
-        while not begin.is_met(reading := run.read()):
+        self._publish(waits_for=str(begin))
+        first = FirstBeyond(begin)
+        run.observers = [first.see]
+        while math.isnan(first.time_s):
+            run.read()
             if self._end_requested:
                 return run.clock.now_s()
-            self._poll()
+            if run.pauses.asked(_PLACE):
+                self._pause(shots)
+            shots.poll()
             run.calls.pause(run.settle.poll_s)
         run.log("info", f"{begin} was reached")
-        found = reading.signals[begin.signal]
-        beyond = [begin.is_beyond(value) for value in found.values.tolist()]
-        return float(found.time_s[beyond.index(True)])
+        return first.time_s
 
-    def _follow(self, step: ProtocolStep, acquisition: Acquisition, begun_s: float) -> RigReading:
-        run, dues, ends = self._run, acquisition.dues(), acquisition.end_of_signals()
-        self._asked = dues if isinstance(dues, AskedDues) else None
+    def _wait_for_streams(self, shots: Shots) -> None:
+        while not shots.are_ready:
+            self._run.read()
+            shots.poll()
+            self._run.calls.pause(self._run.settle.poll_s)
+
+    def _pause(self, shots: Shots) -> None:
+        """Take no images while the run is paused; the machine, which takes no commands, goes on."""
+        shots.close()
+        self._run.pauses.point(_PLACE)
+        shots.open()
+        self._wait_for_streams(shots)
+
+    def _follow(self, step: ProtocolStep, dues: Dues, shots: Shots, begun_s: float) -> RigReading:
+        run, acquisition = self._run, step.acquisition
+        assert isinstance(acquisition, Acquisition)
+        ends = acquisition.end_of_signals()
         dues.begin(begun_s)
+        run.observers = [dues.see, ends.see]
         due_s: float | None = None
+        self._publish()
         while True:
             reading = run.read()
-            ended = self._ended(acquisition, ends.met(reading), begun_s)
-            while True:
-                due_s = dues.next_s(reading) if due_s is None else due_s
-                if due_s is None or due_s > run.clock.now_s() or self.timing.asked >= acquisition.images:
+            ended = self._ended(acquisition, ends.met, shots, begun_s)
+            if not ended and run.pauses.asked(_PLACE):
+                self._finish(step, shots)
+                self._pause(shots)
+            while self.timing.asked < acquisition.images and not self._end_requested:
+                due_s = dues.next_s() if due_s is None else due_s
+                if due_s is None or due_s > run.clock.now_s():
                     break
-                self._ask(due_s, reading)
+                if due_s > run.pauses.ended_s:
+                    shots.ask(due_s, reading)
+                else:
+                    self.timing.paused += 1
+                    run.pauses.left_out(1)
                 due_s = None
-            self._poll()
-            self._finish_moments(step)
-            if ended or (due_s == math.inf and not self._open):
+            self._record(step, shots.poll())
+            if ended or (due_s == math.inf and not shots.waits):
                 run.log("info", f"images end: {ended or 'all are taken'}")
                 return reading
             left_s = math.inf if due_s is None else due_s - run.clock.now_s()
-            run.calls.pause(min(run.settle.poll_s, max(left_s, 1e-3)))
+            run.calls.pause(min(run.settle.poll_s, max(left_s, _PAUSE_LEAST_S)))
 
-    def _ended(self, acquisition: Acquisition, of_signals: str, begun_s: float) -> str:
+    def _ended(self, acquisition: Acquisition, of_signals: str, shots: Shots, begun_s: float) -> str:
         if self._end_requested:
             return "the operator has ended them"
         if of_signals:
             return of_signals
-        if self.timing.asked >= acquisition.images and not self._open:
-            return f"{acquisition.images} images are taken"
+        if self.timing.asked >= acquisition.images and not shots.waits:
+            return f"{acquisition.images} images were asked for"
         # the image at the very end is still due
         late_s = self._run.clock.now_s() - begun_s - acquisition.duration_s
-        return f"{acquisition.duration_s:g} s are over" if late_s > 0.0 and not self._open else ""
+        return f"{acquisition.duration_s:g} s are over" if late_s > 0.0 and not shots.waits else ""
 
-    def _ask(self, due_s: float, reading: RigReading) -> None:
-        """Ask all cameras for an image, or count it as missing if they are too slow."""
-        number = self.timing.ask()
-        if len(self._open) >= min(feed.most_open for feed in self._feeds.values()):
-            self.timing.miss()
-            return
-        self._run.pulses.give("exposure")
-        self._open.append(_Moment(number, due_s, reading))
-        for feed in self._feeds.values():
-            feed.ask(due_s)
-
-    def _poll(self) -> None:
-        """Take what the cameras have delivered. A camera that fails is opened again."""
-        for name, feed in list(self._feeds.items()):
-            try:
-                frame = feed.take()
-            except DeviceError as error:
-                self._bring_back(name, error)
-                continue
-            if frame is not None:
-                moment = next(each for each in self._open if name not in each.frames)
-                moment.frames[name] = frame
-
-    def _bring_back(self, name: str, error: DeviceError) -> None:
-        with suppress(DeviceError):
-            self._feeds.pop(name).close()
-        for _ in range(len(self._open)):
-            self.timing.miss()
-        self._open.clear()
-        for other in list(self._feeds):
-            # The images that were asked for are not taken any more, so begin anew with all cameras.
-            with suppress(DeviceError):
-                self._feeds.pop(other).close()
-        self._images.bring_back(CameraLost(name, error), "an acquisition")
-        for camera in self._images.cameras:
-            self._open_feed(camera)
-
-    def _open_feed(self, name: str) -> None:
-        timeout_s = self._run.protocol.images.timeout_s
-        self._feeds[name] = feed_of(self._images.cameras[name], self._run.clock, timeout_s)
-
-    def _finish_open(self, step: ProtocolStep) -> None:
+    def _finish(self, step: ProtocolStep, shots: Shots) -> None:
         """Wait for the images that were asked for before the end."""
-        run, begun_s = self._run, self._run.clock.now_s()
-        while self._open and run.clock.now_s() - begun_s < _LAST_IMAGES_S:
+        run = self._run
+        end_s = run.clock.now_s() + run.protocol.images.timeout_s + _LAST_IMAGES_S
+        while shots.waits and run.clock.now_s() < end_s:
             run.read()
-            self._poll()
-            self._finish_moments(step)
+            self._record(step, shots.poll())
             run.calls.pause(run.settle.poll_s)
-        for _ in range(len(self._open)):
-            self.timing.miss()
-        self._open.clear()
+        shots.drop()
 
-    def _finish_moments(self, step: ProtocolStep) -> None:
-        while self._open and len(self._open[0].frames) == len(self._feeds):
-            self._record(step, self._open.popleft())
-        self._require_written()
+    def _record(self, first: ProtocolStep, shots: list[Shot]) -> None:
+        missing = self.timing.missing
+        for shot in shots:
+            self._record_one(first, shot)
+        self._written.check()
+        if shots or missing != self.timing.missing:
+            self._publish()
 
-    def _record(self, first: ProtocolStep, moment: _Moment) -> None:
-        run, acquisition = self._run, first.acquisition
-        assert acquisition is not None
-        middle_s = float(np.mean([frame.middle[0] for frame in moment.frames.values()]))
-        number = self.timing.take(moment.due_s, middle_s)
+    def _record_one(self, first: ProtocolStep, shot: Shot) -> None:
+        acquisition = first.acquisition
+        assert isinstance(acquisition, Acquisition)
+        middle_s = float(np.mean([frame.middle[0] for frame in shot.frames.values()]))
+        number = self.timing.take(shot.due_s, middle_s)
         step = acquisition.step(first.index, number, middle_s - self.timing.first_s)
         self.next_index = step.index + 1
-        self._images.judge(step, moment.frames)
-        frames = {}
-        for name, frame in moment.frames.items():
-            frames[name] = record_frame(run, name, frame), 1
-            self._images.newest[name] = frame
-        record = StepRecord(step, replace(moment.reading, time_s=middle_s), frames, moment.due_s)
-        self._writing.append((record, run.recorder.step(record), run.clock.now_s()))
-        run.pulses.give("step")
+        try:
+            findings = self._images.judge(step, shot.frames)
+        except BadImage:
+            # The run ends, but nothing else shows this moment.
+            self._record_frames(shot, None)
+            raise
+        for device, sentence in findings.items():
+            self._warnings.warn(device, f"{device}: {step}: {sentence}")
+        # The reference stays, because every later image is compared with it.
+        frames = self._record_frames(shot, None if step.kind == "reference" else acquisition.schedule.keep_s)
+        # Drop the samples, which are in the tables of the channels, so that many steps need little memory.
+        reading = replace(shot.reading, time_s=middle_s, signals={})
+        self._written.add(StepRecord(step, reading, frames, shot.due_s))
 
-    def _require_written(self, *, whole: bool = False) -> None:
-        """Tell of the steps that are on the disk. Raise `RecordingError` if the disk is too slow.
+    def _record_frames(self, shot: Shot, keep_s: float | None) -> Frames:
+        self._images.newest |= shot.frames
+        return {
+            name: (record_frame(self._run, name, frame, keep_s), 1) for name, frame in shot.frames.items()
+        }
 
-        With `whole`, wait until all are.
-        """
-        run = self._run
-        while self._writing:
-            record, written, since_s = self._writing[0]
-            if whole:
-                run.finish(run.calls.follow(written, "run file", f"write {record.step}", ON_FILE))
-            if not written.done():
-                if run.clock.now_s() - since_s > ON_FILE.duration_s:
-                    raise RecordingError(
-                        str(run.recorder.path),
-                        f"{record.step} on the disk within {ON_FILE.duration_s:g} s",
-                        "none",
-                        ON_FILE.remedy,
-                    )
-                return
-            written.result()
-            self._writing.popleft()
-            self._filed(record)
+    def _publish(self, waits_for: str = "") -> None:
+        now = self.timing.now(waits_for, on_request=self._asked is not None)
+        self._run.news.publish(acquisition=now)

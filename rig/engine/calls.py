@@ -10,7 +10,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
-from threading import get_native_id
+from threading import Lock, get_native_id
 from time import process_time
 from typing import Any, Generic, TypeVar
 
@@ -117,6 +117,11 @@ class Call(Generic[T]):
         return self._real_due_s - SystemClock().now_s()
 
     @property
+    def is_over(self) -> bool:
+        """True if the call has ended or exceeded its deadline, so that `Calls.finish` returns at once."""
+        return self.done or self.left_s <= _TICK_S or self.real_left_s <= 0.0
+
+    @property
     def waited_s(self) -> float:
         """Time in s for which the call was ready to go on and got no processor."""
         return waited_for_processor_s(self._thread) - self._before_s if self._thread else 0.0
@@ -192,9 +197,9 @@ class Calls:
             )
         call = Call(device, action, function, deadline, self._clock, self._patience_s)
         if device not in self._workers:
-            self._workers[device] = _Worker(device, self._news)
+            self._workers[device] = _Worker(device, self._news, self._clock)
             self._workers[device].start()
-        self._workers[device].add(call, self._clock.activity())
+        self._workers[device].add(call)
         return call
 
     def do(self, device: str, action: str, function: Callable[[], T], deadline: Deadline) -> T:
@@ -223,10 +228,27 @@ class Calls:
         try:
             return self._wait_for(call, watched)
         finally:
-            call.cancelled = True
-            if not call.done and call.device in self._workers:
-                # The engine has given up the call, so simulated time may pass without it.
-                self._workers[call.device].give_up()
+            self._leave(call)
+
+    def finish_unless(self, call: Call[Any], over: Callable[[], bool]) -> None:
+        """Wait as `finish` with `watched`, but no longer than until `over` returns True.
+
+        What makes `over` true must then call `interrupt`.
+        """
+
+        class Over(Exception):
+            pass
+
+        def meanwhile() -> None:
+            if over():
+                raise Over
+
+        try:
+            self._wait_for(call, watched=True, woken=meanwhile)
+        except Over:
+            pass
+        finally:
+            self._leave(call)
 
     def pause(self, duration_s: float) -> None:
         """Wait on the rig's clock. The wait ends early if the engine is interrupted."""
@@ -250,7 +272,13 @@ class Calls:
             if worker.is_alive():
                 self.lost[device] = f"{worker.action}, which has not returned at the end of the run"
 
-    def _wait_for(self, call: Call[T], watched: bool) -> T:
+    def _leave(self, call: Call[Any]) -> None:
+        call.cancelled = True
+        if not call.done and call.device in self._workers:
+            # The engine has given up the call, so simulated time may pass without it.
+            self._workers[call.device].give_up()
+
+    def _wait_for(self, call: Call[T], watched: bool, woken: Callable[[], None] = lambda: None) -> T:
         every_s = self._every_s if watched else math.inf
         next_s = self._clock.now_s() + every_s
         while True:
@@ -261,6 +289,7 @@ class Calls:
                 self._check()
             if call.done:
                 return call.future.result()
+            woken()
             if call.left_s <= _TICK_S or call.real_left_s <= 0.0:
                 raise self._overdue(call)
             left_s = min(call.left_s, next_s - self._clock.now_s())
@@ -283,30 +312,48 @@ class Calls:
         )
 
 
+@dataclass
+class _Entry:
+    """A call that runs or waits on the thread of its device. Only the first one has an activity."""
+
+    call: Call[Any]
+    activity: Activity | None = None
+    given_up: bool = False
+
+
 class _Worker(DeviceThread):
     """The thread that makes all calls of one device."""
 
-    def __init__(self, device: str, news: Event) -> None:
+    def __init__(self, device: str, news: Event, clock: Clock) -> None:
         super().__init__(f"calls of {device}")
         self.action = ""
         self.waits_for_a_person = False
-        self._news = news
-        self._waiting: queue.SimpleQueue[tuple[Call[Any], Activity] | None] = queue.SimpleQueue()
-        self._activities: list[Activity] = []
+        self._news, self._clock = news, clock
+        self._waiting: queue.SimpleQueue[_Entry | None] = queue.SimpleQueue()
+        self._entries: list[_Entry] = []
+        self._lock = Lock()
 
     @property
     def idle(self) -> bool:
         """True if no call runs or waits on this thread."""
-        return not self._activities
+        return not self._entries
 
-    def add(self, call: Call[Any], activity: Activity) -> None:
-        self._activities.append(activity)
-        self._waiting.put((call, activity))
+    def add(self, call: Call[Any]) -> None:
+        entry = _Entry(call)
+        with self._lock:
+            self._entries.append(entry)
+            self._announce_first()
+        self._waiting.put(entry)
 
     def give_up(self) -> None:
         """Let simulated time pass without waiting for the calls on this thread."""
-        for activity in tuple(self._activities):
-            activity.end()
+        with self._lock:
+            entries = tuple(self._entries)
+            for entry in entries:
+                entry.given_up = True
+        for entry in entries:
+            if entry.activity is not None:
+                entry.activity.end()
 
     def leave(self) -> None:
         self.give_up()
@@ -314,12 +361,31 @@ class _Worker(DeviceThread):
 
     def run(self) -> None:
         while (entry := self._waiting.get()) is not None:
-            call, activity = entry
+            call, activity = entry.call, entry.activity
+            assert activity is not None
             self.action, self.waits_for_a_person = call.action, call.deadline.duration_s == math.inf
             # Suppress `GivenUp`, which ends a call of a simulated device after the engine has given up the
             # call.
             with suppress(GivenUp), activity:
-                call.run()
-                self._news.set()
-            self._activities.remove(activity)
+                try:
+                    call.run()
+                    self._news.set()
+                finally:
+                    self._end(entry)
             self.waits_for_a_person = False
+
+    def _end(self, entry: _Entry) -> None:
+        with self._lock:
+            self._entries.remove(entry)
+            self._announce_first()
+
+    def _announce_first(self) -> None:
+        """Announce the work of the first call.
+
+        A call that waits for another one is announced only when that one ends. On a simulated clock its
+        activity would otherwise get its turn, while its thread still sleeps in the other call for ever.
+        """
+        if self._entries and (first := self._entries[0]).activity is None:
+            first.activity = self._clock.activity()
+            if first.given_up:
+                first.activity.end()

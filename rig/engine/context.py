@@ -10,12 +10,14 @@ from rig.engine.announcements import Announcements
 from rig.engine.calls import Call, Calls
 from rig.engine.devices import OnQuestion, called
 from rig.engine.monitor import MeasuredChannels, Monitor
+from rig.engine.pausing import Pauses
 from rig.engine.pulses import Pulses
 from rig.engine.watch import Watch
 from rig.errors import Aborted
 from rig.limits.run_limits import limits_on
 from rig.protocol.protocol import Protocol
-from rig.protocol.step import RigReading
+from rig.protocol.step import PhaseEvent, RigReading
+from rig.protocol.tables import Settle
 from rig.recorder import Recorder
 from rig.recorder.records import PHASE_ENDED
 
@@ -35,13 +37,18 @@ class RunContext:
         The times for settling, and the time between two readings.
     watch : Watch
         The limits of the run.
+    pauses : Pauses
+        Lets the engine wait while the run is paused.
     may_move : bool
         True if a device may be moving. At the beginning of a run, a device may still be moving for an earlier
         program that was killed.
-    event : callable or None
+    event : PhaseEvent or None
         The event that ends the present phase, as described for `ProtocolStep`.
     phase_ended : bool
         True if this event has happened during the present step.
+    observers : list of callable
+        Functions that are called with every reading, whichever wait has taken it. A reading has the samples
+        of the channels since the one before, so who looks for an event of a channel must see all readings.
     abort_reason : str or None
         The reason for which the end of the run was requested.
     """
@@ -56,21 +63,22 @@ class RunContext:
         on_question: OnQuestion,
     ) -> None:
         self.protocol, self.rig, self.recorder, self.news = protocol, rig, recorder, news
-        self.clock, self.settle = rig.clock, protocol.settle
+        self.clock = rig.clock
+        self.settle: Settle = protocol.settle
         self.watch = Watch(protocol, limits_on(protocol, rig))
         self.calls = Calls(
             rig.clock, self.check_abort, rig.lost, meanwhile=self.read, every_s=self.settle.poll_s
         )
         self.devices = called(rig, self.calls, on_question)
         self.pulses = Pulses(rig, self.calls)
-        self.channels = RunChannels(
-            rig.channels, rig.clock, recorder.samples, lambda lost: self.log("warning", lost)
-        )
+        self.channels = RunChannels(rig.channels, rig.clock, recorder.samples)
         measured = MeasuredChannels(self.channels.read, rig.measured)
         self.monitor = Monitor(self.devices, self.calls, rig.clock, recorder, self.watch, measured)
+        self.pauses = Pauses(self)
         self.may_move = True
-        self.event: Callable[[RigReading], bool] | None = None
+        self.event: PhaseEvent | None = None
         self.phase_ended = False
+        self.observers: list[Callable[[RigReading], None]] = []
         self.abort_reason: str | None = None
         self._on_progress = on_progress
 
@@ -87,6 +95,10 @@ class RunContext:
         """
         self.check_abort()
         reading = self.monitor.read(self.place)
+        for observe in self.observers:
+            observe(reading)
+        for sentence in self.channels.new_losses():
+            self.log("warning", sentence)
         self.news.publish(reading=reading)
         if not self.phase_ended and self.event is not None and self.event(reading):
             self.phase_ended = True

@@ -3,10 +3,11 @@
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
-from typing import Generic, TypeAlias, TypeVar
+from typing import Any, Generic, TypeAlias, TypeVar, cast
 
 from drivers.errors import DeviceError, DeviceFault
 from drivers.interfaces import (
+    AsksQuestions,
     Camera,
     CameraInfo,
     Frame,
@@ -15,6 +16,7 @@ from drivers.interfaces import (
     LoadFrameState,
     Operator,
     OperatorAction,
+    OperatorQuestion,
     RotationStage,
     StageState,
 )
@@ -23,12 +25,14 @@ from rig.engine.calls import CAMERA_MARGIN_S, NEVER, STOPPING_S, Call, Calls, De
 from rig.protocol.step import Quantity
 from rig.threads import Bounded
 
-OnQuestion: TypeAlias = Callable[[OperatorAction, str], AbstractContextManager[None]]
-"""Type of a function that is called before a question with the action and a notice by the operator's driver.
-The function returns a context manager, which the engine leaves after the answer."""
+Asked: TypeAlias = OperatorAction | OperatorQuestion
+"""What the operator is asked: an action of every test, or a question of the protocol."""
+OnQuestion: TypeAlias = Callable[[Asked, str], AbstractContextManager[None]]
+"""Type of a function that is called before a question, with what is asked and a notice by the operator's
+driver. The function returns a context manager, which the engine leaves after the answer."""
 
 
-def unannounced(_: OperatorAction, __: str) -> AbstractContextManager[None]:
+def unannounced(_: Asked, __: str) -> AbstractContextManager[None]:
     """Do nothing before a question. This function is the default of `on_question`."""
     return nullcontext()
 
@@ -159,10 +163,30 @@ class CalledOperator:
             if not call.done and (close := getattr(self.operator, "close", None)):
                 Bounded("operator", "close", close).start()
 
+    def ask(self, question: OperatorQuestion, answered: Callable[[], bool]) -> None:
+        """Ask a question of the protocol, and return when it is answered: by the person, or elsewhere.
+
+        `answered` returns True if the question was answered elsewhere. The operator's driver is then told to
+        withdraw it. The driver must have the methods of `drivers.interfaces.AsksQuestions`.
+        """
+        asker = cast(AsksQuestions, self.operator)
+        call = self.calls.begin(
+            "operator", "answer a question", lambda: self._announced(question, asker.ask), NEVER
+        )
+        try:
+            self.calls.finish_unless(call, answered)
+        finally:
+            if not call.done:
+                Bounded("operator", "withdraw", asker.withdraw).start()
+
     def _perform(self, action: OperatorAction) -> None:
+        self._announced(action, self.operator.perform)
+
+    def _announced(self, asked: T, act: Callable[[T], None]) -> None:
         notice = getattr(self.operator, "notice", None)
-        with self.on_question(action, "" if notice is None else notice(action)):
-            self.operator.perform(action)
+        told: Any = asked
+        with self.on_question(told, "" if notice is None else notice(asked)):
+            act(asked)
 
 
 @dataclass(frozen=True)
@@ -187,6 +211,12 @@ class Devices:
             frame.do(f"go to {target:g} N", lambda: frame.driver.go_to_load(target, rate))
         else:
             frame.do(f"go to {target:g} mm", lambda: frame.driver.go_to_displacement(target, rate))
+
+    def stop(self) -> None:
+        """Hold the load frame and stop the stage, for a pause of the run."""
+        self.hold()
+        if (stage := self.stage) is not None:
+            stage.calls.do(stage.name, "stop", stage.driver.stop, Deadline(STOPPING_S))
 
     def hold(self) -> None:
         """Hold the load frame when nothing should move, for example before a question.

@@ -1,12 +1,13 @@
 """The engine executes the steps of a protocol and makes the rig safe at the end of every run."""
 
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
 from dic.runfile.schema import RunStatus
 from drivers.errors import DeviceError
-from drivers.interfaces import Frame
+from drivers.interfaces import Frame, OperatorQuestion
 from rig.devices import Rig
 from rig.engine.acquisition import AcquisitionRun
 from rig.engine.announcements import Announcements
@@ -16,16 +17,21 @@ from rig.engine.filing import record_step
 from rig.engine.imaging import Frames, StepImages
 from rig.engine.listeners import LEAVING_S
 from rig.engine.look import look
+from rig.engine.measuring import begin_channels, end_channels, follow_channels
 from rig.engine.motion import RunMotion
 from rig.engine.preparation import Preparation
+from rig.engine.questions import Questions
 from rig.engine.safety import SafeState
 from rig.engine.settings import SettingsRecord
-from rig.engine.status import EngineStatus, News, Outcome, State
+from rig.engine.status import EngineStatus, MeasuredAtRest, News, Outcome, State
 from rig.errors import Aborted, RigError
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
-from rig.recorder.records import STEP_REACHED
+from rig.recorder.records import COMPLETED, STEP_REACHED
+
+KEPT_RECORDS = 1000
+"""Number of the newest steps of an acquisition that the outcome of a run has."""
 
 
 class Engine:
@@ -38,12 +44,14 @@ class Engine:
                           |            +---step---+
                           +--grid, reference------+
 
+        PREPARING, MOVING, IMAGING --pause--> PAUSED --go on--> the state before
+
         any of these --abort, exception--> SAFING --> ABORTED | FAILED
 
     In the state PREPARING, the engine brings the stage to 0 degrees, asks the operator to attach or remove
-    the grid, and zeroes the load frame. The state MOVING lasts until load, displacement or angle has settled.
-    The state IMAGING ends when the step is in the run file. In the state SAFING, the engine first holds the
-    load frame and stops the stage, and then closes the run file.
+    the grid, zeroes the load frame, or asks a question of the protocol. The state MOVING lasts until load,
+    displacement or angle has settled. The state IMAGING ends when the step is in the run file. In the state
+    SAFING, the engine first holds the load frame and stops the stage, and then closes the run file.
 
     Parameters
     ----------
@@ -106,14 +114,19 @@ class Engine:
         self._earlier = dict(earlier or {})
         self._goes_on = bool(earlier)
         self._records: list[StepRecord] = []
+        # An acquisition may have a million images, whose records are in the run file.
+        self._acquired: deque[StepRecord] = deque(maxlen=KEPT_RECORDS)
         planned, before = len(protocol.steps()), len(self._earlier)
-        status = EngineStatus(State.IDLE, None, planned, 0, None, rig.simulated, before)
+        status = EngineStatus(
+            State.IDLE, None, planned, 0, None, rig.simulated, before, load_is_measured=bool(rig.measured)
+        )
         self._news = Announcements(recorder, rig.clock, status, on_status, on_step, on_news, self.abort)
         self.context = RunContext(protocol, rig, recorder, self._news, on_progress, on_question)
         self._motion = RunMotion(self.context)
         self._preparation = Preparation(self.context, self._motion)
         self._images = StepImages(self.context, self._motion)
         self._acquisition = AcquisitionRun(self.context, self._images, self._file)
+        self._questions = Questions(self.context, self._motion)
         self._settings = SettingsRecord(self.context)
         self._safe_state = SafeState(rig)
 
@@ -130,7 +143,17 @@ class Engine:
     @property
     def waiting_for_operator(self) -> bool:
         """True while the run waits for an answer from the operator."""
-        return self._preparation.asking
+        return self._preparation.asking or self.question is not None
+
+    @property
+    def question(self) -> OperatorQuestion | None:
+        """The question of the protocol that waits for its answer, or None."""
+        return self._questions.open
+
+    @property
+    def pause_requested(self) -> bool:
+        """True from the request of a pause until the run goes on."""
+        return self.context.pauses.switch.on
 
     def run(self) -> Outcome:
         """Execute the protocol and close the run file with the outcome.
@@ -146,7 +169,8 @@ class Engine:
         with self.context.clock.activity():
             try:
                 self._preparation.require_devices()
-                self.context.channels.begin()
+                self._questions.require_operator()
+                begin_channels(self.context)
                 self._settings.at_start()
                 self.context.protocol.follow(self._execute)
                 self._end_well()
@@ -173,18 +197,53 @@ class Engine:
         self._safe_state.command()
         self.context.calls.interrupt()
 
-    def request_image(self) -> None:
-        """Ask for an image now, in a protocol that takes images on request. Any thread may call this."""
-        self._acquisition.request_image()
+    def request_image(self) -> str:
+        """Ask for an image now, in a protocol that takes images on request. Any thread may call this.
 
-    def request_end(self) -> None:
-        """End the images of an acquisition now. Any thread may call this."""
-        self._acquisition.request_end()
+        Return why the request is refused, or an empty text.
+        """
+        return self._acquisition.request_image()
+
+    def request_end(self) -> str:
+        """End the images of an acquisition now. Any thread may call this.
+
+        Return why the request is refused, or an empty text.
+        """
+        return self._acquisition.request_end()
+
+    def pause(self, who: str, *, at_machine: bool = False) -> str:
+        """Request a pause without waiting. Any thread may call this method, also repeatedly.
+
+        The load frame holds and the stage stops at once, as for an abort, and the engine holds them again
+        when it sees the request. Images that are being taken are finished. `who` is recorded. Return why the
+        request is refused, or an empty text. A pause by a person `at_machine` ends only by such a person. An
+        abort ends every pause.
+        """
+        state = self.status.state
+        if state is State.IDLE or state.ending or self.context.abort_reason is not None:
+            return f"a run can be paused from its beginning until it ends; it is {state.value}"
+        self.context.pauses.switch.pause(who, at_machine=at_machine)
+        self._safe_state.command()
+        self.context.calls.interrupt()
+        return ""
+
+    def go_on(self, who: str, *, at_machine: bool = False) -> str:
+        """Let a paused run go on. Any thread may call this method.
+
+        Return why the request is refused, or an empty text.
+        """
+        return self.context.pauses.switch.go_on(who, at_machine=at_machine)
+
+    def answer(self, word: str, who: str) -> str:
+        """Answer the question of the protocol that waits for the operator. Any thread may call this method.
+
+        Return why the answer is refused, or an empty text.
+        """
+        return self._questions.answer(word, who)
 
     def _execute(self, step: ProtocolStep) -> RigReading:
         if step.acquisition is not None:
             self._enter(State.IMAGING, step)
-            self.context.pulses.give("start")
             return self._acquisition.take(step)
         if step.index < self._acquisition.next_index:
             # An acquisition takes as many images as its test needs, and not as many as were planned.
@@ -195,6 +254,11 @@ class Engine:
             return self._earlier[step.index]
         if self._goes_on or step.kind in ("grid", "reference"):
             self._prepare(step)
+        if step.kind == "reference":
+            self.context.pulses.give("start")
+        if step.question is not None:
+            self._enter(State.PREPARING, step)
+            return self._questions.ask(step, step.question)
         self._enter(State.MOVING, step)
         frames: Frames | None = None
         for reading in self._motion.moments(step):
@@ -231,8 +295,9 @@ class Engine:
 
     def _file(self, record: StepRecord) -> None:
         """Tell that a step is on the disk."""
-        self._records.append(record)
+        (self._records if record.step.kind != "acquired" else self._acquired).append(record)
         self._news.step(record)
+        self.context.pulses.give("step")
 
     def _enter(self, state: State, step: ProtocolStep | None) -> None:
         self._news.publish(state=state, step=step)
@@ -241,9 +306,13 @@ class Engine:
         self.context.devices.hold()
         self.context.pulses.give("end")
         self.context.pulses.finish()
+        if (last_image_s := self._images.last_exposed_s) is not None:
+            follow_channels(self.context, last_image_s)
         self._settings.at_end()
-        self.context.channels.end()
-        self.context.log("info", "protocol completed")
+        end_channels(self.context)
+        for sentence in self.context.channels.new_losses(whole=True):
+            self.context.log("warning", sentence)
+        self.context.log("info", COMPLETED)
         self.context.recorder.close("completed", "", self.context.clock.utc())
         self._enter(State.COMPLETED, self.status.step)
 
@@ -257,12 +326,14 @@ class Engine:
             reason = f"{run.aborted()}; meanwhile: {reason}"
         if unsafe:
             reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(unsafe)}). {reason}"
-        run.channels.end()
+        end_channels(run)
         # Ignore an error, because the status of the run may be written even if settings and this event
         # cannot.
         with suppress(RigError):
             self._settings.at_end()
         with suppress(RigError):
+            for sentence in run.channels.new_losses(whole=True):
+                self.context.log("warning", sentence)
             self.context.log("error", reason)
         try:
             run.recorder.close(status, reason, run.clock.utc())
@@ -274,6 +345,9 @@ class Engine:
     def _outcome(self, status: RunStatus, reason: str, unsafe: tuple[str, ...] = ()) -> Outcome:
         run = self.context
         at_end = look(run.devices, run.calls, self._safe_state.confirmed)
+        if run.rig.measured and (reading := self.status.reading) is not None:
+            measured = MeasuredAtRest(reading.load_n, reading.displacement_mm)
+            at_end = replace(at_end, measured=measured)
         run.calls.close()
         self._news.close(self.leaving_s)
         return Outcome(
@@ -283,8 +357,10 @@ class Engine:
             unsafe,
             tuple(self._news.lost),
             run.rig.lost_devices,
-            tuple(self._records),
+            tuple(sorted([*self._records, *self._acquired], key=lambda record: record.step.index)),
             run.recorder.failure is None,
             at_end,
             self._acquisition.timing if self._acquisition.timing.asked else None,
+            run.pauses.totals,
+            {name: lost for name, (_, lost) in run.channels.counts.items() if lost},
         )

@@ -2,21 +2,34 @@
 
 import math
 from collections import deque
-from contextlib import suppress
-from typing import Any, Protocol
+from collections.abc import Callable
+from enum import Enum
+from threading import Lock
+from typing import Any, Protocol, TypeAlias
 
 from drivers.clock import Clock
 from drivers.errors import DeviceTimeout
 from drivers.interfaces import Frame
-from rig.engine.calls import CAMERA_MARGIN_S, Call, Deadline
+from rig.devices import OPENING_S
+from rig.engine.calls import CAMERA_MARGIN_S, Call, Calls, Deadline
 from rig.engine.devices import CalledCamera
 
 _SLICE_S = 0.25
 """Longest time in s of one call that takes frames from a stream."""
-_KEPT = 8
+_KEPT_LEAST, _KEPT_MOST, _KEPT_BYTES = 8, 64, 64 << 20
 """Frames of a stream that are kept, because an event of a channel is seen some time after it."""
 _STREAM_FRAMES = 64
+_OPEN_MOST = 8
 _REMEDY = "check the camera and its cable, or raise images.timeout_s"
+
+
+class Missed(Enum):
+    """Says that a camera has no image of its own for a time, because it takes them too slowly."""
+
+    IMAGE = "no image"
+
+
+Taken: TypeAlias = Frame | Missed
 
 
 class Feed(Protocol):
@@ -30,23 +43,37 @@ class Feed(Protocol):
 
     most_open: int
 
+    @property
+    def is_ready(self) -> bool:
+        """False until the stream of the camera has delivered its first frame."""
+
     def ask(self, due_s: float) -> None:
         """Ask for the image whose exposure is nearest to a time, which is not in the future."""
 
-    def take(self) -> Frame | None:
+    def take(self) -> Taken | None:
         """Return the image for the oldest time that was asked for, None while there is none.
 
         Raise `DeviceError` if the camera fails. The engine calls this method often.
         """
 
-    def close(self) -> None:
-        """End the stream of the camera."""
+    def begin_close(self) -> Call[None] | None:
+        """Begin to end the stream of the camera, and return the call that does it; None without a stream."""
+
+    def losses(self) -> str:
+        """Return a sentence about frames that the camera or the computer has lost, or an empty text.
+
+        It is known when the call of `begin_close` has ended.
+        """
 
 
-def feed_of(camera: CalledCamera, clock: Clock, timeout_s: float) -> Feed:
-    """Return the feed of a camera: its stream if its driver has one. Raise `DeviceError` if it fails."""
+def feed_of(camera: CalledCamera, clock: Clock, timeout_s: float, tolerance_s: float) -> Feed:
+    """Return the feed of a camera: its stream if its driver has one. Raise `DeviceError` if it fails.
+
+    `timeout_s` is the longest time in s without an image. An image that is more than `tolerance_s` away from
+    its time counts as missed if the image before was nearer.
+    """
     if callable(getattr(camera.camera, "stream", None)):
-        return StreamFeed(camera, clock, timeout_s)
+        return StreamFeed(camera, clock, timeout_s, tolerance_s)
     return GrabFeed(camera, timeout_s)
 
 
@@ -54,6 +81,7 @@ class GrabFeed:
     """A camera without a stream, which begins each image when it is asked for it."""
 
     most_open = 1
+    is_ready = True
 
     def __init__(self, camera: CalledCamera, timeout_s: float) -> None:
         self._camera, self._timeout_s = camera, timeout_s
@@ -70,53 +98,84 @@ class GrabFeed:
             Deadline(timeout_s + CAMERA_MARGIN_S, _REMEDY),
         )
 
-    def take(self) -> Frame | None:
+    def take(self) -> Taken | None:
         """Return the image if it has arrived."""
         call = self._call
-        if call is None or not is_over(call):
+        if call is None or not call.is_over:
             return None
         self._call = None
         return self._camera.calls.finish(call)
 
-    def close(self) -> None:
+    def begin_close(self) -> Call[None] | None:
         """End: nothing runs without an image that was asked for."""
+        return None
+
+    def losses(self) -> str:
+        """Return nothing: no frame comes that was not asked for."""
+        return ""
 
 
 class StreamFeed:
     """A camera that delivers all its frames, from which the nearest one is taken for each time."""
 
-    most_open = _KEPT
+    most_open = _OPEN_MOST
 
-    def __init__(self, camera: CalledCamera, clock: Clock, timeout_s: float) -> None:
+    def __init__(self, camera: CalledCamera, clock: Clock, timeout_s: float, tolerance_s: float) -> None:
         self._name, self._calls = f"cameras.{camera.name}", camera.calls
-        self._clock, self._timeout_s = clock, timeout_s
+        self._clock, self._timeout_s, self._tolerance_s = clock, timeout_s, tolerance_s
         driver: Any = camera.camera
-        opening = Deadline(timeout_s + CAMERA_MARGIN_S, _REMEDY)
-        self._stream = self._calls.do(self._name, "stream", lambda: driver.stream(_STREAM_FRAMES), opening)
+        # Watch the call, because a camera that must be opened again takes many seconds.
+        opening = _begin(self._calls, self._name, "stream", lambda: driver.stream(_STREAM_FRAMES), OPENING_S)
+        self._stream = self._calls.finish(opening, watched=True)
         self._dues_s: deque[float] = deque()
-        self._frames: deque[Frame] = deque(maxlen=_KEPT)
+        self._frames: deque[Frame] = deque()
+        # The engine looks for the nearest frame while the camera's thread appends the newest one.
+        self._lock = Lock()
         self._heard_s = clock.now_s()
-        self._used = -math.inf
+        self._asked_s: deque[float] = deque()
+        self._used_s = -math.inf
         self._call: Call[None] | None = None
+        self._lost = ""
+
+    @property
+    def is_ready(self) -> bool:
+        """True if there is a frame."""
+        return bool(self._frames)
 
     def ask(self, due_s: float) -> None:
         """Ask for the frame nearest to a time."""
-        self._dues_s.append(due_s)
+        with self._lock:
+            self._dues_s.append(due_s)
+            self._asked_s.append(self._clock.now_s())
 
-    def take(self) -> Frame | None:
+    def take(self) -> Taken | None:
         """Return the frame for the oldest time if the stream has passed it, and go on taking frames."""
-        if self._call is not None and is_over(self._call):
+        if self._call is not None and self._call.is_over:
             call, self._call = self._call, None
             self._calls.finish(call)
         if self._call is None:
-            deadline = Deadline(self._timeout_s + _SLICE_S + CAMERA_MARGIN_S, _REMEDY)
-            self._call = self._calls.begin(self._name, "take frames", self._drain, deadline)
+            within_s = self._timeout_s + _SLICE_S + CAMERA_MARGIN_S
+            self._call = _begin(self._calls, self._name, "take frames", self._drain, within_s)
         return self._nearest()
 
-    def close(self) -> None:
-        """End the stream."""
-        with suppress(DeviceTimeout):
-            self._calls.do(self._name, "close stream", self._stream.close, Deadline(self._timeout_s, _REMEDY))
+    def begin_close(self) -> Call[None] | None:
+        """Begin to end the stream, after the call that takes frames has ended."""
+        return _begin(self._calls, self._name, "close stream", self._end, self._timeout_s + CAMERA_MARGIN_S)
+
+    def losses(self) -> str:
+        """Return how many frames of the closed stream are missing, and why."""
+        return self._lost
+
+    def _end(self) -> None:
+        """Close the stream, and note its losses. On the camera's thread."""
+        try:
+            counts: dict[str, int] = {}
+            for loss in self._stream.report().losses:
+                counts[loss.kind.value] = counts.get(loss.kind.value, 0) + loss.count
+            why = ", ".join(f"{count} ({kind})" for kind, count in counts.items() if count)
+            self._lost = f"{self._name}: frames of its stream are lost: {why}" if why else ""
+        finally:
+            self._stream.close()
 
     def _drain(self) -> None:
         """Take frames for a short time, or until one has passed the oldest time. On the camera's thread."""
@@ -129,20 +188,45 @@ class StreamFeed:
                     raise
                 return
             self._heard_s = self._clock.now_s()
-            self._frames.append(frame)
-            if self._dues_s and frame.middle[0] >= self._dues_s[0]:
-                return
+            kept = min(_KEPT_MOST, max(_KEPT_LEAST, _KEPT_BYTES // frame.image.nbytes))
+            with self._lock:
+                self._frames.append(frame)
+                while len(self._frames) > kept:
+                    self._frames.popleft()
+                if self._dues_s and frame.middle[0] >= self._dues_s[0]:
+                    return
 
-    def _nearest(self) -> Frame | None:
-        frames = [frame for frame in tuple(self._frames) if frame.sequence > self._used]
-        if not self._dues_s or not frames or frames[-1].middle[0] < self._dues_s[0]:
-            return None
-        due_s = self._dues_s.popleft()
-        frame = min(frames, key=lambda each: abs(each.middle[0] - due_s))
-        self._used = frame.sequence
-        return frame
+    def _nearest(self) -> Taken | None:
+        with self._lock:
+            if not self._dues_s:
+                return None
+            due_s = self._dues_s[0]
+            unused = [frame for frame in self._frames if frame.middle[0] > self._used_s]
+            if not unused or unused[-1].middle[0] < due_s:
+                self._require_progress()
+                return None
+            frame = min(unused, key=lambda each: abs(each.middle[0] - due_s))
+            self._dues_s.popleft()
+            self._asked_s.popleft()
+            off_s = abs(frame.middle[0] - due_s)
+            if off_s > self._tolerance_s and abs(self._used_s - due_s) < off_s:
+                # A frame belongs to one time only. If this camera is slower than the times, taking the next
+                # frame would shift all later images, and not only leave one out.
+                return Missed.IMAGE
+            self._used_s = frame.middle[0]
+            return frame
+
+    def _require_progress(self) -> None:
+        """Raise `DeviceTimeout` if frames come, but none for a time that was asked for long ago."""
+        if self._clock.now_s() - self._asked_s[0] > self._timeout_s + _SLICE_S + CAMERA_MARGIN_S:
+            raise DeviceTimeout(
+                self._name,
+                "stream",
+                f"a frame exposed after {self._dues_s[0]:.3f} s within {self._timeout_s:g} s",
+                "earlier ones only",
+                "check the camera's driver, whose times do not advance with the rig's clock",
+            )
 
 
-def is_over(call: Call[Any]) -> bool:
-    """Return True if a call has ended, or has exceeded its deadline, so that `finish` returns at once."""
-    return call.done or call.left_s <= 0.0 or call.real_left_s <= 0.0
+def _begin(calls: Calls, device: str, action: str, function: Callable[[], Any], within_s: float) -> Call[Any]:
+    return calls.begin(device, action, function, Deadline(within_s, _REMEDY))

@@ -10,8 +10,11 @@ ON_FILE = Deadline(60.0, "check the disk that holds the run file")
 """Longest wait until an image or step is on the disk. The recorder reports a slow disk earlier."""
 
 
-def record_frame(run: RunContext, camera: str, frame: Frame) -> int:
-    """Record an image and return its row. First wait while too many images of its camera are waiting."""
+def record_frame(run: RunContext, camera: str, frame: Frame, keep_s: float | None = None) -> int:
+    """Record an image and return its row. First wait while too many images of its camera are waiting.
+
+    `keep_s` is described for `Recorder.frame`.
+    """
     recorder = run.recorder
     if not recorder.wait_for_room(camera, 0.0):
         action = f"wait for the images of {camera}"
@@ -20,7 +23,7 @@ def record_frame(run: RunContext, camera: str, frame: Frame) -> int:
                 "run file", action, lambda: recorder.wait_for_room(camera, ON_FILE.duration_s), ON_FILE
             )
         )
-    return recorder.frame(camera, frame)
+    return recorder.frame(camera, frame, keep_s)
 
 
 def record_step(run: RunContext, record: StepRecord) -> None:

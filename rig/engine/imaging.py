@@ -1,5 +1,6 @@
 """Take the images of a step. Check each image, repeat bad images, and reopen a camera that fails."""
 
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 
@@ -45,6 +46,7 @@ class StepImages:
         this step, and `BadImage` if an image violates a limit and `images.on_bad_image` is "stop".
         """
         taken = dict(frames)
+        self._run.pulses.give("exposure")
         for name, frame in self._take_in_spite_of_losses(step, reading).items():
             row = record_frame(self._run, name, frame)
             first, count = taken.get(name, (row, 0))
@@ -74,10 +76,7 @@ class StepImages:
             skew_s = max(exposed_s, default=0.0) - min(exposed_s, default=0.0)
             if skew_s <= self._settings.skew_max_s:
                 return frames
-            found = (
-                f"the images of all cameras are {skew_s:.2f} s apart, more than images.skew_max_s, "
-                f"{self._settings.skew_max_s:g}"
-            )
+            found = _apart(skew_s, self._settings.skew_max_s)
             self._run.log("warning", f"cameras: {step}: {found}")
         self._keep_or_stop("cameras", step, found)
         return frames
@@ -132,30 +131,47 @@ class StepImages:
         checks.accept(*kept, reference=step.kind == "reference")
         return kept[0]
 
-    def judge(self, step: ProtocolStep, frames: Mapping[str, Frame]) -> list[str]:
-        """Return what is wrong with images that cannot be repeated, and tell it.
+    def judge(self, step: ProtocolStep, frames: Mapping[str, Frame]) -> dict[str, str]:
+        """Return one sentence for each camera whose image is not good, for images that cannot be repeated.
 
         A damaged or frozen image is kept, because nothing else shows this moment. Raise `DeviceFault` if an
         image has another format than its camera announced, and `BadImage` if `images.on_bad_image` is "stop".
         """
-        found = []
+        found: dict[str, str] = {}
         for name, frame in frames.items():
             device, checks = f"cameras.{name}", self._checks[name]
             checks.require_format(frame, device, str(step))
             measured = checks.measure(frame)
             wrong = checks.findings(measured)
-            if frame.flags:
-                wrong.append(f"it is damaged (flags {frame.flags:#x})")
+            if (stale := checks.not_fresh(frame, -math.inf)) is not None:
+                wrong.append(f"{stale[0]} is expected, it is {stale[1]}")
             if checks.is_frozen(measured):
                 wrong.append("its pixels are those of the image before: the picture is frozen")
             checks.accept(frame, measured, reference=step.kind == "reference")
             if wrong:
-                sentence = "; ".join(wrong)
-                self._run.log("warning", f"{device}: {step}: {sentence}")
-                found.append(f"{device}: {sentence}")
+                found[device] = "; ".join(wrong)
+        middles_s = [frame.middle[0] for frame in frames.values()]
+        skew_s = max(middles_s, default=0.0) - min(middles_s, default=0.0)
+        if skew_s > self._settings.skew_max_s:
+            found["cameras"] = _apart(skew_s, self._settings.skew_max_s)
         if found and self._settings.on_bad_image == "stop":
-            raise BadImage(str(step), "good images", "; ".join(found), _MEND)
+            sentences = "; ".join(f"{device}: {sentence}" for device, sentence in found.items())
+            raise BadImage(str(step), "good images", sentences, _MEND)
         return found
+
+    @property
+    def last_exposed_s(self) -> float | None:
+        """The end of the newest exposure on the rig's clock, None before the first image."""
+        ends_s = [
+            frame.middle[0] + (0.0 if math.isnan(frame.exposure_us) else 0.5e-6 * frame.exposure_us)
+            for frame in self.newest.values()
+        ]
+        return max(ends_s, default=None)
+
+    def begin_numbers_anew(self) -> None:
+        """Forget the numbers of the last frames, because a stream may have numbers of its own."""
+        for checks in self._checks.values():
+            checks.reopened()
 
     def bring_back(self, lost: CameraLost, step: str) -> None:
         """Try to reopen a camera until it delivers images or the protocol's `camera_return_s` has passed."""
@@ -212,6 +228,10 @@ _FROZEN = (
     "exactly the pixels of the image before: the picture is frozen",
     "switch the camera off and on, and check its driver",
 )
+
+
+def _apart(skew_s: float, most_s: float) -> str:
+    return f"the images of all cameras are {skew_s:.2f} s apart, more than images.skew_max_s, {most_s:g}"
 
 
 def _motion(step: ProtocolStep, settled: RigReading, reading: RigReading) -> list[str]:

@@ -102,15 +102,28 @@ class Preparation:
         assert stage is not None  # `require_devices` has checked this
         if not self._run.monitor.homed:
             self._run.log("info", "stage: home")
-            self._run.may_move = True
-            stage.do("home", stage.driver.home)
-            self._motion.wait("homing the stage", "the reference position", lambda _: self._run.monitor.homed)
+            driver = stage.driver
+
+            def begin(_: float) -> None:
+                self._run.may_move = True
+                stage.do("home", driver.home)
+
+            begin(0.0)
+            self._motion.wait(
+                "homing the stage", "the reference position", lambda _: self._run.monitor.homed, again=begin
+            )
 
     def _bring_to_zero(self, tolerance_deg: float) -> None:
         self._home()
-        self._run.may_move = True
-        self._run.devices.go_to("rotation", 0.0, math.nan)
-        self._motion.wait("moving to 0 deg", "0 deg", lambda reading: abs(reading.angle_deg) <= tolerance_deg)
+
+        def begin(_: float) -> None:
+            self._run.may_move = True
+            self._run.devices.go_to("rotation", 0.0, math.nan)
+
+        begin(0.0)
+        self._motion.wait(
+            "moving to 0 deg", "0 deg", lambda reading: abs(reading.angle_deg) <= tolerance_deg, again=begin
+        )
 
     def _zero_load_frame(self, zeroing: Zeroing, step: ProtocolStep) -> None:
         frame = self._run.devices.load_frame

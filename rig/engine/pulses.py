@@ -6,7 +6,10 @@ from rig.rigfile import TriggerEvent
 
 
 class Pulses:
-    """The output lines of a run. A pulse never holds up the engine; its failure ends the run."""
+    """The output lines of a run. The failure of a pulse ends the run.
+
+    The engine waits for a pulse only if the next one of the same line is due before it has begun.
+    """
 
     def __init__(self, rig: Rig, calls: Calls) -> None:
         self._triggers, self._calls = rig.triggers, calls
@@ -21,6 +24,12 @@ class Pulses:
                 self._running[name] = self._calls.begin(
                     f"triggers.{name}", "pulse", trigger.device.pulse, self._deadline
                 )
+
+    def check(self) -> None:
+        """Raise the error of a pulse that has failed or does not begin, without waiting for others."""
+        for name, call in list(self._running.items()):
+            if call.is_over:
+                self._finish(name)
 
     def finish(self) -> None:
         """Wait for the pulses that were begun, and raise their errors."""

@@ -1,12 +1,14 @@
 """The state of a run, a snapshot of a run, and the outcome of a run."""
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import TypeAlias
 
 from dic.runfile.schema import Level, RunStatus
 from drivers.interfaces import LoadFrameState, StageState
-from rig.engine.timing import Timing
+from rig.engine.timing import Timing, TimingNow
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import StepRecord
 
@@ -18,6 +20,7 @@ class State(Enum):
     PREPARING = "preparing"
     MOVING = "moving"
     IMAGING = "imaging"
+    PAUSED = "paused"
     SAFING = "making safe"
     COMPLETED = "completed"
     ABORTED = "aborted"
@@ -34,7 +37,9 @@ class EngineStatus:
     """A snapshot of a run: the state, the current step, the number of steps and the latest reading.
 
     `simulated` is True if any device of the rig is simulated. `steps_before` is the number of steps that an
-    earlier run has finished, if this run continues it; `steps_done` does not count these steps.
+    earlier run has finished, if this run continues it; `steps_done` does not count these steps. `acquisition`
+    has the numbers of images, once an acquisition has begun. `load_is_measured` is True if the load frame is
+    only read, so that nothing of this program stops it.
     """
 
     state: State
@@ -44,11 +49,21 @@ class EngineStatus:
     reading: RigReading | None
     simulated: bool = False
     steps_before: int = 0
+    acquisition: TimingNow | None = None
+    load_is_measured: bool = False
 
     @property
     def steps_finished(self) -> int:
         """Number of planned steps that are finished, also by an earlier run that this run continues."""
         return self.steps_before + self.steps_done
+
+
+@dataclass(frozen=True)
+class MeasuredAtRest:
+    """The newest load, and displacement (NaN without one), of a load frame that is only read."""
+
+    load_n: float
+    displacement_mm: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -64,12 +79,29 @@ class AtRest:
         The devices that did not answer, with the reason.
     stopped : frozenset of str
         The devices that had confirmed a hold or a stop just before.
+    measured : MeasuredAtRest or None
+        The values of a load frame that is only read; None without one, or if it does not answer.
     """
 
     load_frame: LoadFrameState | None = None
     stage: StageState | None = None
     silent: dict[str, str] = field(default_factory=dict)
     stopped: frozenset[str] = frozenset()
+    measured: MeasuredAtRest | None = None
+
+
+@dataclass(frozen=True)
+class PauseTotals:
+    """The pauses of a run: their number, their whole duration in s, and the steps that they touched.
+
+    The images of a `late` step were taken when the run went on. Those of a `missed` step were not taken,
+    because the next images of the same hold were due as well.
+    """
+
+    count: int = 0
+    duration_s: float = 0.0
+    late_steps: int = 0
+    missed_steps: int = 0
 
 
 @dataclass(frozen=True)
@@ -101,7 +133,7 @@ class Outcome:
     lost_devices : tuple of str
         One sentence for each device in whose driver a call hangs. Such a device is not closed.
     steps : tuple of StepRecord
-        The steps in the run file.
+        The steps in the run file; of an acquisition only the newest ones.
     recorded : bool
         True if everything was written into the run file. False if the run ended because the file could not be
         written.
@@ -109,6 +141,10 @@ class Outcome:
         The readings of load frame and stage after the end of the run.
     timing : Timing or None
         How well the images of an acquisition kept their times; None without timed images.
+    pauses : PauseTotals
+        The pauses of the run, and the steps whose images fell into them.
+    lost_samples : dict of str to int
+        Number of lost samples of each channel device that has lost some.
     """
 
     status: RunStatus
@@ -121,6 +157,8 @@ class Outcome:
     recorded: bool = True
     at_end: AtRest = field(default_factory=AtRest)
     timing: Timing | None = None
+    pauses: PauseTotals = PauseTotals()
+    lost_samples: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def is_good(self) -> bool:

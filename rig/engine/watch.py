@@ -7,6 +7,7 @@ from rig.limits.run_limits import RunLimits
 from rig.limits.speed import SpeedCheck
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import LoadDrop, ProtocolStep, RigReading
+from rig.protocol.tables import Limits
 
 POLL_MIN_S = 0.02
 """Shortest time between two readings in s. A load frame has a new sample every 10 to 20 ms."""
@@ -24,6 +25,7 @@ class Watch:
         self._settle = protocol.settle
         self._conditions = protocol.conditions
         self._load_drop: LoadDrop = "break"
+        self._sense = 1.0
         self._table = limits.table
         self._step: ProtocolStep | None = None
         self._last: RigReading | None = None
@@ -31,6 +33,8 @@ class Watch:
         self._agreement: Agreement | None = None
         self._speed = SpeedCheck(limits)
         conditions = self._conditions
+        # A test that begins in compression is checked with opposite signs, as one in tension.
+        self._mirrors = conditions.pull is not None and conditions.pull.sense < 0.0
         if limits.string is not None and conditions.pull is not None and conditions.zeroing is not None:
             self._agreement = Agreement(limits.string, conditions.pull, conditions.zeroing)
 
@@ -39,9 +43,14 @@ class Watch:
 
         During a hold the load may fall slowly, so each reading is compared with the reading before. During
         unloading, a falling load does not mean a break. After unloading, the highest load is determined again
-        from new readings.
+        from new readings. A motion that lowers the load also pushes a specimen in compression, whose load
+        must not go back to zero by itself.
         """
         self._load_drop = load_drop
+        sense = {"break": 1.0, "commanded": -1.0}.get(load_drop)
+        if sense is not None and sense != self._sense:
+            self._sense = sense
+            self._highest_n = 0.0 if self._last is None else sense * self._last.load_n
 
     def begin(self, step: ProtocolStep) -> None:
         """Check the target and the rate of a step before its motion is commanded.
@@ -51,7 +60,7 @@ class Watch:
         for quantity, value in commanded(step):
             self._table.check(quantity, value, f"{step}, before the motion")
         if self._agreement is not None:
-            self._agreement.begin(step)
+            self._agreement.begin(step.mirrored() if self._mirrors else step)
         self._speed.begin(step)
         self._step = step
 
@@ -91,24 +100,41 @@ class Watch:
         if self._conditions.limits is not None:
             self._table.check("load", reading.load_n, step)
             self._table.check("displacement", reading.displacement_mm, step)
-            self._check_break(reading, step, self._conditions.limits.break_load_drop)
-        if self._agreement is not None:
+            self._check_break(reading, step, self._conditions.limits)
+        if self._agreement is not None and self._mirrors:
+            self._agreement.check(reading.mirrored(), f"{step}, in compression (here shown positive)")
+        elif self._agreement is not None:
             self._agreement.check(reading, step)
+        if self._agreement is not None:
             self._speed.check(reading, step)
         self._last = reading
 
-    def _check_break(self, reading: RigReading, step: str, drop: float) -> None:
-        if self._load_drop == "commanded":
-            self._highest_n = reading.load_n
-        self._highest_n = max(self._highest_n, reading.load_n)
-        lowest_n = (1.0 - drop) * self._highest_n
-        if self._highest_n >= self._conditions.carried_n and reading.load_n < lowest_n:
-            raise SpecimenBroken(
-                step,
-                f"a load above {lowest_n:.0f} N after {self._highest_n:.0f} N",
-                f"{reading.load_n:.0f} N",
-                "the specimen broke or slipped out of the grips, or the load cell failed: the images up to "
-                f"here are on file; if neither did, raise limits.break_load_drop above {drop:g}",
-            )
+    def _check_break(self, reading: RigReading, step: str, limits: Limits) -> None:
         if self._load_drop == "slow":
-            self._highest_n = reading.load_n
+            # The specimen is in tension or in compression, as it was at the reading before.
+            before_n = 0.0 if self._last is None else self._last.load_n
+            self._sense = -1.0 if before_n < 0.0 else 1.0
+            self._highest_n = abs(before_n)
+        if self._sense < 0.0 and limits.load_min_n is None:
+            return  # the protocol only pulls
+        load_n, drop = self._sense * reading.load_n, limits.drop(self._sense)
+        self._highest_n = max(self._highest_n, load_n)
+        carried_n = self._conditions.carried_n if self._sense > 0.0 else limits.carried_n(self._sense)
+        least_n = (1.0 - drop) * self._highest_n
+        if self._highest_n >= carried_n and load_n < least_n:
+            raise self._broken(reading, step, least_n, limits)
+        if self._load_drop == "slow":
+            self._highest_n = load_n
+
+    def _broken(self, reading: RigReading, step: str, least_n: float, limits: Limits) -> SpecimenBroken:
+        in_compression, drop = self._sense < 0.0, limits.drop(self._sense)
+        buckled = "buckled, broke" if in_compression else "broke"
+        key = "buckling" if in_compression and limits.buckling_load_drop is not None else "break"
+        return SpecimenBroken(
+            step,
+            f"a load {'below' if in_compression else 'above'} {self._sense * least_n:.0f} N after "
+            f"{self._sense * self._highest_n:.0f} N",
+            f"{reading.load_n:.0f} N",
+            f"the specimen {buckled} or slipped out of the grips, or the load cell failed: the images up to "
+            f"here are on file; if neither did, raise limits.{key}_load_drop above {drop:g}",
+        )

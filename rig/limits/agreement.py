@@ -259,7 +259,7 @@ class Agreement:
             return
         slope_n_s, deviation_n_s = found
         relaxing_n_s = 0.0
-        if slope_n_s < 0.0:
+        if slope_n_s * reading.load_n < 0.0:
             relaxing_n_s = self._string.relaxation * abs(reading.load_n) / (2.3 * self._rest.elapsed_s)
         rate_n_s = self._pull.rate_n_s or self._increment_n / self._rest.duration_s
         increment_s = self._increment_n / rate_n_s

@@ -8,6 +8,7 @@ from rig.limits.stiffness import LoadStringBounds
 from rig.limits.table import Bound, Limit, LimitTable
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep
+from rig.protocol.tables import Limits
 
 
 def limit_table(
@@ -28,7 +29,7 @@ def limit_table(
     declared, devices = protocol.conditions.limits, protocol.conditions.devices
     if declared is not None:
         for quantity, unit, least, greatest in both:
-            limits.append(_both_ways(quantity, unit, getattr(declared, greatest), f"limits.{greatest}"))
+            limits.append(_declared(quantity, unit, declared, least, greatest))
             limits.append(_both_ways(quantity, unit, getattr(rig, greatest), f"the rig's limits.{greatest}"))
             limits.append(_range(quantity, unit, facts, "the rig's load_frame", least, greatest))
         for quantity, unit, key in up:
@@ -81,6 +82,13 @@ def _plausible(string: LoadStringBounds) -> Iterable[Limit]:
         Bound(string.stiffness_max_n_mm, "plausible: modulus and machine stiffness"),
     )
     yield _up("speed in increments of load", "mm/s", string.speed_max_mm_s, "plausible.speed_max_mm_s")
+
+
+def _declared(quantity: str, unit: str, declared: Limits, least: str, greatest: str) -> Limit:
+    """Return a limit of the protocol. Without a lower limit, the upper one applies in both directions."""
+    if getattr(declared, least) is None:
+        return _both_ways(quantity, unit, getattr(declared, greatest), f"limits.{greatest}")
+    return _range(quantity, unit, declared, "limits", least, greatest)
 
 
 def _both_ways(quantity: str, unit: str, greatest: float | None, source: str) -> Limit:

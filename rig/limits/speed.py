@@ -38,7 +38,7 @@ class SpeedCheck:
 
     def check(self, reading: RigReading, step: str) -> None:
         """Check one reading. Raise `LimitViolation` if the crosshead is too fast."""
-        if self._first_increment and reading.load_n > self._elastic_n:
+        if self._first_increment and abs(reading.load_n) > self._elastic_n:
             # After the first increment the specimen may yield, and then it stretches faster.
             self._first_increment = False
             if self._source == "plausible.speed_max_mm_s":

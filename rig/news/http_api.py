@@ -2,7 +2,8 @@
 
 Only programs of this computer reach the interface, because it is bound to 127.0.0.1. A page in a browser of
 this computer is such a program, too. Therefore the header ``Host`` must be that of the interface, requests
-from pages of other origins are refused, and an abort needs a token in the header ``Authorization``. A page of
+from pages of other origins are refused, and an abort, a pause or an answer needs a token in the header
+``Authorization``. A page of
 another origin cannot send that header, because the interface never grants it (no CORS).
 """
 
@@ -44,8 +45,23 @@ _FIXED_HEADERS = (
 
 
 @dataclass(frozen=True)
+class RunControl:
+    """The functions by which another program controls a run. All return at once.
+
+    A function that can refuse the request returns the reason, or an empty text.
+    """
+
+    abort: Callable[[str], None]  # requests the end of the run, for a reason
+    pause: Callable[[str], str]  # requests a pause, for a reason
+    go_on: Callable[[], str]  # ends the pause
+    answer: Callable[[str], str]  # answers the question of the protocol with a word
+    image: Callable[[], str]  # asks for an image of an acquisition
+    end: Callable[[], str]  # ends the images of an acquisition
+
+
+@dataclass(frozen=True)
 class RunView:
-    """The data that the HTTP interface shows of a run, and the function that ends the run."""
+    """The data that the HTTP interface shows of a run, and the functions that control the run."""
 
     about: About
     bulletin: Bulletin
@@ -53,7 +69,7 @@ class RunView:
     # returns a picture of a camera's newest image, given the camera's name, a width and a format. Returns
     # None before the first image.
     thumbnail: Callable[[str, int, Format], bytes | None]
-    abort: Callable[[str], None]  # function that requests the end of the run, and returns at once
+    control: "RunControl"
     token: str
     port: int
 
@@ -68,6 +84,11 @@ def make_app(view: RunView) -> ASGIApp:
             Route("/v1/events", api.events, methods=["GET"]),
             Route("/v1/cameras/{name}/thumbnail.{kind}", api.thumbnail, methods=["GET"]),
             Route("/v1/abort", api.abort, methods=["POST"]),
+            Route("/v1/pause", api.pause, methods=["POST"]),
+            Route("/v1/continue", api.go_on, methods=["POST"]),
+            Route("/v1/answer", api.answer, methods=["POST"]),
+            Route("/v1/image", api.image, methods=["POST"]),
+            Route("/v1/end", api.end, methods=["POST"]),
         ],
         exception_handlers={HTTPException: api.refused, Exception: api.broken},
     )
@@ -85,7 +106,8 @@ class _Api:
         self._one_at_a_time = anyio.CapacityLimiter(1)
 
     async def index(self, _: Request) -> Response:
-        places = ["status", "events", "events?since=N", "abort"]
+        places = ["status", "events", "events?since=N", "abort", "pause", "continue", "answer?word=WORD"]
+        places += ["image", "end"]
         places += [f"cameras/{name}/thumbnail.png" for name in self._view.about.cameras]
         return self._json({"places": [f"/v1/{place}" for place in places]})
 
@@ -144,12 +166,47 @@ class _Api:
 
     async def abort(self, request: Request) -> Response:
         """End the run. The body of the request is never read, so a slow client cannot delay an abort."""
+        self._require_token(request)
+        reason = _text(request, "reason")
+        self._view.control.abort("an abort by HTTP" + (f": {reason}" if reason else ""))
+        return self._json(self._view.status(), 202)
+
+    async def pause(self, request: Request) -> Response:
+        """Hold the machine and let the images wait."""
+        self._require_token(request)
+        return self._accepted(self._view.control.pause(_text(request, "reason")))
+
+    async def go_on(self, request: Request) -> Response:
+        """Let a paused run go on. Its motion is commanded again."""
+        self._require_token(request)
+        return self._accepted(self._view.control.go_on())
+
+    async def answer(self, request: Request) -> Response:
+        """Answer the question of the protocol that waits for the operator."""
+        self._require_token(request)
+        word = _text(request, "word")
+        if not word:
+            raise HTTPException(400, "expected the word of the question, as in answer?word=done")
+        return self._accepted(self._view.control.answer(word))
+
+    async def image(self, request: Request) -> Response:
+        """Take an image now, in an acquisition that takes images on request."""
+        self._require_token(request)
+        return self._accepted(self._view.control.image())
+
+    async def end(self, request: Request) -> Response:
+        """End the images of an acquisition. The run goes on with what follows them."""
+        self._require_token(request)
+        return self._accepted(self._view.control.end())
+
+    def _require_token(self, request: Request) -> None:
         given = request.headers.get("authorization", "")
         if not secrets.compare_digest(given.encode(), f"Bearer {self._view.token}".encode()):
             raise HTTPException(401, "expected the header Authorization: Bearer TOKEN, as rig run printed it")
-        reason = request.query_params.get("reason", "")[:_REASON_MAX]
-        reason = "".join(sign for sign in reason if sign.isprintable())
-        self._view.abort("an abort by HTTP" + (f": {reason}" if reason else ""))
+
+    def _accepted(self, refusal: str) -> Response:
+        if refusal:
+            raise HTTPException(409, refusal)
         return self._json(self._view.status(), 202)
 
     async def refused(self, _: Request, error: Exception) -> Response:
@@ -198,6 +255,12 @@ class _OnlyThisComputer:
         if headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
             return "pages of other origins are refused; let the server of the console ask instead"
         return ""
+
+
+def _text(request: Request, name: str) -> str:
+    """Return a text of the query without control characters, cut off if it is long."""
+    given = request.query_params.get(name, "")[:_REASON_MAX]
+    return "".join(sign for sign in given if sign.isprintable())
 
 
 def _whole_number(request: Request, name: str, default: int) -> int:

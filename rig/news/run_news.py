@@ -1,5 +1,6 @@
 """All news of one run: the two files, the message at the end of the run, and the HTTP interface."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +23,9 @@ from rig.protocol.step import RigReading
 from rig.recorder import RunHeader
 
 _NO_STATUS = EngineStatus(State.IDLE, None, 0, 0, None)
+_NOT_YET = "the run has not begun"
+IMAGES_EVERY_S = 1.0
+"""Shortest real time in s between two events of steps of an acquisition."""
 _FILES_S = 2.0
 """Real time in s for writing the last lines of each news file."""
 
@@ -40,12 +44,16 @@ class NewsOptions:
     on_continue : callable
         Function that is called before a continued run moves anything, with the `Earlier` run and the present
         reading of the machine.
+    on_begin : callable
+        Function that is called with the engine before its run begins. With the engine, another thread can
+        pause or abort the run.
     """
 
     notify: str | None = None
     http: int | None = None
     say: Callable[[str], None] = lambda _: None
     on_continue: Callable[[Any, RigReading], None] = lambda earlier, start: None
+    on_begin: Callable[[Engine], None] = lambda engine: None
 
     def merged(self, settings: NewsSettings) -> NewsSettings:
         """Return the settings of the rig file, replaced by those options that are not None."""
@@ -72,6 +80,7 @@ class RunNews:
         self._events: EventFile | None = None
         self._shown: tuple[State, object] | None = None
         self._told_s = 0.0
+        self._image_told_s = -math.inf
         self._abort_reason: str | None = None
         self._outcome: Outcome | None = None
         self._server: HttpServer | None = None
@@ -138,7 +147,9 @@ class RunNews:
                 self._bulletin.add(wording.state_changed(news))
         elif isinstance(news, LogEntry):
             self._bulletin.add(wording.logged(news))
-        else:
+        elif news.step.kind != "acquired" or self._told_s - self._image_told_s >= IMAGES_EVERY_S:
+            # An acquisition may have many images in a second, so tell only some of them.
+            self._image_told_s = self._told_s if news.step.kind == "acquired" else self._image_told_s
             self._bulletin.add(wording.step_finished(news))
 
     def end(self, outcome: Outcome) -> Outcome:
@@ -171,7 +182,7 @@ class RunNews:
 
     def _serve(self, place: HttpPlace, about: About) -> None:
         # These imports are slow and stop all threads, so make them before the run and only if needed.
-        from rig.news.http_api import RunView
+        from rig.news.http_api import RunControl, RunView
         from rig.news.thumbnail import Format, thumbnail
 
         def picture(camera: str, width_px: int, kind: Format) -> bytes | None:
@@ -181,7 +192,10 @@ class RunNews:
                 return None
             return thumbnail(frame, self._bits[camera], width_px, kind, simulated=about.simulated)
 
-        view = RunView(about, self._bulletin, self._status, picture, self._abort, place.token, place.port)
+        control = RunControl(
+            self._abort, self._pause, self._go_on, self._answer, self._image, self._end_images
+        )
+        view = RunView(about, self._bulletin, self._status, picture, control, place.token, place.port)
         self._server = HttpServer(place, view)
         self._server.start()
         self._say(f"{about.mark}HTTP: {place.url}status")
@@ -201,6 +215,8 @@ class RunNews:
             "run_file": self._about.run_file,
             "cameras": list(self._about.cameras),
             "waiting_for_operator": engine is not None and engine.waiting_for_operator,
+            "question": None if engine is None else wording.question_table(engine.question),
+            "pause_requested": engine is not None and engine.pause_requested,
             "abort_requested": self._abort_reason,
             "age_s": round(SystemClock().now_s() - self._told_s, 3),
             "last_event": self._bulletin.last,
@@ -230,3 +246,19 @@ class RunNews:
         self._abort_reason = self._abort_reason or reason
         if self._engine is not None:
             self._engine.abort(reason)
+
+    def _pause(self, reason: str) -> str:
+        by = "HTTP" + (f": {reason}" if reason else "")
+        return _NOT_YET if self._engine is None else self._engine.pause(by)
+
+    def _go_on(self) -> str:
+        return _NOT_YET if self._engine is None else self._engine.go_on("HTTP")
+
+    def _answer(self, word: str) -> str:
+        return _NOT_YET if self._engine is None else self._engine.answer(word, "HTTP")
+
+    def _image(self) -> str:
+        return _NOT_YET if self._engine is None else self._engine.request_image()
+
+    def _end_images(self) -> str:
+        return _NOT_YET if self._engine is None else self._engine.request_end()

@@ -4,7 +4,9 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from drivers.interfaces import OperatorQuestion
 from rig.engine.status import EngineStatus, LogEntry, Outcome
+from rig.engine.timing import TimingNow
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import StepRecord
 
@@ -42,6 +44,11 @@ def step_table(step: ProtocolStep | None) -> dict[str, Any] | None:
     return {"index": step.index, "kind": step.kind, "target": number(step.target), "text": str(step)}
 
 
+def question_table(question: OperatorQuestion | None) -> dict[str, Any] | None:
+    """Return a question of the protocol as a JSON object."""
+    return None if question is None else {"text": question.text, "word": question.word}
+
+
 def reading_table(reading: RigReading | None) -> dict[str, Any] | None:
     """Return a reading as a JSON object. A value that no device measures is null."""
     if reading is None:
@@ -52,6 +59,7 @@ def reading_table(reading: RigReading | None) -> dict[str, Any] | None:
         "displacement_mm": number(reading.displacement_mm),
         "angle_deg": number(reading.angle_deg),
         "moving": reading.moving,
+        "channels": {name: number(each.newest) for name, each in reading.signals.items()},
     }
 
 
@@ -64,6 +72,25 @@ def status_table(status: EngineStatus) -> dict[str, Any]:
         "steps_done": status.steps_done,
         "steps_planned": status.steps_planned,
         "reading": reading_table(status.reading),
+        "acquisition": acquisition_table(status.acquisition),
+        "load_is_measured": status.load_is_measured,
+    }
+
+
+def acquisition_table(now: TimingNow | None) -> dict[str, Any] | None:
+    """Return the numbers of images of an acquisition as a JSON object, None without one."""
+    if now is None:
+        return None
+    return {
+        "asked": now.asked,
+        "taken": now.taken,
+        "late": now.late,
+        "missing": now.missing,
+        "planned": now.planned,
+        "asked_interval_s": number(now.interval_s),
+        "reached_interval_s": number(now.reached_s),
+        "waits_for": now.waits_for,
+        "on_request": now.on_request,
     }
 
 

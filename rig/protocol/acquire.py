@@ -14,6 +14,7 @@ from rig.protocol.conditions import Conditions
 from rig.protocol.course import Beginning, Course, CoursePart, Positions
 from rig.protocol.dues import Dues
 from rig.protocol.grid import Grid, GridTable
+from rig.protocol.images import Images
 from rig.protocol.step import Execute, ProtocolStep, RigReading
 from rig.protocol.tables import Sample, Settle
 
@@ -26,11 +27,20 @@ _PLANNED_MAX = 50_000
 """A longer list of planned images is not made; the plan then states no number."""
 
 
+class AcquireImages(Images):
+    """The images of an acquisition. A machine that may already pull allows no still images by default."""
+
+    still: int = Field(
+        default=0, ge=0, le=100, description="number of still images of the specimen before the test"
+    )
+
+
 class AcquireProtocol(BaseProtocol):
     """Images at times or events, beside a machine that is closed, until something ends them."""
 
     kind: Literal["acquire"]
     sample: Sample = UNKNOWN_SAMPLE
+    images: AcquireImages = AcquireImages()
     acquire: Schedule
     end: End
     grid: GridTable = Grid()
@@ -38,7 +48,7 @@ class AcquireProtocol(BaseProtocol):
         default="before", description="when the operator attaches the grid; never if another run calibrates"
     )
     reference: bool = Field(
-        default=True, description="reference and still images before the test; false takes the first image"
+        default=True, description="reference images before the test; false takes the first image instead"
     )
     settle: Settle = Settle(dwell_s=0.1, timeout_s=30.0, poll_s=0.02)
 
@@ -70,10 +80,22 @@ class AcquireProtocol(BaseProtocol):
             has_reference=self.reference,
         )
         parts: list[CoursePart] = [beginning] if beginning.grid or beginning.has_reference else []
-        parts.append(Acquisition(self.acquire, self.end, not self.reference))
+        parts.append(self.acquisition)
         if self.grid_images == "after":
             parts.append(GridAfter())
         return Course(tuple(parts), Positions())
+
+    @property
+    def acquisition(self) -> "Acquisition":
+        """The part of the course with the images of the test."""
+        return Acquisition(self.acquire, self.end, not self.reference)
+
+    @property
+    def planned_steps(self) -> int | None:
+        """The number of all steps, None if events decide it."""
+        images = self.acquisition.planned
+        others = sum(step.acquisition is None for step in self.steps())
+        return None if images is None else others + images
 
     @property
     def conditions(self) -> Conditions:
@@ -106,6 +128,12 @@ class Acquisition:
     def interval_s(self) -> float:
         """The time that was asked for between two images, NaN without a fixed one."""
         return math.nan if self.schedule.every_s is None else self.schedule.every_s
+
+    @property
+    def planned(self) -> int | None:
+        """The number of images of each camera, None if events decide it."""
+        times_s = self.schedule.times(self.duration_s, self.images)
+        return self.end_of.images if times_s is None else len(times_s)
 
     def dues(self) -> Dues:
         """Return what tells the times of the images."""

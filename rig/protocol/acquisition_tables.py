@@ -82,13 +82,19 @@ class Logarithmic(Settings):
 class Schedule(Settings):
     """The table `[acquire]`: when images are due. Exactly one of the first six keys is given."""
 
-    every_s: float | None = Field(default=None, gt=0.0, le=_SECONDS_MAX, description="time between images")
+    every_s: float | None = Field(default=None, ge=0.001, le=_SECONDS_MAX, description="time between images")
     times_s: list[float] | None = Field(default=None, min_length=1, max_length=100_000)
     logarithmic: Logarithmic | None = None
     increment: ByIncrement | None = None
     trigger: Level | None = Field(default=None, description="an image at each rise above, or fall below")
     on_request: Literal[True] | None = Field(default=None, description="an image when the operator asks")
     begin: Level | None = Field(default=None, description="wait for this before the first image")
+    keep_s: float | None = Field(
+        default=None,
+        ge=1.0,
+        le=_SECONDS_MAX,
+        description="only the images of the last seconds stay in the file",
+    )
     tolerance_s: float | None = Field(
         default=None, gt=0.0, le=3600.0, description="an image that is later makes the run end with status 1"
     )
@@ -110,6 +116,20 @@ class Schedule(Settings):
     def signals(self) -> list[str]:
         """The signals that the table names."""
         return [table.signal for table in (self.increment, self.trigger, self.begin) if table is not None]
+
+    @property
+    def text(self) -> str:
+        """When images are due, in words."""
+        if self.every_s is not None:
+            return f"every {self.every_s:g} s"
+        if self.times_s is not None:
+            return f"at {len(self.times_s)} times from {self.times_s[0]:g} s to {self.times_s[-1]:g} s"
+        if self.logarithmic is not None:
+            log = self.logarithmic
+            return f"at times that grow tenfold in {log.per_decade} images, from {log.first_s:g} s"
+        if self.increment is not None:
+            return f"at each change of {self.increment.channel} by {self.increment.by:g}"
+        return "whenever the operator asks" if self.trigger is None else f"each time {self.trigger} begins"
 
     @property
     def lateness_max_s(self) -> float:
@@ -175,21 +195,55 @@ class End(Settings):
         """The signals that the table names."""
         return [table.signal for table in (self.reaches, self.drop) if table is not None]
 
+    @property
+    def text(self) -> str:
+        """What ends the images, in words."""
+        drop = self.drop
+        ends = [
+            "" if self.duration_s is None else f"{self.duration_s:g} s are over",
+            "" if self.images is None else f"{self.images} images were asked for",
+            "" if self.reaches is None else f"{self.reaches} is reached",
+            "" if drop is None else f"{drop.channel} falls by {drop.fraction:.0%}",
+            "the operator ends them",
+        ]
+        return " or ".join(filter(None, ends))
+
+
+class FirstBeyond:
+    """Looks in every reading for the first sample beyond a level; `time_s` is its time, NaN before it."""
+
+    def __init__(self, level: Level) -> None:
+        self._level = level
+        self.time_s = math.nan
+
+    def see(self, reading: RigReading) -> None:
+        """Search the new samples of the signal."""
+        found = reading.signals.get(self._level.signal)
+        if found is None or not found.is_new or not math.isnan(self.time_s):
+            return
+        for time_s, value in zip(found.time_s.tolist(), found.values.tolist(), strict=True):
+            if self._level.is_beyond(value):
+                self.time_s = time_s
+                return
+
 
 class EndOfSignals:
-    """Looks in every reading for the events of a channel that end the images."""
+    """Looks in every reading for the events of a channel that end the images.
+
+    `met` is what has happened, or an empty text.
+    """
 
     def __init__(self, end: End) -> None:
+        self.met = ""
         self._end = end
         self._highest = -math.inf
 
-    def met(self, reading: RigReading) -> str:
-        """Return what has happened, or an empty text."""
+    def see(self, reading: RigReading) -> None:
+        """Look at the new samples of a reading."""
         if (reaches := self._end.reaches) is not None and reaches.is_met(reading):
-            return f"{reaches} was reached"
+            self.met = self.met or f"{reaches} was reached"
         if (drop := self._end.drop) is not None:
             for value in drop.new(reading):
                 self._highest = max(self._highest, value)
                 if self._highest >= drop.least and value < (1.0 - drop.fraction) * self._highest:
-                    return f"{drop.channel} fell from {self._highest:.6g} to {value:.6g}"
-        return ""
+                    self.met = self.met or f"{drop.channel} fell from {self._highest:.6g} to {value:.6g}"

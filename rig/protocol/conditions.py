@@ -45,9 +45,14 @@ class Demand:
         """Return the demands of the protocol's limits of load and displacement."""
         if limits is None:
             return ()
-        return (
-            cls("limits.load_max_n", limits.load_max_n, "load_max_n", "N"),
-            cls("limits.displacement_max_mm", limits.displacement_max_mm, "displacement_max_mm", "mm"),
+        both = [("load", "n", "N"), ("displacement", "mm", "mm")]
+        ends = [
+            (f"{quantity}_{end}_{unit}", shown) for end in ("max", "min") for quantity, unit, shown in both
+        ]
+        return tuple(
+            cls(f"limits.{name}", value, name, unit, is_lowest="_min_" in name)
+            for name, unit in ends
+            if (value := getattr(limits, name)) is not None
         )
 
 
@@ -67,6 +72,8 @@ class Pull:
     rate_n_s: float | None  # highest rate of loading, or None if no load is commanded
     assured_n: float  # load that the specimen carries in every test that ends as planned
     elastic_n: float = 0.0  # load up to which the specimen is not expected to yield
+    # 1 if the test begins in tension, -1 if it begins in compression. The loads above have no sign.
+    sense: float = 1.0
 
 
 @dataclass(frozen=True)

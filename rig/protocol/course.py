@@ -43,17 +43,21 @@ class Positions:
     load: Span = Span(0.0, 0.0)
     displacement: Span = Span(0.0, 0.0)
     rotation: Span = Span(0.0, 0.0)
-    # the limits of load and displacement. A value that is not known lies between 0 and its limit.
-    load_max_n: float = 0.0
-    displacement_max_mm: float = 0.0
+    # the ranges of load and displacement. A value that is not known lies within its range.
+    loads: Span = Span(0.0, 0.0)
+    displacements: Span = Span(0.0, 0.0)
 
     @classmethod
     def within(cls, limits: Limits | None) -> "Positions":
-        """Return the place before a test, where all quantities are zero, with the limits of a protocol."""
-        return (
-            cls()
-            if limits is None
-            else cls(load_max_n=limits.load_max_n, displacement_max_mm=limits.displacement_max_mm)
+        """Return the place before a test, where all quantities are zero, with the limits of a protocol.
+
+        A value that is not known is in compression only if the protocol declares a limit of compression.
+        """
+        if limits is None:
+            return cls()
+        return cls(
+            loads=Span(limits.load_min_n or 0.0, limits.load_max_n),
+            displacements=Span(limits.displacement_min_mm or 0.0, limits.displacement_max_mm),
         )
 
     def of(self, quantity: Quantity) -> Span:
@@ -67,8 +71,8 @@ class Positions:
         if quantity == "rotation":
             return replace(self, rotation=span)
         if quantity == "load":
-            return replace(self, load=span, displacement=Span(0.0, self.displacement_max_mm))
-        return replace(self, displacement=span, load=Span(0.0, self.load_max_n))
+            return replace(self, load=span, displacement=self.displacements)
+        return replace(self, displacement=span, load=self.loads)
 
 
 class CoursePart(Protocol):
@@ -171,7 +175,14 @@ class Beginning:
         grid = [ProtocolStep(0, "grid")] if self.grid else []
         reference = [self.reference] if self.has_reference else []
         still = [
-            ProtocolStep(0, "static", at_s=number * self.still_every_s, begins=number == 1, load_drop="slow")
+            ProtocolStep(
+                0,
+                "static",
+                at_s=number * self.still_every_s,
+                begins=number == 1,
+                load_drop="slow",
+                next_s=(number + 1) * self.still_every_s if number < self.still else math.nan,
+            )
             for number in range(1, self.still + 1)
         ]
         steps = [*grid, *reference, *still]

@@ -1,11 +1,11 @@
 """What ends a phase: a criterion such as a drop of the load. `plasticity` has the criterion of the paper."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from rig.protocol.step import ProtocolStep, RigReading
+from rig.protocol.step import PhaseEvent, ProtocolStep, RigReading
 
 
 class Criterion(Protocol):
@@ -17,8 +17,8 @@ class Criterion(Protocol):
     def is_met(self, readings: Sequence[RigReading]) -> bool:
         """Return True if the last reading meets the criterion. The first one was taken before the phase."""
 
-    def at_readings(self) -> Callable[[RigReading], bool] | None:
-        """Return a function that checks every reading of a motion and returns True when the criterion is met.
+    def at_readings(self) -> PhaseEvent | None:
+        """Return an event that checks every reading of a motion and happens when the criterion is met.
 
         Return None if the criterion can be checked only after a step.
         """
@@ -31,12 +31,15 @@ class Criterion(Protocol):
 class LoadDropCriterion:
     """The criterion that the load has fallen by a fraction of the highest load of the phase.
 
+    In compression the largest compressive load counts, and `sense` is -1.
+
     During a motion a drop counts only if the load has reached `carried_n`. So noise and seating grips end no
     phase.
     """
 
     fraction: float
     carried_n: float
+    sense: float = 1.0
 
     def can_end(self, number: int, _: ProtocolStep) -> bool:
         """Return True, because the load can drop during any step."""
@@ -44,20 +47,31 @@ class LoadDropCriterion:
 
     def is_met(self, readings: Sequence[RigReading]) -> bool:
         """Return True if the last load has fallen by the fraction."""
-        highest_n = max(reading.load_n for reading in readings[1:])
-        return readings[-1].load_n < (1.0 - self.fraction) * highest_n
+        loads_n = [self.sense * reading.load_n for reading in readings[1:]]
+        return loads_n[-1] < (1.0 - self.fraction) * max(loads_n)
 
-    def at_readings(self) -> Callable[[RigReading], bool]:
-        """Return a function that compares each reading with the highest load of the motion."""
-        highest_n = -math.inf
-
-        def has_dropped(reading: RigReading) -> bool:
-            nonlocal highest_n
-            highest_n = max(highest_n, reading.load_n)
-            return highest_n >= self.carried_n and reading.load_n < (1.0 - self.fraction) * highest_n
-
-        return has_dropped
+    def at_readings(self) -> PhaseEvent:
+        """Return an event that compares each reading with the highest load of the motion."""
+        return _Drop(self)
 
     def describe(self) -> str:
         """Return a description of this criterion for an error message."""
         return f"a drop of the load by {self.fraction:g} of the highest load"
+
+
+class _Drop:
+    """A drop of the load below the highest load of a motion, as an event of a phase."""
+
+    def __init__(self, criterion: LoadDropCriterion) -> None:
+        self._criterion = criterion
+        self._highest_n = -math.inf
+
+    def __call__(self, reading: RigReading) -> bool:
+        load_n = self._criterion.sense * reading.load_n
+        self._highest_n = max(self._highest_n, load_n)
+        lowest_n = (1.0 - self._criterion.fraction) * self._highest_n
+        return self._highest_n >= self._criterion.carried_n and load_n < lowest_n
+
+    def renew(self) -> None:
+        """Determine the highest load again, because the specimen has relaxed in a pause."""
+        self._highest_n = -math.inf

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from drivers.settings import Settings
 from rig.errors import ProtocolError
@@ -29,6 +29,16 @@ from rig.protocol.tables import Limits, PhasesSettle, too_fine
 STEPS_MAX = 50_000
 HOURS_MAX = 30 * 24
 Positive: TypeAlias = Annotated[float, Field(gt=0.0)]
+
+
+def _not_zero(value: float) -> float:
+    if value == 0.0:
+        raise ValueError("a value above 0 (tension) or below 0 (compression) is expected")
+    return value
+
+
+Signed: TypeAlias = Annotated[float, AfterValidator(_not_zero)]
+"""A load or a displacement: positive in tension, negative in compression."""
 Increment: TypeAlias = Annotated[
     float | None, Field(gt=0.0, description="increment after which the motion stops and settles")
 ]
@@ -39,7 +49,10 @@ _TOLERANCES: dict[Quantity, str] = {
     "displacement": "displacement_tolerance_mm",
     "rotation": "angle_tolerance_deg",
 }
-_LIMITS: dict[Quantity, str] = {"load": "load_max_n", "displacement": "displacement_max_mm"}
+_LIMITS: dict[Quantity, tuple[str, str]] = {
+    "load": ("load_max_n", "load_min_n"),
+    "displacement": ("displacement_max_mm", "displacement_min_mm"),
+}
 _RATES: dict[Quantity, tuple[str, str, str]] = {
     "load": ("rate_n_s", "load_rate_max_n_s", "N/s"),
     "displacement": ("speed_mm_s", "speed_max_mm_s", "mm/s"),
@@ -99,6 +112,7 @@ class Draft:
         self._parts: list[CoursePart] = [beginning]
         self._demands: list[Demand] = []
         self._assured_n = self._elastic_n = 0.0
+        self._sense = 0.0
         self._moved: set[Quantity] = set()
         for phase in phases:
             self.number += 1
@@ -112,10 +126,12 @@ class Draft:
         """The compiled course."""
         return Course(tuple(self._parts), self._start)
 
-    @property
-    def carried_n(self) -> float:
-        """The load above which a drop counts as a break. At lower loads, the grips may still seat."""
-        return 0.1 * self._limits.load_max_n if self._limits is not None else 0.0
+    def carried_n(self, sense: float) -> float:
+        """Return the load above which a drop counts as a break, in tension (`sense` 1) or compression (-1).
+
+        At lower loads, the grips may still seat.
+        """
+        return self._limits.carried_n(sense) if self._limits is not None else 0.0
 
     @property
     def conditions(self) -> Conditions:
@@ -127,7 +143,7 @@ class Draft:
         return Conditions(
             devices=frozenset(devices),
             limits=limits,
-            carried_n=self.carried_n,
+            carried_n=self.carried_n(1.0),
             zeroing=None
             if limits is None
             else Zeroing(
@@ -163,7 +179,9 @@ class Draft:
 
     def demand(self, key: str, value: float, fact: str, unit: str, *, is_lowest: bool = False) -> None:
         """Note a value that the rig's limits must allow. The arguments are described for `Demand`."""
-        self._demands.append(Demand(f"{self.where}: {key}", value, fact, unit, is_lowest))
+        demand = Demand(f"{self.where}: {key}", value, fact, unit, is_lowest)
+        if demand not in self._demands:
+            self._demands.append(demand)
 
     def expect(self, assured_n: float, elastic_n: float = 0.0) -> None:
         """Note a load that the specimen certainly carries, and one at which it is still elastic."""
@@ -181,13 +199,37 @@ class Draft:
     def move_to(self, quantity: Quantity, target: float, rate: float) -> Move:
         """Return a motion to a load or a displacement. Check the protocol's limits."""
         move = self.move(quantity, rate)
-        needed, key = abs(target) + move.tolerance, _LIMITS[quantity]
-        if self._limits is not None and needed > getattr(self._limits, key):
+        if target != 0.0:
+            self._sense = self._sense or math.copysign(1.0, target)
+        limits, (most, least) = self._limits, _LIMITS[quantity]
+        if limits is None:
+            return move
+        if target < 0.0 and (bound := getattr(limits, least)) is not None:
+            if target - move.tolerance < bound:
+                self.mistake(
+                    f"limits.{least} must be at most {target - move.tolerance:g} (the {quantity} and the "
+                    f"tolerance), got {bound:g}"
+                )
+        elif (needed := abs(target) + move.tolerance) > (bound := getattr(limits, most)):
             self.mistake(
-                f"limits.{key} must be at least {needed:g} (the {quantity} and the tolerance), "
-                f"got {getattr(self._limits, key):g}"
+                f"limits.{most} must be at least {needed:g} (the {quantity} and the tolerance), got {bound:g}"
             )
         return move
+
+    def may_push(self, quantity: Quantity) -> bool:
+        """Return True if the protocol declares a limit of compression for a load or a displacement."""
+        return self._limits is not None and getattr(self._limits, _LIMITS[quantity][1]) is not None
+
+    def push(self, quantity: Quantity, target: float) -> None:
+        """Note a mistake if a target is in compression and the protocol declares no limit of compression.
+
+        So a sign that was mistyped moves no machine the wrong way.
+        """
+        if target < 0.0 and self._limits is not None and not self.may_push(quantity):
+            self.mistake(
+                f"limits.{_LIMITS[quantity][1]} is missing; add it, because a {quantity} of {target:g} is in "
+                "compression"
+            )
 
     def ending(self, criterion: Criterion, if_never: IfNever) -> Ending:
         """Return the event that ends the present phase."""
@@ -205,15 +247,19 @@ class Draft:
 
         return Ending(criterion, failure)
 
-    def load_drop(self, fraction: float, if_never: IfNever) -> Ending:
-        """Return a drop of the load as the event that ends the present phase."""
+    def load_drop(self, fraction: float, if_never: IfNever, sense: float) -> Ending:
+        """Return a drop of the load as the event that ends the present phase.
+
+        `sense` is 1 if the load is highest in tension, and -1 if it is in compression.
+        """
         limits = self._limits
-        if limits is not None and fraction >= limits.break_load_drop:
+        if limits is not None and fraction >= (drop := limits.drop(sense)):
+            key = "break" if drop == limits.break_load_drop else "buckling"
             self.mistake(
-                f"until.load_drop must be below limits.break_load_drop, {limits.break_load_drop:g}, which "
-                f"ends the run, got {fraction:g}"
+                f"until.load_drop must be below limits.{key}_load_drop, {drop:g}, which ends the run, got "
+                f"{fraction:g}"
             )
-        return self.ending(LoadDropCriterion(fraction, self.carried_n), if_never)
+        return self.ending(LoadDropCriterion(fraction, self.carried_n(sense), sense), if_never)
 
     @property
     def _pulls(self) -> bool:
@@ -225,10 +271,11 @@ class Draft:
         return Pull(
             # Take at most a tenth of the load limit, because the specimen may not be elastic up to a higher
             # load.
-            min([*self.increments_n, *self.ranges_n, self.carried_n]),
+            min([*self.increments_n, *self.ranges_n, self.carried_n(self._sense or 1.0)]),
             max(rates_n_s, default=None),
             assured_n=self._assured_n,
             elastic_n=self._elastic_n,
+            sense=self._sense or 1.0,
         )
 
     def _tolerance(self, quantity: Quantity) -> float:
@@ -246,7 +293,8 @@ class Draft:
         if limits is None:
             self.mistakes.append("limits is missing; add it, because a phase moves the load frame")
         else:
-            limit_n = TARE_PER_INCREMENT * min(self.increments_n, default=limits.load_max_n)
+            largest_n = -limits.load_least_n if self._sense < 0.0 else limits.load_max_n
+            limit_n = TARE_PER_INCREMENT * min(self.increments_n, default=largest_n)
             if (tare_max_n or 0.0) > limit_n:
                 self.mistakes.append(
                     f"start.tare_max_n must be at most {limit_n:g} ({TARE_PER_INCREMENT:.0%} of the smallest "

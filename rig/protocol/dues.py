@@ -2,6 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Iterator, Sequence
 from itertools import count
 from typing import Protocol
@@ -17,10 +18,13 @@ class Dues(Protocol):
     def begin(self, begun_s: float) -> None:
         """Begin to count times at `begun_s` on the rig's clock."""
 
-    def next_s(self, reading: RigReading) -> float | None:
+    def see(self, reading: RigReading) -> None:
+        """Look for events in a new reading. Call this method once with each reading."""
+
+    def next_s(self) -> float | None:
         """Return the time of the next image that is not returned yet, or None as long as it is unknown.
 
-        A known time may lie ahead. `reading` is the newest reading.
+        A known time may lie ahead.
         """
 
 
@@ -40,7 +44,10 @@ class TimedDues:
         """Begin to count times."""
         self._begun_s = begun_s
 
-    def next_s(self, _: RigReading) -> float | None:
+    def see(self, _: RigReading) -> None:
+        """Do nothing: the times are known."""
+
+    def next_s(self) -> float | None:
         """Return the time of the next image; infinity after the last one."""
         return self._begun_s + next(self._left, math.inf)
 
@@ -50,21 +57,24 @@ class SignalDues(ABC):
 
     def __init__(self, signal: str) -> None:
         self._signal = signal
-        self._waiting: list[float] = []
+        self._waiting: deque[float] = deque()
         self._begun_s = math.inf
 
     def begin(self, begun_s: float) -> None:
         """Begin to look for events."""
         self._begun_s = begun_s
 
-    def next_s(self, reading: RigReading) -> float | None:
-        """Return the time of the next event, its delay subtracted."""
+    def see(self, reading: RigReading) -> None:
+        """Search the new samples of the signal."""
         found = reading.signals.get(self._signal)
         if found is not None and found.is_new:
             for time_s, value in zip(found.time_s.tolist(), found.values.tolist(), strict=True):
                 if time_s >= self._begun_s and self._happens(value):
                     self._waiting.append(time_s)
-        return self._waiting.pop(0) if self._waiting else None
+
+    def next_s(self) -> float | None:
+        """Return the time of the next event, its delay subtracted."""
+        return self._waiting.popleft() if self._waiting else None
 
     @abstractmethod
     def _happens(self, value: float) -> bool:
@@ -109,15 +119,18 @@ class AskedDues:
     """An image whenever the operator asks for one. `ask` may be called from any thread."""
 
     def __init__(self) -> None:
-        self._asked: list[float] = []
+        self._asked: deque[float] = deque()
 
     def begin(self, _: float) -> None:
         """Begin: nothing is to be prepared."""
+
+    def see(self, _: RigReading) -> None:
+        """Do nothing: only the operator asks."""
 
     def ask(self, now_s: float) -> None:
         """Ask for an image now."""
         self._asked.append(now_s)
 
-    def next_s(self, _: RigReading) -> float | None:
+    def next_s(self) -> float | None:
         """Return the time at which the operator asked."""
-        return self._asked.pop(0) if self._asked else None
+        return self._asked.popleft() if self._asked else None

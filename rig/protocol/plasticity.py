@@ -28,11 +28,13 @@ class PlasticCriterion(Settings):
         """Return True if the last increment shows plastic deformation.
 
         `loads_n` and `displacements_mm` are the settled loads in N and displacements in mm at the reference
-        and after each of k >= 1 increments. Raise `ProtocolError` if the grips did not move apart during an
-        increment, because its stiffness is then undefined.
+        and after each of k >= 1 increments, in tension or in compression. Raise `ProtocolError` if the grips
+        did not move in the direction of the load during an increment, because its stiffness is then
+        undefined.
         """
+        sense = -1.0 if loads_n[-1] < loads_n[0] else 1.0
         stiffnesses = [
-            _stiffness_n_mm(loads_n[i - 1 : i + 1], displacements_mm[i - 1 : i + 1])
+            _stiffness_n_mm(loads_n[i - 1 : i + 1], displacements_mm[i - 1 : i + 1], sense)
             for i in range(1, len(loads_n))
         ]
         return stiffnesses[-1] < self.stiffness_fraction * max(stiffnesses)
@@ -40,7 +42,7 @@ class PlasticCriterion(Settings):
     def can_end(self, number: int, step: ProtocolStep) -> bool:
         """Return True from the second increment on, at loads above `judged_above_n`."""
         # Compare the commanded load with `judged_above_n`, because the measured load has noise.
-        return number >= 2 and step.target > self.judged_above_n
+        return number >= 2 and abs(step.target) > self.judged_above_n
 
     def is_met(self, readings: Sequence[RigReading]) -> bool:
         """Return True if the last load increment is clearly less stiff than the stiffest increment so far."""
@@ -58,12 +60,13 @@ class PlasticCriterion(Settings):
         return max(2, int(self.judged_above_n // increment_n) + 1) * increment_n
 
 
-def _stiffness_n_mm(loads_n: Sequence[float], displacements_mm: Sequence[float]) -> float:
+def _stiffness_n_mm(loads_n: Sequence[float], displacements_mm: Sequence[float], sense: float) -> float:
     advance_mm = displacements_mm[1] - displacements_mm[0]
-    if advance_mm <= 0.0:
+    if sense * advance_mm <= 0.0:
+        way = "apart as the load rises" if sense > 0.0 else "together as the compressive load rises"
         raise ProtocolError(
             f"increment from {loads_n[0]:.0f} N to {loads_n[1]:.0f} N",
-            "the grips to move apart as the load rises",
+            f"the grips to move {way}",
             f"{advance_mm:+.4f} mm",
             "check the displacement transducer of the load frame",
         )

@@ -2,14 +2,12 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from dataclasses import dataclass, field, replace
+from typing import Literal, Protocol, TypeAlias
 
 from dic.runfile.schema import StepKind
+from drivers.interfaces import OperatorQuestion
 from rig.samples import SignalReading
-
-if TYPE_CHECKING:
-    from rig.protocol.acquire import Acquisition
 
 Quantity: TypeAlias = Literal["load", "displacement", "rotation"]
 """The quantity that a device changes or holds: the load, the displacement of the grips, or the angle."""
@@ -18,7 +16,10 @@ LoadDrop: TypeAlias = Literal["break", "slow", "commanded"]
 """Meaning of a falling load during a step: the specimen breaks, relaxes slowly, or is unloaded by a
 command."""
 
-UNITS: dict[StepKind, str] = {
+Kind: TypeAlias = StepKind | Literal["ask"]
+"""The kind of a step. A question to the operator has no images, so run files have no step of this kind."""
+
+UNITS: dict[Kind, str] = {
     "grid": "",
     "reference": "N",
     "static": "",
@@ -29,10 +30,11 @@ UNITS: dict[StepKind, str] = {
     "relaxation": "mm",
     "rest": "",
     "acquired": "",
+    "ask": "",
 }
 """The unit of a step's target. A reference step has a target only under a preload."""
 
-_QUANTITIES: dict[StepKind, Quantity] = {
+_QUANTITIES: dict[Kind, Quantity] = {
     "load": "load",
     "displacement": "displacement",
     "rotation": "rotation",
@@ -63,10 +65,24 @@ class RigReading:
         values = {"N": self.load_n, "mm": self.displacement_mm, "deg": self.angle_deg}
         return {unit: value for unit, value in values.items() if not math.isnan(value)}
 
+    def mirrored(self) -> "RigReading":
+        """Return the reading with the opposite signs of load and displacement: compression as tension."""
+        return replace(self, load_n=-self.load_n, displacement_mm=-self.displacement_mm)
+
     def of(self, quantity: Quantity) -> float:
         """Return the value of a quantity: the load, the displacement or the angle."""
         values = {"load": self.load_n, "displacement": self.displacement_mm, "rotation": self.angle_deg}
         return values[quantity]
+
+
+class PhaseEvent(Protocol):
+    """What ends a phase at once: it is called with every reading, and returns True when it has happened."""
+
+    def __call__(self, reading: RigReading, /) -> bool:
+        """Return True if the phase ends at this reading."""
+
+    def renew(self) -> None:
+        """Forget the readings so far, because the machine was held in a pause and the load has changed."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +90,7 @@ class ProtocolStep:
     """One step of a protocol: a target, and the images that belong to it.
 
     A device moves to the target. The cameras take the images when it has settled, or during the motion or
-    hold. The steps "grid", "reference" without a preload, "static" and "rest" have no target.
+    hold. The steps "grid", "reference" without a preload, "static", "rest" and "ask" have no target.
 
     Attributes
     ----------
@@ -84,6 +100,7 @@ class ProtocolStep:
         Images of the undeformed state: "grid", "reference", or "static" for still images after the
         reference. Motions: "load", "displacement" or "rotation".
         Holds: "creep" at a constant load, "relaxation" at a constant displacement, "rest" without a device.
+        "ask" for a question to the operator, during which nothing moves.
     target, tolerance : float
         Target and settle tolerance, in N, mm or degrees depending on `kind`. NaN for a step without a target.
     rate : float
@@ -106,14 +123,18 @@ class ProtocolStep:
         The meaning of a fall of the load during the step.
     passed : bool
         True if the target has been passed already, so that the step is left out and nothing moves.
-    event : callable or None
-        Called with every reading of the step. Returns True at the event that ends the phase at once.
+    event : PhaseEvent or None
+        The event that ends the phase at once.
+    next_s : float
+        Time of the next images of the same hold, in s after its beginning. NaN if none follow.
+    question : OperatorQuestion or None
+        What the operator is asked in a step of the kind "ask".
     acquisition : Acquisition or None
         For the first image of an acquisition, the part of the course with all its images.
     """
 
     index: int
-    kind: StepKind
+    kind: Kind
     target: float = math.nan
     tolerance: float = math.nan
     rate: float = math.nan
@@ -125,8 +146,10 @@ class ProtocolStep:
     motion_s: float = 0.0
     load_drop: LoadDrop = "break"
     passed: bool = False
-    event: Callable[[RigReading], bool] | None = field(default=None, compare=False, repr=False)
-    acquisition: "Acquisition | None" = field(default=None, compare=False, repr=False)
+    event: PhaseEvent | None = field(default=None, compare=False, repr=False)
+    next_s: float = math.nan
+    question: OperatorQuestion | None = None
+    acquisition: object | None = field(default=None, compare=False, repr=False)
 
     @property
     def quantity(self) -> Quantity | None:
@@ -151,12 +174,16 @@ class ProtocolStep:
     @property
     def holds(self) -> bool:
         """True if the step is a hold, during which nothing moves except to keep a load constant."""
-        return self.kind in ("static", "creep", "relaxation", "rest")
+        return self.kind in ("static", "creep", "relaxation", "rest", "ask")
 
     @property
     def pulls(self) -> bool:
         """True if the step moves the load frame to a load or to a displacement."""
         return self.quantity in ("load", "displacement") and not self.holds
+
+    def mirrored(self) -> "ProtocolStep":
+        """Return a motion in compression as one in tension, for checks that know only tension."""
+        return replace(self, target=-self.target)
 
     def value(self, reading: RigReading) -> float:
         """Return the quantity of the step's target from a reading: load, displacement or angle.

@@ -1,8 +1,13 @@
 """The tables that all protocols share: specimen, images, settling and limits."""
 
-from pydantic import Field
+from typing import Self
+
+from pydantic import Field, model_validator
 
 from drivers.settings import Settings
+
+CARRIED_SHARE = 0.1
+"""Only above this share of the largest load a fall of the load counts, as the grips may seat below it."""
 
 
 class Sample(Settings):
@@ -12,6 +17,9 @@ class Sample(Settings):
     thickness_mm: float = Field(gt=0.0)
     width_mm: float = Field(gt=0.0)
     gauge_length_mm: float = Field(gt=0.0)
+    direction_deg: float | None = Field(
+        default=None, ge=0.0, lt=180.0, description="angle between the load and the rolling direction"
+    )
 
 
 class Settle(Settings):
@@ -48,13 +56,52 @@ class PhasesSettle(Settle):
 
 
 class Limits(Settings):
-    """Limits that are checked at every reading. A value beyond its limit ends the run at once."""
+    """Limits that are checked at every reading. A value beyond its limit ends the run at once.
+
+    Loads and displacements are positive in tension and negative in compression. Without a lower limit, the
+    upper limit applies in both directions.
+    """
 
     load_max_n: float = Field(gt=0.0)
+    load_min_n: float | None = Field(default=None, lt=0.0, description="largest load in compression")
     displacement_max_mm: float = Field(gt=0.0)
+    displacement_min_mm: float | None = Field(
+        default=None, lt=0.0, description="largest displacement in compression"
+    )
     break_load_drop: float = Field(
         gt=0.0, lt=1.0, description="a drop by more than this fraction of the highest load is a break"
     )
+    buckling_load_drop: float | None = Field(
+        default=None,
+        gt=0.0,
+        lt=1.0,
+        description="in compression, a drop by more than this fraction of the largest load is buckling",
+    )
+
+    @model_validator(mode="after")
+    def _buckling_in_compression(self) -> Self:
+        if self.buckling_load_drop is not None and self.load_min_n is None:
+            raise ValueError("buckling_load_drop needs load_min_n; add it, as only compression buckles")
+        return self
+
+    @property
+    def load_least_n(self) -> float:
+        """The lower limit of the load in N."""
+        return -self.load_max_n if self.load_min_n is None else self.load_min_n
+
+    @property
+    def displacement_least_mm(self) -> float:
+        """The lower limit of the displacement in mm."""
+        return -self.displacement_max_mm if self.displacement_min_mm is None else self.displacement_min_mm
+
+    def carried_n(self, sense: float) -> float:
+        """Return the load above which a fall counts, in tension (`sense` 1) or in compression (-1)."""
+        return CARRIED_SHARE * (self.load_max_n if sense > 0.0 else -self.load_least_n)
+
+    def drop(self, sense: float) -> float:
+        """Return the drop of the load that ends the run, as a fraction, for a `sense` as in `carried_n`."""
+        in_compression = sense < 0.0 and self.buckling_load_drop is not None
+        return self.buckling_load_drop or 0.0 if in_compression else self.break_load_drop
 
 
 def too_fine(name: str, increment: float, tolerance: float) -> list[str]:

@@ -150,9 +150,14 @@ class OpenRunFile:
         little."""
         self._space.require(self._hdf5.id.get_filesize(), size)
 
-    def add_frame(self, camera: str, frame: Frame, step: int, digest: "Future[str]", order: int) -> None:
-        """Add an image to its camera's table. `step` is the row of the step to which the image belongs."""
-        self._cameras[camera].append(frame, step, digest, order)
+    def add_frame(
+        self, camera: str, row: int, frame: Frame, step: int, digest: "Future[str]", order: int
+    ) -> None:
+        """Put an image into a row of its camera's table: the first free one, or one whose image is given up.
+
+        `step` is the row of the step to which the image belongs.
+        """
+        self._cameras[camera].put(row, frame, step, digest, order)
 
     def add_state(self, device: str, values: Mapping[str, float]) -> None:
         """Add a reading of the stage, of the load frame, or of an interlock such as ``interlocks.door``."""

@@ -1,7 +1,7 @@
 """Write the run file, which keeps every finished step even if the program is killed (docs/run-file.md)."""
 
 import errno
-from collections import Counter
+from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -94,6 +94,8 @@ class Recorder:
         self._order = Lock()
         self._numbers = count()
         self._rows: Counter[str] = Counter()
+        # for each camera the rows that may be overwritten, the oldest first, with the times of their images
+        self._rings: defaultdict[str, deque[tuple[int, float]]] = defaultdict(deque)
         self._steps = 0
         self._ended = self._told = False
         self._file = file
@@ -104,21 +106,35 @@ class Recorder:
         """The error after which the file cannot be written any more, or None without an error."""
         return self._writer.failure
 
-    def frame(self, camera: str, frame: Frame) -> int:
-        """Append one image of a camera and return the image's row. The run file assigns the image to the
-        current step."""
+    def frame(self, camera: str, frame: Frame, keep_s: float | None = None) -> int:
+        """Record an image of a camera and return the image's row. The run file assigns the image to the
+        current step.
+
+        With `keep_s`, the image may be overwritten by one that was exposed more than this time in s later and
+        may be overwritten too. Until then, and without `keep_s`, it stays in the file.
+        """
         what = f"recording an image of {camera}"
         frame = replace(frame, image=self._own(camera, frame.image))
         with self._order:
             digest = self._hashing.submit(frame_digest, frame.image)
-            row, step, order = self._rows[camera], self._steps, next(self._numbers)
+            ring, row = self._rings[camera], self._rows[camera]
+            taken_s = frame.middle[0]
+            again = keep_s is not None and bool(ring) and taken_s - ring[0][1] > keep_s
+            if again:
+                row = ring[0][0]
+            step, order = self._steps, next(self._numbers)
             self._put(
                 what,
-                lambda file: file.add_frame(camera, frame, step, digest, order),
+                lambda file: file.add_frame(camera, row, frame, step, digest, order),
                 camera=camera,
-                size=frame.image.nbytes,
+                size=0 if again else frame.image.nbytes,
             )
-            self._rows[camera] += 1
+            if again:
+                ring.popleft()
+            else:
+                self._rows[camera] += 1
+            if keep_s is not None:
+                ring.append((row, taken_s))
         return row
 
     def load_frame_state(self, state: LoadFrameState) -> None:
@@ -149,7 +165,8 @@ class Recorder:
             self._put(
                 f"recording {device}",
                 lambda file: file.add_samples(device, record.names, samples, order),
-                size=2 * samples.values.nbytes,
+                # the values and the five other columns of each row
+                size=8 * (len(record.names) + 5) * len(samples.values),
             )
 
     def settings(self, device: str, moment: schema.Moment, values: Mapping[str, str], time_s: float) -> None:

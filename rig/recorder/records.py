@@ -15,15 +15,22 @@ from rig.protocol.tables import Sample
 
 OPERATOR_DONE = "operator: done"
 STEP_ON_FILE = "the step is on file"
+COMPLETED = "protocol completed"
 """Messages of events that end a wait during which the devices were read.
 
 A replay ends its waits at the same events.
 """
 
 STEP_REACHED = "reached without images: step"
+STEP_MISSED = "missed: step"
 PHASE_ENDED = "the event of the phase has happened in step"
 """Each of these texts begins the message of an event about a step. The number of the step follows. A run that
 is continued needs these events, because the table of steps does not contain steps without images."""
+
+PAUSED = "paused in step"
+GOES_ON = "goes on"
+"""The messages of the events at the beginning and at the end of a pause begin with these texts. The number of
+the step and the place in it follow the first one. A replay pauses at the same readings."""
 
 
 @dataclass(frozen=True)

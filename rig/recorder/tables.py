@@ -26,6 +26,7 @@ class Table:
     def __init__(self, group: Any, layout: schema.GroupLayout) -> None:
         self._length = 0
         self._rows: list[Mapping[str, Any]] = []
+        self._again: dict[int, Mapping[str, Any]] = {}
         *self._columns, self._last = (_Column(group, item) for item in layout.items)
 
     def append(self, **values: Any) -> None:
@@ -36,13 +37,38 @@ class Table:
         """Keep several rows in memory, given by their columns."""
         self._rows += [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
+    def replace(self, row: int, **values: Any) -> None:
+        """Keep new values of a row in memory until `write` is called."""
+        self._again[row] = values
+
+    def put_at_once(self, row: int, name: str, value: Any) -> None:
+        """Write and flush the value of one column in a row that exists."""
+        for column in (*self._columns, self._last):
+            if column.name == name:
+                column.put_again(row, {name: value})
+
+    @property
+    def length(self) -> int:
+        """Number of rows, without those that `write` has still to append."""
+        return self._length + len(self._rows)
+
+    def has(self, row: int) -> bool:
+        """Return whether the last values of a row are written."""
+        return row < self._length and row not in self._again
+
     def write(self) -> None:
         """Write and flush all columns of the collected rows except the last column."""
-        for column in self._columns if self._rows else ():
-            column.put(self._length, self._rows)
+        for column in self._columns:
+            if self._rows:
+                column.put(self._length, self._rows)
+            for row, values in self._again.items():
+                column.put_again(row, values)
 
     def acknowledge(self) -> None:
         """Write and flush the last column of the collected rows, which marks these rows as complete."""
+        for row, values in self._again.items():
+            self._last.put_again(row, values)
+        self._again.clear()
         if self._rows:
             self._last.put(self._length, self._rows)
             self._length += len(self._rows)
@@ -57,19 +83,27 @@ class _Column:
     """
 
     def __init__(self, group: Any, item: schema.Item) -> None:
-        self._name, self._dtype = item.name, _dtype(item)
+        self.name, self._dtype = item.name, _dtype(item)
         self._type = _type(self._dtype)
         self._dataset = create_dataset(group, item, self._dtype, *_growing())
         self._place = self._dataset.get_space()
 
     def put(self, first: int, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write and flush this column's values of `rows`, beginning at the row `first` of the table."""
-        count, end = len(rows), first + len(rows)
-        values = [row[self._name] for row in rows]
-        if self._dtype.kind == "S":
-            values = [fit(text, self._dtype.itemsize) for text in values]
+        end = first + len(rows)
         self._dataset.set_extent((end,))
         self._place.set_extent_simple((end,), (h5s.UNLIMITED,))
+        self._write(first, rows)
+
+    def put_again(self, row: int, values: Mapping[str, Any]) -> None:
+        """Write and flush this column's value in a row that exists."""
+        self._write(row, [values])
+
+    def _write(self, first: int, rows: Sequence[Mapping[str, Any]]) -> None:
+        count = len(rows)
+        values = [row[self.name] for row in rows]
+        if self._dtype.kind == "S":
+            values = [fit(text, self._dtype.itemsize) for text in values]
         self._place.select_hyperslab((first,), (count,))
         self._dataset.write(_rows_in_memory(count), self._place, np.array(values, self._dtype), self._type)
         self._dataset.flush()
@@ -93,16 +127,21 @@ class CameraTable:
         self.data = h5py.Dataset(_create_pixels(group, (info.height_px, info.width_px), dtype))
         self.data.attrs.update(schema.PIXELS_ATTRIBUTES)
         self.group, self.table, self._descriptor = group, Table(group, schema.DETECTOR), descriptor
-        self._rows: list[tuple[Mapping[str, Any], Future[str]]] = []
+        self._rows: list[tuple[int, Mapping[str, Any], Future[str]]] = []
 
-    def append(self, frame: Frame, step: int, digest: "Future[str]", order: int) -> None:
-        """Write the pixels of an image, and keep the image's row in memory until `write` is called."""
-        row = self.data.shape[0]
+    def put(self, row: int, frame: Frame, step: int, digest: "Future[str]", order: int) -> None:
+        """Write the pixels of an image, and keep the image's row in memory until `write` is called.
+
+        `row` is the first free row of the table, or an earlier one, whose image is overwritten.
+        """
         image = np.ascontiguousarray(frame.image, self.data.dtype)
         if image.shape != self.data.shape[1:]:
             expected, got = self.data.shape[1:], image.shape
             raise ValueError(f"an image of shape {got} where {expected} was announced")
-        self.data.resize(row + 1, axis=0)
+        if row < self.data.shape[0]:
+            self._give_up_image(row, step)
+        else:
+            self.data.resize(row + 1, axis=0)
         # h5py would hold Python's lock while it writes the pixels, and all other threads would wait for the
         # disk.
         place = self.data.id.get_chunk_info_by_coord((row, 0, 0))
@@ -121,15 +160,30 @@ class CameraTable:
             "order": order,
             "valid": 1,
         }
-        self._rows.append((values, digest))
+        self._rows.append((row, values, digest))
 
     def write(self) -> None:
         """Flush the index of the pixels, then write and flush all columns of the rows except ``valid``."""
         self.data.flush()
-        for values, digest in self._rows:
-            self.table.append(digest=digest.result(), **values)
+        for row, values, digest in self._rows:
+            if row < self.table.length:
+                self.table.replace(row, digest=digest.result(), **values)
+            else:
+                self.table.append(digest=digest.result(), **values)
         self._rows.clear()
         self.table.write()
+
+    def _give_up_image(self, row: int, step: int) -> None:
+        """Mark a row whose image is overwritten, before its pixels change.
+
+        The row first belongs to the new step, so that readers leave out the step of the old image. Then the
+        row is not valid, until all of it is new.
+        """
+        if not self.table.has(row) or any(row == waiting for waiting, _, _ in self._rows):
+            self.write()
+            self.table.acknowledge()
+        self.table.put_at_once(row, "step", step)
+        self.table.put_at_once(row, "valid", 0)
 
 
 def _create_pixels(group: Any, shape: tuple[int, int], dtype: np.dtype[Any]) -> Any:

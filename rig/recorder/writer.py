@@ -24,7 +24,7 @@ class WriteJob:
     what: str  # description of the job, for error messages
     write: Callable[[OpenRunFile], None]  # function that writes the data to the file
     camera: str | None = None  # the camera whose image is written
-    size: int = 0  # size of the image in bytes, or 0 without an image
+    size: int = 0  # size in bytes of an image or of many samples; 0 for one row
     wait_for_disk: bool = False  # True if the job is done only after the file was synchronised with the disk
     # future that is done when the data were written, or with an exception if writing failed
     done: "Future[None]" = field(default_factory=Future)
@@ -157,13 +157,15 @@ class Writer(threading.Thread):
 
     def _affordable(self, jobs: list[WriteJob]) -> Iterator[WriteJob]:
         """Reserve disk space for one job after the other, and yield each of them. End at a full disk."""
+        collected = 0  # images are written at once, but samples stay in memory until `commit`
         for job in jobs:
             try:
-                self._file.require_space(job.size + ROW_BYTES)
+                self._file.require_space(collected + job.size + ROW_BYTES)
             except OSError as error:
                 self._fail(job.what, error)
                 return
             yield job
+            collected += 0 if job.camera else job.size
 
     def _synchronise_if_due(self, written: list[WriteJob]) -> None:
         # Count from the first write and not from the last synchronisation. Otherwise the first image after a

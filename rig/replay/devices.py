@@ -14,6 +14,7 @@ from drivers.interfaces import (
     LoadFrameLimits,
     LoadFrameState,
     OperatorAction,
+    OperatorQuestion,
     StageState,
 )
 from rig.replay.script import Script
@@ -132,6 +133,12 @@ class ReplayedOperator:
     """The operator of an archived run, whose actions have been done already."""
 
     def perform(self, action: OperatorAction) -> None:
+        """Do nothing."""
+
+    def ask(self, question: OperatorQuestion) -> None:
+        """Do nothing, because the question was answered."""
+
+    def withdraw(self) -> None:
         """Do nothing."""
 
 

@@ -38,8 +38,9 @@ from rig.replay.devices import (
     ReplayedStage,
     end_of_record,
 )
+from rig.replay.pauses import RecordedPauses
 from rig.replay.recorded_limits import limits_of_load_frame, limits_of_rig
-from rig.replay.script import Script, of_another_version
+from rig.replay.script import Script, of_another_version, require_commanded
 
 _POLL_S = 1e-3
 """Short time in s between two readings of the replay, because each reading waits until its recorded time."""
@@ -86,11 +87,17 @@ def replay_run(path: str | Path, new_path: str | Path | None = None) -> Replay:
     RunFileError
         If the file cannot be read.
     RigError
-        If the run file lacks data that a replay needs, or the new file cannot be written.
+        If the run file lacks data that a replay needs, its images were taken at times or events of channels,
+        or the new file cannot be written.
+
+    Notes
+    -----
+    The samples of channels beside a commanded test are not replayed, and the new file has none.
     """
     with _place(new_path) as place, RunFile(path) as run:
-        script = Script.of(run)
-        outcome = _feed(script, _protocol(run), place)
+        protocol = _protocol(run)
+        require_commanded(run, protocol)
+        outcome = _feed(Script.of(run), protocol, place)
         with RunFile(place) as replayed:
             found = differences(run, replayed)
             images = sum(len(replayed.rows_on_file(name)) for name in replayed.cameras)
@@ -150,6 +157,7 @@ def _feed(script: Script, protocol: Protocol, place: Path) -> Outcome:
     recorder = _ReplayRecorder(place, script, cameras, readings, rig)
     quick = protocol.settle.model_copy(update={"poll_s": _POLL_S})
     engine = Engine(protocol.model_copy(update={"settle": quick}), rig, recorder)
+    engine.context.pauses.requests = RecordedPauses(script.pauses, lambda: readings.taken)
     engines.append(engine)
     recorder.read = engine.context.read
     return engine.run()
@@ -182,11 +190,11 @@ class _ReplayRecorder(Recorder):
         self._counts = {name: iter(counts) for name, counts in script.readings_before.items()}
         self._readings = readings
 
-    def frame(self, camera: str, frame: Frame) -> int:
+    def frame(self, camera: str, frame: Frame, keep_s: float | None = None) -> int:
         """Append one image, after the engine has taken the readings that the record has before this image."""
         self._catch_up(camera)
         self._replayed[camera].recorded += 1
-        return super().frame(camera, frame)
+        return super().frame(camera, frame, keep_s)
 
     def event(self, time_s: float, level: schema.Level, source: str, message: str) -> None:
         """Append an event, after the engine has taken the readings that the record has before this event."""

@@ -12,7 +12,10 @@ from dic.runfile import schema
 from dic.runfile.reader import RunFile
 from drivers.interfaces import Frame, InterlockState, LoadFrameState, StageState
 from rig.errors import RigError
-from rig.recorder.records import OPERATOR_DONE, STEP_ON_FILE
+from rig.protocol.acquire import AcquireProtocol
+from rig.protocol.protocol import Protocol
+from rig.recorder.records import COMPLETED, OPERATOR_DONE, STEP_ON_FILE
+from rig.replay.pauses import RecordedPause, recorded_pauses
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 T = TypeVar("T")
@@ -33,6 +36,22 @@ def of_another_version(run: RunFile, what: str, error: Exception) -> ReplayError
     )
 
 
+def require_commanded(run: RunFile, protocol: Protocol) -> None:
+    """Raise `ReplayError` if the run's images were taken at times or events, and not after commanded steps.
+
+    Such a run has no decisions of an engine that could be repeated: its times are those of real cameras, and
+    its samples came on threads of their own.
+    """
+    measured = any(known.quantity for signals in run.channels.values() for known in signals.values())
+    if isinstance(protocol, AcquireProtocol) or protocol.conditions.signals or measured:
+        raise ReplayError(
+            str(run.path),
+            "a run whose steps were commanded",
+            "one beside a machine that takes no commands, or with events of channels",
+            "check it with rig verify, and evaluate it with dic process, which need no replay",
+        )
+
+
 @dataclass(frozen=True)
 class Script:
     """The recorded data of a run that a replay needs."""
@@ -46,6 +65,7 @@ class Script:
     # the list under a camera's name has the number of readings before each of its images. The list under the
     # message of an event that ends a wait has the number of readings before each such event.
     readings_before: dict[str, list[int]] = field(default_factory=dict)
+    pauses: list[RecordedPause] = field(default_factory=list)
 
     @classmethod
     def of(cls, run: RunFile) -> "Script":
@@ -73,10 +93,12 @@ class Script:
             return [int(count) for count in np.searchsorted(readings, rows)]
 
         counts = {name: before(found[order]) for name, found in cameras.items()}
-        for message in (OPERATOR_DONE, STEP_ON_FILE):
+        for message in (OPERATOR_DONE, STEP_ON_FILE, COMPLETED):
             chosen = events["message"] == message.encode()
             counts[message] = before(events[order][chosen])
-        return cls(run, tables["stage"], tables["load_frame"], interlocks, counts)
+        messages = (message.decode(errors="replace") for message in events["message"])
+        pauses = recorded_pauses(zip(messages, before(events[order]), strict=True))
+        return cls(run, tables["stage"], tables["load_frame"], interlocks, counts, pauses)
 
     @property
     def cameras(self) -> list[str]:
@@ -115,5 +137,6 @@ class Script:
 def _of_row(kind: type[T], columns: Columns, row: int, **others: Any) -> T:
     """Return a reading or an image from a row of its table, whose columns are named as the attributes."""
     types: dict[str, Any] = {each.name: each.type for each in fields(cast(Any, kind))}
-    values = {name: types[name](columns[name][row]) for name in types.keys() - others.keys()}
+    known = types.keys() & columns.keys() - others.keys()
+    values = {name: types[name](columns[name][row]) for name in known}
     return kind(**values, **others)

@@ -46,7 +46,7 @@ class PictureFaults:
 
         The camera becomes unreachable at the first call with the fault switched on.
         """
-        absent_s = self.panel.take("dropout") if step == "grab" else None
+        absent_s = self.panel.take("dropout") if step in ("grab", "stream") else None
         if absent_s is not None:
             self._absent_until_s[name] = self._clock.now_s() + float(absent_s)
         if self._clock.now_s() < self._absent_until_s.get(name, -np.inf):

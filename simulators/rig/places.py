@@ -7,8 +7,15 @@ from pathlib import Path
 from simulators.wire.ports import PREFIX
 
 TERMINALS = ("stage", "newport", "load_frame_rtu")
-PORTS = ("stage_tcp", "load_frame", "load_frame_rtu_tcp", "interlocks", "scene")
+PORTS = ("stage_tcp", "load_frame", "load_frame_rtu_tcp", "interlocks", "closed_machine", "scene")
 SERVERS = (*TERMINALS, *PORTS)
+_OF_LOAD_FRAME = ("load_frame", "load_frame_rtu", "load_frame_rtu_tcp")
+
+
+def served(*, closed_machine: bool) -> tuple[str, ...]:
+    """Return the names of the servers of a rig with a closed machine, or with a load frame instead."""
+    absent = _OF_LOAD_FRAME if closed_machine else ("closed_machine",)
+    return tuple(name for name in SERVERS if name not in absent)
 
 
 @dataclass(frozen=True)

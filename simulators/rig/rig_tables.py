@@ -1,6 +1,6 @@
 """Check the rig file of a simulation, and write a rig file with the simulation's addresses."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -9,9 +9,9 @@ from pydantic import ValidationError
 from drivers.clock import SystemClock
 from drivers.errors import ConfigurationError
 from drivers.settings import Settings, mistakes_in, toml_table
-from simulators.rig.camera import CameraSettings
+from simulators.rig.camera_settings import CameraSettings
 from simulators.rig.operator import OperatorSettings
-from simulators.rig.places import SERVERS
+from simulators.rig.places import served
 from simulators.rig.virtual_rig import VirtualRigSettings
 
 DEFAULTS: dict[str, Any] = {
@@ -36,6 +36,7 @@ DEFAULTS: dict[str, Any] = {
     "operator": {"driver": "simulated-operator", "duration_s": 1.0},
 }
 _ON_WIRES = ("stage", "load_frame")
+_GROUPS_ON_WIRES = ("channels", "triggers")
 
 S = TypeVar("S", bound=Settings)
 
@@ -83,8 +84,16 @@ class RigTables:
             },
             settings("operator", operator, "simulated-operator", OperatorSettings),
         )
+        servers = served(closed_machine=read.simulation.closed_machine is not None)
         for name in _ON_WIRES:
-            mistakes += _unreachable(name, content.get(name, DEFAULTS[name]))
+            mistakes += _unreachable(name, content.get(name), servers)
+        for group in _GROUPS_ON_WIRES:
+            tables = content.get(group, {})
+            if not isinstance(tables, Mapping):
+                mistakes.append(f"{group}: tables [{group}.NAME] are expected; correct them")
+                continue
+            for name, table in tables.items():
+                mistakes += _unreachable(f"{group}.{name}", table, servers)
         if mistakes:
             raise ConfigurationError(source, mistakes)
         return read
@@ -97,13 +106,14 @@ class RigTables:
             # A driver cannot detect from the protocol that its device is simulated.
             toml_table(["rig"], {**self.content.get("rig", DEFAULTS["rig"]), "simulated": True}),
         ]
-        for name in _ON_WIRES:
-            if name in self.content:
-                table = {
-                    key: addresses[value[1:]] if _is_name(value) else value
-                    for key, value in self.content[name].items()
-                }
-                parts.append(toml_table([name], table))
+        parts += [
+            toml_table([name], _reached(self.content[name], addresses))
+            for name in _ON_WIRES
+            if name in self.content
+        ]
+        for group in _GROUPS_ON_WIRES:
+            for name, table in self.content.get(group, {}).items():
+                parts.append(toml_table([group, name], _reached(table, addresses)))
         for name in self.cameras:
             camera = {"driver": "remote-camera", "address": scene, "camera": name}
             parts.append(toml_table(["cameras", name], camera))
@@ -116,15 +126,24 @@ class RigTables:
         return "\n\n".join(parts) + "\n"
 
 
-def _unreachable(name: str, table: object) -> list[str]:
+def _reached(table: Mapping[str, Any], addresses: Mapping[str, str]) -> dict[str, Any]:
+    """Return the table of a device with the addresses of its servers."""
+    return {key: addresses[value[1:]] if _is_name(value) else value for key, value in table.items()}
+
+
+def _unreachable(name: str, table: object, servers: Collection[str]) -> list[str]:
     """Return a message if the rig file gives a device an address that the simulation does not have."""
+    if table is None:
+        return []
+    if isinstance(table, Mapping) and "load" in table and "driver" not in table:
+        return []  # a load frame that channels read
     named = [value for value in table.values() if _is_name(value)] if isinstance(table, Mapping) else []
     if not named:
         return [f'{name}: the address of a simulated device is expected, such as "@{name}"; correct it']
     return [
-        f"{name}: {each!r} is none of the simulation's servers: {', '.join(f'@{known}' for known in SERVERS)}"
+        f"{name}: {each!r} is none of the simulation's servers: {', '.join(f'@{known}' for known in servers)}"
         for each in named
-        if each[1:] not in SERVERS
+        if each[1:] not in servers
     ]
 
 

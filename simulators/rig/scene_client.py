@@ -12,10 +12,17 @@ from pydantic import Field
 
 from drivers import errors
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
-from drivers.interfaces import CameraInfo, Frame, OpenContext, OperatorAction, Setting
+from drivers.interfaces import (
+    CameraInfo,
+    Frame,
+    OpenContext,
+    OperatorAction,
+    OperatorQuestion,
+    Setting,
+)
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
-from simulators.rig.operator import notice
+from simulators.rig.operator import Asked, notice, said
 
 ANSWER_S = 2.0
 """Timeout in s for a request that needs no rendering."""
@@ -159,15 +166,22 @@ class RemoteOperator:
         self._client = client
         self._duration_s = duration_s
 
-    def notice(self, action: OperatorAction) -> str:
+    def notice(self, action: Asked) -> str:
         """Return a sentence on the simulated operator's action, and its duration if it is known."""
         if self._duration_s is None:
-            return f"simulated operator: {action.value}"
+            return f"simulated operator: {said(action)}"
         return notice(action, self._duration_s)
 
     def perform(self, action: OperatorAction) -> None:
         """Ask the simulation to attach or remove the grid; return after the action is done."""
         self._client.ask(OPERATOR_S, do="operator", action=action.name)
+
+    def ask(self, question: OperatorQuestion) -> None:
+        """Let the simulation answer a question of the protocol; return after the answer."""
+        self._client.ask(OPERATOR_S, do="ask", text=question.text, word=question.word)
+
+    def withdraw(self) -> None:
+        """Do nothing, because a simulated operator waits for nobody."""
 
     def close(self) -> None:
         """Close the connection; a repeated call does nothing."""

@@ -11,7 +11,8 @@ After the answer to ``grab``, the pixels of the frame follow.
                                                       ``bytes``, the number of pixel bytes that follow, row
                                                       by row
 ``{"do": "operator", "action": "ATTACH_GRID"}``       an empty object after the action is done; the other
-                                                      action is ``REMOVE_GRID``
+                                                      actions are ``REMOVE_GRID`` and ``GO_ON``
+``{"do": "ask", "text": TEXT, "word": WORD}``         an empty object after the question is answered
 ====================================================  ================================================
 
 The answer to a failed request is the object ``{"error": KIND, "device": …, "step": …, "expected": …, "got":
@@ -26,7 +27,7 @@ from dataclasses import asdict
 from typing import Any
 
 from drivers.errors import DeviceError
-from drivers.interfaces import Frame, OperatorAction
+from drivers.interfaces import Frame, OperatorAction, OperatorQuestion
 from simulators.rig.camera import SimulatedCamera
 from simulators.rig.operator import SimulatedOperator
 from simulators.wire.ports import LOCALHOST
@@ -81,6 +82,9 @@ class SceneServer:
                 case "operator":
                     self._operator.perform(OperatorAction[request["action"]])
                     return {}, b""
+                case "ask":
+                    self._operator.ask(OperatorQuestion(str(request["text"]), str(request["word"])))
+                    return {}, b""
         except DeviceError as error:
             said = {part: getattr(error, part) for part in ("device", "step", "expected", "got", "remedy")}
             return {"error": type(error).__name__, **said}, b""
@@ -106,7 +110,7 @@ def _misunderstood(got: str) -> dict[str, Any]:
         "error": "DeviceError",
         "device": "the simulated scene",
         "step": "understand a request",
-        "expected": "camera, settings, grab or operator with what belongs to it",
+        "expected": "camera, settings, grab, operator or ask with what belongs to it",
         "got": got,
         "remedy": "see docs/simulators.md",
     }

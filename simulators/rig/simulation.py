@@ -9,13 +9,13 @@ from typing import Any
 from drivers.clock import SystemClock
 from drivers.interfaces import OpenContext, OperatorAction
 from simulators.rig.camera import SPEC as CAMERA_SPEC
-from simulators.rig.operator import SimulatedOperator, notice
-from simulators.rig.places import ServerAddresses
+from simulators.rig.operator import Asked, SimulatedOperator, notice
+from simulators.rig.places import ServerAddresses, served
 from simulators.rig.rig_tables import RigTables
 from simulators.rig.scene_wire import SceneServer
 from simulators.rig.truth_log import TruthLog
 from simulators.rig.virtual_rig import VirtualRig
-from simulators.wire.faults import FAULTS
+from simulators.wire.faults import FAULTS, NOT_IN_RIG
 
 HELP = (
     "fault DEVICE.FAULT   switch a fault on, such as stage.drop:2",
@@ -62,7 +62,7 @@ class Simulation:
     ConfigurationError
         If the tables have mistakes.
     ValueError
-        If an address is malformed.
+        If an address is malformed, or belongs to a server that this simulation does not have.
     OSError
         If the log cannot be written, or an address is in use.
     """
@@ -78,6 +78,10 @@ class Simulation:
         self.say = say
         self._tables = RigTables.read(tables or {}, source)
         wanted = ServerAddresses.read(places)
+        servers = served(closed_machine=self._tables.simulation.closed_machine is not None)
+        for name in (*wanted.ports, *wanted.links):
+            if name not in servers:
+                raise ValueError(f"a place for {name}, which this simulation does not have")
         self._clock = StoppableClock()
         with ExitStack() as started:
             self.rig = started.enter_context(
@@ -131,8 +135,9 @@ class Simulation:
         self.rig.faults.switch_on(fault)
         self.log.write("fault", fault=fault.strip(), on=True)
 
-    def _on_action(self, action: OperatorAction, done: bool) -> None:
-        self.log.write("operator", action=action.name, done=done)
+    def _on_action(self, action: Asked, done: bool) -> None:
+        name = action.name if isinstance(action, OperatorAction) else "ASK"
+        self.log.write("operator", action=name, done=done)
         duration_s = self._tables.operator.duration_s
         self.say("simulated operator: done" if done else notice(action, duration_s))
 
@@ -150,10 +155,11 @@ class Simulation:
     def list_faults() -> list[str]:
         """Return a line for each fault: its syntax, its devices and its effect."""
         width = max(len(fault.usage) for fault in FAULTS.values())
-        return [
-            f"{fault.usage:{width}}  {fault.summary} ({', '.join(fault.devices)})"
-            for fault in FAULTS.values()
-        ]
+        devices = {
+            name: ", ".join(each for each in fault.devices if each not in NOT_IN_RIG)
+            for name, fault in FAULTS.items()
+        }
+        return [f"{fault.usage:{width}}  {fault.summary} ({devices[name]})" for name, fault in FAULTS.items()]
 
     def close(self) -> None:
         """Stop every server; a repeated call does nothing."""

@@ -5,12 +5,20 @@ import threading
 from contextlib import suppress
 from datetime import timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from drivers.clock import Clock
 from drivers.interfaces import Frame
 from simulators.rig.camera import SimulatedCamera
 from simulators.rig.virtual_rig import VirtualRig
+
+
+class _Commanded(Protocol):
+    """A device that remembers the time and the name of each command that it executed."""
+
+    @property
+    def executed(self) -> list[tuple[float, str]]:
+        """The executed commands."""
 
 
 class TruthLog:
@@ -19,8 +27,8 @@ class TruthLog:
     Every line has the key ``what`` (``specimen``, ``sample``, ``command``, ``frame`` or ``fault``), the time
     ``time_s`` of the rig's clock, and the date ``utc``. The first line has the exact material properties of
     the specimen. A sample has the values of `VirtualRig.truth`. A frame has the pose and the deformation
-    gradient of the rendered surface in the middle of the exposure. `path` is the log file; None for no log.
-    Raise `OSError` if the file cannot be written.
+    gradient of the rendered surface, the load and the position of the crosshead, all in the middle of the
+    exposure. `path` is the log file; None for no log. Raise `OSError` if the file cannot be written.
     """
 
     def __init__(self, path: Path | None, rig: VirtualRig) -> None:
@@ -28,7 +36,10 @@ class TruthLog:
         self._rig = rig
         self._clock: Clock = rig.clock
         self._lock = threading.Lock()
-        self._told = {"stage": 0, "load_frame": 0}
+        self._devices: dict[str, _Commanded] = {"stage": rig.stage, "load_frame": rig.load_frame}
+        if rig.box is not None:
+            self._devices["closed_machine"] = rig.box
+        self._told = dict.fromkeys(self._devices, 0)
         try:
             self.write("specimen", **rig.exact_properties)
         except OSError:
@@ -40,7 +51,7 @@ class TruthLog:
 
     def sample(self) -> None:
         """Write the current true state, and the commands to the devices since the last sample."""
-        for name, device in (("stage", self._rig.stage), ("load_frame", self._rig.load_frame)):
+        for name, device in self._devices.items():
             done = device.executed
             for time_s, command in done[self._told[name] :]:
                 self.write("command", time_s=time_s, device=name, command=command)
@@ -60,6 +71,8 @@ class TruthLog:
             rotation=[] if shown is None else shown.pose.rotation.tolist(),
             translation_mm=[] if shown is None else shown.pose.translation_mm.tolist(),
             deformation_gradient=[] if shown is None else shown.deformation_gradient.tolist(),
+            load_n=0.0 if shown is None else shown.load_n,
+            displacement_mm=0.0 if shown is None else shown.displacement_mm,
         )
 
     def write(self, what: str, **values: Any) -> None:

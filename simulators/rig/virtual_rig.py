@@ -1,6 +1,6 @@
 """The virtual rig: servers for a stage and a load frame, and the specimen that the devices move."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Literal
@@ -12,6 +12,10 @@ from drivers.clock import Clock, SystemClock, VirtualClock
 from drivers.interfaces import OpenContext
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
+from simulators.closed_machine.box import AnalogueBox
+from simulators.closed_machine.machine import ClosedMachine
+from simulators.closed_machine.modbus import AnalogueBoxServer, box_faults
+from simulators.closed_machine.settings import ClosedMachineSettings
 from simulators.interlock.module import InputModule, InputModuleServer
 from simulators.load_frame.device import LoadFrameDevice
 from simulators.load_frame.faults import load_frame_faults
@@ -22,12 +26,20 @@ from simulators.rig.picture_faults import PictureFaults
 from simulators.rig.places import Link, ServerAddresses
 from simulators.scene.exact_properties import exact_properties
 from simulators.scene.scene import Misalignment, Scene
-from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
+from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings, SpecimenState
 from simulators.stage.device import StageDevice
 from simulators.stage.faults import stage_faults
 from simulators.stage.newport import NewportServer
 from simulators.stage.zaber import ZaberServer
-from simulators.wire.faults import CAMERA, INTERLOCK, LOAD_FRAME, NEWPORT, STAGE, FaultPanel
+from simulators.wire.faults import (
+    CAMERA,
+    CLOSED_MACHINE,
+    INTERLOCK,
+    LOAD_FRAME,
+    NEWPORT,
+    STAGE,
+    FaultPanel,
+)
 from simulators.wire.ports import LOCALHOST
 from simulators.wire.rig_faults import RigFaults
 
@@ -50,6 +62,9 @@ class VirtualRigSettings(Settings):
     misalignment: Misalignment = Misalignment()
     load_cell: LoadCellSettings = LoadCellSettings()
     specimen: SpecimenSettings = SpecimenSettings()
+    closed_machine: ClosedMachineSettings | None = Field(
+        default=None, description="a machine that takes no command pulls the specimen, not the load frame"
+    )
 
     def exact_properties(self) -> dict[str, Any]:
         """Return the exact material properties of the specimen, for comparison with measured values."""
@@ -58,6 +73,9 @@ class VirtualRigSettings(Settings):
 
 class VirtualRig:
     """A simulated rotation stage and load frame with one specimen. A rig file may use one device or both.
+
+    With a closed machine, this machine pulls the specimen that the cameras see, and no program can reach the
+    load frame.
 
     Parameters
     ----------
@@ -81,7 +99,8 @@ class VirtualRig:
         Zaber ASCII on a pseudo-terminal and on TCP. ``newport`` is a Newport ESP301 on a pseudo-terminal that
         turns the same shaft. ``load_frame``, ``load_frame_rtu`` and ``load_frame_rtu_tcp`` are one load frame
         on Modbus TCP, on Modbus RTU on a pseudo-terminal, and on Modbus RTU over TCP. ``interlocks`` is a
-        module with contacts and analogue inputs on Modbus TCP.
+        module with contacts and analogue inputs on Modbus TCP. ``closed_machine`` is the box at the outputs
+        of a closed machine on Modbus TCP.
     patience_s : float
         Additional real time in s that a driver waits for each call, and for each answer while a device is
         opened. The value is 0 if the rig runs in real time, because a late answer is then a fault.
@@ -96,6 +115,9 @@ class VirtualRig:
     stage : StageDevice
     load_frame : LoadFrameDevice
     interlocks : InputModule
+    closed_machine : ClosedMachine or None
+    box : AnalogueBox or None
+        The box at the outputs of the closed machine.
     """
 
     def __init__(
@@ -110,7 +132,10 @@ class VirtualRig:
         self.exact_properties = settings.exact_properties()
         specimen = SimulatedSpecimen(settings.specimen)
         self.stage = StageDevice(self.clock)
-        self.load_frame = LoadFrameDevice(self.clock, specimen, rng=np.random.default_rng(settings.seed))
+        self.closed_machine, self.box = self._closed_machine(settings)
+        # beside a closed machine, the load frame stands idle with a specimen that no camera sees
+        in_frame = specimen if self.closed_machine is None else SimulatedSpecimen(settings.specimen)
+        self.load_frame = LoadFrameDevice(self.clock, in_frame, rng=np.random.default_rng(settings.seed))
         self.load_frame.mount_load_cell(settings.load_cell)
         self.interlocks = InputModule()
         self.scene = Scene(
@@ -118,7 +143,7 @@ class VirtualRig:
             misalignment=settings.misalignment,
             specimen=specimen,
             angle_deg=self.stage.angle_deg,
-            load_n=self.load_frame.load_n,
+            load_n=self._load_n,
         )
         self.picture_faults = PictureFaults(self.clock)
         self.faults = RigFaults(
@@ -126,12 +151,30 @@ class VirtualRig:
             stage_faults(FaultPanel(NEWPORT), self.stage),
             load_frame_faults(FaultPanel(LOAD_FRAME), self.load_frame),
             FaultPanel(INTERLOCK),
+            box_faults(FaultPanel(CLOSED_MACHINE), self.box),
             FaultPanel(CAMERA),
             self.picture_faults.panel,
         )
         with ExitStack() as started:
             self.addresses: Mapping[str, str] = self._start(settings, places or ServerAddresses(), started)
             self._started = started.pop_all()
+
+    def _closed_machine(
+        self, settings: VirtualRigSettings
+    ) -> tuple[ClosedMachine[SpecimenState] | None, AnalogueBox | None]:
+        if settings.closed_machine is None:
+            return None, None
+        machine = ClosedMachine(
+            self.clock, settings.closed_machine, lambda: SimulatedSpecimen(settings.specimen), settings.seed
+        )
+        return machine, AnalogueBox(self.clock, machine)
+
+    def _load_n(self) -> float:
+        """Return the true load of the specimen that the cameras see, and give it its present state."""
+        if self.closed_machine is None:
+            return self.load_frame.load_n()
+        self.scene.specimen.state = self.closed_machine.state()
+        return self.scene.specimen.state.load_n
 
     def _start(
         self, settings: VirtualRigSettings, places: ServerAddresses, started: ExitStack
@@ -158,6 +201,19 @@ class VirtualRig:
         )
         serve("newport", NewportServer(stage, self.clock, faults=self.faults[NEWPORT]))
 
+        if self.box is None:
+            self._serve_load_frame(settings, serve, port)
+        else:
+            of_box = self.faults[CLOSED_MACHINE]
+            serve("closed_machine", AnalogueBoxServer(self.box, port=port("closed_machine"), faults=of_box))
+        interlocks_port, of_interlocks = port("interlocks"), self.faults[INTERLOCK]
+        serve("interlocks", InputModuleServer(self.interlocks, port=interlocks_port, faults=of_interlocks))
+        return addresses
+
+    def _serve_load_frame(
+        self, settings: VirtualRigSettings, serve: Callable[..., None], port: Callable[[str], int]
+    ) -> None:
+        """Start the three servers of the load frame."""
         frame, of_frame = self.load_frame, self.faults[LOAD_FRAME]
         layout = LAYOUTS[settings.load_frame_map]
         tcp = LoadFrameServer(frame, port=port("load_frame"), layout=layout, faults=of_frame)
@@ -166,24 +222,34 @@ class VirtualRig:
         rtu_port = port("load_frame_rtu_tcp")
         rtu_tcp = LoadFrameRtuServer(frame, LOCALHOST, rtu_port, faults=of_frame, registers=tcp.registers)
         serve("load_frame_rtu_tcp", rtu_tcp, "rtu://")
-        interlocks_port, of_interlocks = port("interlocks"), self.faults[INTERLOCK]
-        serve("interlocks", InputModuleServer(self.interlocks, port=interlocks_port, faults=of_interlocks))
-        return addresses
 
     def truth(self) -> dict[str, float | bool]:
         """Return the current true state: shaft angle, crosshead, load and the specimen's strains."""
-        load_n = self.load_frame.load_n()
+        load_n = self._load_n()
+        machine = self.load_frame if self.closed_machine is None else self.closed_machine
         state = self.scene.specimen.state
         return {
             "time_s": self.clock.now_s(),
             "angle_deg": self.stage.angle_deg(),
-            "displacement_mm": self.load_frame.displacement_mm(),
+            "displacement_mm": machine.displacement_mm(),
             "load_n": load_n,
             "axial_strain": state.axial_strain,
             "transverse_strain": state.transverse_strain,
             "thickness_strain": state.thickness_strain,
             "broken": state.broken,
             "grid_attached": self.scene.grid_attached,
+            **self._program_truth(),
+        }
+
+    def _program_truth(self) -> dict[str, float | bool]:
+        """Return the true state of the closed machine's program and trigger output."""
+        if self.closed_machine is None:
+            return {}
+        pulses, high = self.closed_machine.trigger()
+        return {
+            "program_running": self.closed_machine.running,
+            "trigger_pulses": pulses,
+            "trigger_high": high,
         }
 
     def close(self) -> None:

@@ -86,12 +86,16 @@ class Surface:
     pose : Pose
     deformation_gradient : ndarray, shape (2, 2)
     shift_mm : ndarray, shape (2,)
+    load_n, displacement_mm : float
+        The true load and position of the crosshead at the time of the surface.
     """
 
     texture: Texture
     pose: Pose = field(default_factory=Pose)
     deformation_gradient: Array = field(default_factory=lambda: np.eye(2))
     shift_mm: Array = field(default_factory=lambda: np.zeros(2))
+    load_n: float = 0.0
+    displacement_mm: float = 0.0
 
     def world(self, material_mm: Array) -> Array:
         """Return the world positions (n, 3) in mm of material points (n, 2) in mm."""
@@ -173,9 +177,17 @@ class Scene:
         mounted = self.misalignment.mounted()
         pose = mounted.after(motion)
         if self.grid_attached:
-            return Surface(self._grid, pose.after(mounted.inverse()))
+            grid_pose = pose.after(mounted.inverse())
+            return Surface(self._grid, grid_pose, load_n=state.load_n, displacement_mm=state.displacement_mm)
         travel_mm = self.specimen.settings.centre_travel * state.displacement_mm
-        return Surface(self._speckle, pose, state.deformation_gradient(), np.array([0.0, travel_mm]))
+        return Surface(
+            self._speckle,
+            pose,
+            state.deformation_gradient(),
+            np.array([0.0, travel_mm]),
+            state.load_n,
+            state.displacement_mm,
+        )
 
     def _recession(self) -> Pose:
         """Return the motion of the surface away from the camera when the sheet becomes thinner."""

@@ -13,6 +13,8 @@ from simulators.scene.hardening import FlowCurve, HardeningLaw, YieldPoint
 
 # Relative accuracy of a load, some hundred times the rounding error of a floating-point number.
 _ROUNDING = 1e-13
+BUCKLED_MM = 0.5
+"""After a specimen has buckled, its load falls to 37 % over this travel of the crosshead."""
 
 
 class SpecimenSettings(Settings):
@@ -54,6 +56,9 @@ class SpecimenSettings(Settings):
     )
     machine_stiffness_n_mm: float = Field(
         default=15_000.0, gt=0, description="stiffness of grips and load frame in series"
+    )
+    buckling_load_n: float = Field(
+        default=0.0, ge=0, description="compressive load at which the specimen buckles; 0 for a thin sheet"
     )
     centre_travel: float = Field(
         default=0.0, ge=0, le=1, description="displacement of the middle / displacement of the crosshead"
@@ -155,8 +160,9 @@ class SimulatedSpecimen:
     The strain is ``stress / E + plastic strain``, with Young's modulus E and the stress over the original
     area. The law of the first loading gives stress and plastic strain (`simulators.scene.first_loading`).
     Load frame and grips add their elastic compliance and the slip ``slip (1 - exp(-load / slip load))`` of
-    the highest load. Unloading is elastic: plastic strain and slip do not change. The specimen carries no
-    compression. Beyond the fracture strain, the specimen is broken. The strain is always uniform: there are
+    the highest load. Unloading is elastic: plastic strain and slip do not change. In compression the specimen
+    is elastic up to its buckling load. Beyond, its load falls exponentially with the travel, and the way back
+    is the same. Beyond the fracture strain, the specimen is broken. The strain is always uniform: there are
     no bands on the plateau, and there is no neck after the largest load.
 
     Elastic strain narrows the sheet by Poisson's ratio. Plastic flow does not change the volume. With the
@@ -183,7 +189,7 @@ class SimulatedSpecimen:
                 load_n = self._virgin_load_n(self._furthest_mpa)
             else:
                 furthest_n = self._virgin_load_n(self._furthest_mpa)
-                load_n = max(0.0, furthest_n + beyond_mm / self._elastic_mm_per_n)
+                load_n = self._held_n(furthest_n + beyond_mm / self._elastic_mm_per_n)
         broken = self.state.broken or self._beyond_fracture()
         self.state = self._state_at(displacement_mm, 0.0 if broken else load_n, broken)
         return self.state.load_n
@@ -191,6 +197,14 @@ class SimulatedSpecimen:
     def break_now(self) -> None:
         """Break the specimen at its current strain."""
         self.state = self._state_at(self.state.displacement_mm, 0.0, True)
+
+    def _held_n(self, elastic_n: float) -> float:
+        """Return the load that the specimen carries where an elastic specimen would carry `elastic_n`."""
+        buckling_n = self.settings.buckling_load_n
+        if elastic_n >= -buckling_n or buckling_n == 0.0:
+            return max(elastic_n, -buckling_n)
+        travel_mm = -(elastic_n + buckling_n) * self._elastic_mm_per_n
+        return -buckling_n * exp(-travel_mm / BUCKLED_MM)
 
     def _beyond_fracture(self) -> bool:
         point = self._virgin.at(self._furthest_mpa)

@@ -9,10 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 STAGE, NEWPORT, LOAD_FRAME, CAMERA = "stage", "newport", "load_frame", "camera"
-INTERLOCK = "interlock"
+INTERLOCK, CLOSED_MACHINE, INSTRUMENT, MQTT = "interlock", "closed_machine", "instrument", "mqtt"
 MACHINES = (STAGE, NEWPORT, LOAD_FRAME)
-LINES = (*MACHINES, INTERLOCK)
-DEVICES = (*LINES, CAMERA)
+LINES = (*MACHINES, INTERLOCK, CLOSED_MACHINE, INSTRUMENT)
+DAQ = "daq"
+"""A device that samples by its own clock; the tests imitate its library."""
+NOT_IN_RIG = (INSTRUMENT, MQTT, DAQ)
+"""Devices that are simulated alone, and are not part of the virtual rig."""
+DEVICES = (*LINES, CAMERA, DAQ, MQTT)
 PICTURE = "picture"
 """Device name of faults in the pictures of all cameras, such as blur. Drivers cannot notice them."""
 
@@ -60,22 +64,22 @@ FAULTS = {
     for fault in (
         Fault("lose-request", "the message never reaches the device", LINES, counted=True),
         Fault("drop", "the device acts, but its answer is lost", DEVICES, counted=True),
-        Fault("corrupt", "the answer arrives damaged", DEVICES, counted=True),
+        Fault("corrupt", "the answer arrives damaged", (*LINES, CAMERA, MQTT), counted=True),
         Fault("split", "the answer arrives in pieces", LINES, counted=True),
         Fault("delay", "the answer comes SECONDS later", DEVICES, "SECONDS", "0.02", True, 0, 3600),
-        Fault("duplicate", "the answer arrives twice", LINES, counted=True),
+        Fault("duplicate", "the answer arrives twice", (*LINES, MQTT), counted=True),
         Fault("late", "the answer arrives only after the next message", LINES, counted=True),
-        Fault("stale", "the previous answer or frame comes again", DEVICES, counted=True),
+        Fault("stale", "the previous answer or frame comes again", (*LINES, CAMERA, MQTT), counted=True),
         Fault(
             "wrong-unit",
             "the answer has another device's address",
-            (STAGE, LOAD_FRAME, INTERLOCK),
+            (STAGE, LOAD_FRAME, INTERLOCK, CLOSED_MACHINE),
             counted=True,
         ),
         Fault(
             "exception",
             "the device answers with a Modbus exception",
-            (LOAD_FRAME, INTERLOCK),
+            (LOAD_FRAME, INTERLOCK, CLOSED_MACHINE),
             "CODE",
             "6",
             counted=True,
@@ -95,7 +99,7 @@ FAULTS = {
         ),
         Fault("unplug", "the cable is unplugged", DEVICES),
         Fault("reset", "the device is switched off and on, even in motion", MACHINES),
-        Fault("stall", "the drive stalls, or the camera gives no frame", (*MACHINES, CAMERA)),
+        Fault("stall", "the drive stalls, or the device gives no frame or sample", (*MACHINES, CAMERA, DAQ)),
         Fault("limit", "a limit switch trips", MACHINES),
         Fault("e-stop", "the emergency stop is pressed", MACHINES),
         Fault("nan-load", "the load cell is broken, and the load is NaN", (LOAD_FRAME,)),
@@ -114,6 +118,8 @@ FAULTS = {
         ),
         Fault("frozen-counter", "the readings and their counter do not change", (LOAD_FRAME,)),
         Fault("broken-specimen", "the specimen breaks and stays broken", (LOAD_FRAME,)),
+        Fault("broken-sensor", "the box has no value of its inputs", (CLOSED_MACHINE,)),
+        Fault("overflow", "the amplifiers of the machine's outputs are at their end", (CLOSED_MACHINE,)),
         Fault("frozen", "the picture of the frame before comes as a new frame", (PICTURE,), counted=True),
         Fault("light", "the light is PERCENT of what it was", (PICTURE,), "PERCENT", "50", True, 0, 10000),
         Fault("defocus", "the lens is out of focus by PIXELS", (PICTURE,), "PIXELS", "4", True, 0, 100),
@@ -130,7 +136,7 @@ class FaultPanel:
     Parameters
     ----------
     device : str
-        ``stage``, ``newport``, ``load_frame``, ``interlock``, ``camera`` or ``picture``.
+        ``stage``, ``newport``, ``load_frame``, ``interlock``, ``closed_machine``, ``camera`` or ``picture``.
     """
 
     def __init__(self, device: str) -> None:

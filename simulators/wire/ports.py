@@ -46,6 +46,7 @@ class PtyPort:
         self._link = Path(self._folder.name) / "tty"
         self.address = str(self._link)
         self._thread: threading.Thread | None = None
+        self._line_lock = threading.RLock()
         self.plug_in()
         wire.faults.when("unplug", self.unplug, self.plug_in)
 
@@ -60,16 +61,24 @@ class PtyPort:
         self._link.symlink_to(os.ttyname(self._far))
         self._wake_read, self._wake_write = os.pipe()
         self._closing = threading.Event()
+        self._line = Line(self._wire, self._send, self._closing.wait)
         self._thread = threading.Thread(target=self._serve, name=f"serve {self.address}", daemon=True)
         self._thread.start()
 
     def _serve(self) -> None:
-        line = Line(self._wire, self._send, self._closing.wait)
         while True:
             ready, _, _ = select.select([self._near, self._wake_read], [], [])
             if self._wake_read in ready:
                 return
-            line.receive(os.read(self._near, 4096))
+            received = os.read(self._near, 4096)
+            with self._line_lock:
+                self._line.receive(received)
+
+    def tick(self, message: bytes) -> None:
+        """Let the device answer a message of its own clock, for a device that sends by itself."""
+        with self._line_lock:
+            if self._thread is not None:
+                self._line.receive(message)
 
     def _send(self, reply: bytes) -> None:
         # As on a UART, bytes that no client reads are lost.
@@ -84,9 +93,10 @@ class PtyPort:
         self._closing.set()
         os.write(self._wake_write, b"x")
         self._thread.join()
-        self._thread = None
-        for descriptor in (self._near, self._far, self._wake_read, self._wake_write):
-            os.close(descriptor)
+        with self._line_lock:
+            self._thread = None
+            for descriptor in (self._near, self._far, self._wake_read, self._wake_write):
+                os.close(descriptor)
 
     def close(self) -> None:
         """Unplug the terminal and remove its folder; a repeated call does nothing."""
@@ -104,6 +114,7 @@ class TcpPort:
         self._wire = wire
         self._host, self._port = host, port
         self._server: TcpServer | None = None
+        self._lines: dict[Line, threading.Lock] = {}
         self.plug_in()
         wire.faults.when("unplug", self.unplug, self.plug_in)
 
@@ -117,9 +128,21 @@ class TcpPort:
         self._port = int(self.address.rpartition(":")[2])
 
     def _converse(self, connection: socket.socket) -> None:
-        line = Line(self._wire, connection.sendall, self._closing.wait)
-        while received := connection.recv(4096):
-            line.receive(received)
+        line, lock = Line(self._wire, connection.sendall, self._closing.wait), threading.Lock()
+        self._lines[line] = lock
+        try:
+            while received := connection.recv(4096):
+                with lock:
+                    line.receive(received)
+        finally:
+            del self._lines[line]
+
+    def tick(self, message: bytes) -> None:
+        """Let the device answer a message of its own clock to every client."""
+        for line, lock in list(self._lines.items()):
+            # a client that has just gone needs no answer
+            with lock, contextlib.suppress(OSError):
+                line.receive(message)
 
     def drop_clients(self) -> None:
         """Close every connection. Clients can connect again."""

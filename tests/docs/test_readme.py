@@ -94,3 +94,20 @@ def test_your_rig(tmp_path, capsys):
     assert abs(last.measurement.mean.exx) > 3500e-6
     assert max(abs(last.mean.exx), abs(last.mean.eyy)) < 20e-6
     assert (tmp_path / "last-step.png").stat().st_size > 10_000
+
+
+@pytest.mark.long
+def test_beside_a_closed_machine(tmp_path, capsys):
+    """The three commands give E and its standard deviation, beside the value that the page states."""
+    commands_shown = [
+        words for words in SHOWN if any("beside." in word for word in words) and words[0] in ("rig", "dic")
+    ]
+    assert [words[1] for words in commands_shown] == ["run", "process", "properties"]
+    *first, last = commands_shown
+    for words in first:
+        run(*words)
+    run(*last, "--json", tmp_path / "properties.json")
+    (column,) = json.loads((tmp_path / "properties.json").read_text())["columns"][-1:]
+    found = column["values"]["E_gpa"]
+    assert abs(found["value"] - 73.1) < 3.0 * found["std"] < 3.0
+    assert "E is 73.0 ± 0.6 GPa" in README.read_text("utf-8")

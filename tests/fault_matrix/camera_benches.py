@@ -10,21 +10,22 @@ from typing import Any
 from drivers.cameras.aravis.camera import AravisCamera
 from drivers.cameras.aravis.settings import AravisSettings
 from drivers.cameras.opencv.camera import OpencvCamera, OpencvCameraSettings
-from drivers.cameras.stream import FrameStream
 from drivers.cameras.v4l2.camera import open_camera as open_v4l2
 from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.errors import DeviceFault, LinkLost
 from drivers.interfaces import Frame, OpenContext
+from drivers.streams.stream import FrameStream
 from rig.engine.image_checks import ImageChecks
 from rig.protocol.images import Images
 from simulators.rig.camera import SPEC
 from simulators.rig.virtual_rig import VirtualRig, VirtualRigSettings
 from simulators.wire.faults import CAMERA, FaultPanel
-from tests.drivers.cameras import fake_aravis, fake_kernel, fake_opencv
+from tests.drivers.cameras import fake_aravis, fake_gentl, fake_kernel, fake_opencv
 from tests.fault_matrix.bench import Bench, ReportedFault, UnprovenError, WrongAnswerError
 from tests.fault_matrix.faulty_cameras import (
     LEVELS,
     FaultyCapture,
+    FaultyDevice,
     FaultyKernelCamera,
     FaultyLibrary,
     GatedClock,
@@ -37,6 +38,7 @@ LEAST_FRAMES = 40
 """Smallest number of frames in `SERIES_S`, for all simulated cameras."""
 STREAM_CAPACITY = 1000
 TINY_S = 1e-6
+EXPOSURE_US = 10_000.0
 
 
 class CameraBench(Bench):
@@ -171,7 +173,8 @@ class V4l2Bench(NumberedBench):
 
     def __init__(self) -> None:
         super().__init__()
-        self.camera = FaultyKernelCamera(self.clock)
+        # the first packet of a USB camera comes at the end of the exposure
+        self.camera = FaultyKernelCamera(self.clock, stamp_offset_s=EXPOSURE_US * 1e-6)
         self.camera.strike(self.faults)
 
     def opened(self, context: OpenContext) -> Any:
@@ -182,7 +185,7 @@ class V4l2Bench(NumberedBench):
             width_px=32,
             height_px=20,
             rate_hz=32.0,
-            exposure_us=10_000.0,
+            exposure_us=EXPOSURE_US,
             transfer_us=0.0,
         )
         return open_v4l2(settings, context, fake_kernel.FakeSystem([self.camera]))
@@ -224,6 +227,29 @@ class AravisBench(NumberedBench):
         return {"objects": self._library.held}
 
 
+class GentlBench(NumberedBench):
+    """The driver `gentl` on a simulated producer."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.camera = FaultyDevice(self.clock, self.faults)
+        self._producers: list[fake_gentl.FakeProducer] = []
+        self.stamp = "arrival"
+
+    def opened(self, context: OpenContext) -> Any:
+        """Return the driver, opened."""
+        self._producers.append(fake_gentl.FakeProducer(self.camera))
+        return fake_gentl.opened(self._producers[-1], context, format="Mono16", stamp=self.stamp)
+
+    def begun_s(self, level: int) -> float:
+        """Return the true start of exposure of the picture with the grey level `level`."""
+        return self.camera.begun(level)
+
+    def left_behind(self) -> dict[str, int]:
+        """Return the numbers of connections and producers that the driver still holds."""
+        return {"connections": self.camera.connections, "producers": sum(p.users for p in self._producers)}
+
+
 class OpencvBench(NumberedBench):
     """The driver `opencv-camera`, which states that it cannot detect old or damaged frames."""
 
@@ -255,6 +281,18 @@ class V4l2StreamBench(StreamBench, V4l2Bench):
 
 class AravisStreamBench(StreamBench, AravisBench):
     """The driver `aravis` with a stream."""
+
+
+class GentlStreamBench(StreamBench, GentlBench):
+    """The driver `gentl` with a stream, whose frames carry time stamps of the camera.
+
+    Without stamps, nothing could tell frames that arrive late for ever from a frame that was lost.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.camera.values |= fake_gentl.CLOCK
+        self.stamp = "start"
 
 
 class SimulatedCameraBench(CameraBench):

@@ -8,10 +8,11 @@ import threading
 
 import numpy as np
 
+from drivers.cameras.gentl.device import Picture
 from drivers.cameras.v4l2.abi import Buffer
-from drivers.clock import VirtualClock
+from drivers.clock import Activity, SystemClock, VirtualClock
 from simulators.wire.faults import CAMERA, FaultPanel
-from tests.drivers.cameras import fake_aravis, fake_kernel, fake_opencv
+from tests.drivers.cameras import fake_aravis, fake_gentl, fake_kernel, fake_opencv
 
 STALE_S = 60.0
 """Age in s of a picture with the fault ``stale``."""
@@ -102,6 +103,44 @@ class FaultyLibrary(fake_aravis.FakeLibrary):
         return super().buffer_get_system_timestamp(buffer) - (buffer in self._old) * round(STALE_S * 1e9)
 
 
+class FaultyDevice(fake_gentl.FakeDevice):
+    """The simulated camera of a GenTL producer, with the faults of a panel."""
+
+    def __init__(self, clock: VirtualClock, panel: FaultPanel) -> None:
+        super().__init__(clock)
+        self._panel = panel
+        self._delayed_s: dict[int, float] = {}
+        self._last: Picture | None = None
+        panel.when("unplug", lambda: setattr(self, "gone", True), lambda: setattr(self, "gone", False))
+        panel.when("stall", lambda: setattr(self, "silent", True), self.go_on)
+
+    def fill(self) -> None:
+        """Fill buffers with the pictures that have arrived, with the faults that are on now."""
+        before = len(self.filled)
+        super().fill()
+        for shown in self.filled[before:]:
+            if self._panel.take("drop") is not None:
+                self.filled.remove(shown)
+            elif self._panel.take("corrupt") is not None:
+                self.faults[shown] = "incomplete"
+            elif (delay_s := self._panel.take("delay")) is not None:
+                self._delayed_s[shown] = self.clock.now_s() + float(delay_s)
+
+    def pop(self) -> Picture | None:
+        """Return the next picture, when it is not delayed any more."""
+        if not self.gone:
+            self.fill()
+            if self.filled and self.clock.now_s() < self._delayed_s.get(self.filled[0], -math.inf):
+                return None
+        return super().pop()
+
+    def picture(self, shown: int) -> Picture:
+        """Return the picture with a number, or the last one again."""
+        if self._last is None or self._panel.take("stale") is None:
+            self._last = super().picture(shown)
+        return self._last
+
+
 class FaultyCapture(fake_opencv.FakeCapture):
     """The simulated OpenCV capture, with the faults of a panel, which OpenCV does not report."""
 
@@ -138,6 +177,10 @@ class GatedClock(VirtualClock):
         self._news = threading.Condition()
         self._until_s = math.inf
         self._waiting = False
+
+    def activity(self, *, at_once: bool = False) -> Activity:
+        """Return an activity; without effect while the test says itself how far a stream's thread goes."""
+        return super().activity(at_once=at_once) if math.isinf(self._until_s) else SystemClock().activity()
 
     def sleep(self, duration_s: float) -> None:
         """Let simulated time pass; a stream's thread first waits until the test allows this time."""

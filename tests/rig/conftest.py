@@ -20,6 +20,7 @@ from drivers.interfaces import (
     LoadFrameLimits,
     LoadFrameState,
     OperatorAction,
+    OperatorQuestion,
     StageState,
 )
 from drivers.signals import ChannelDevice
@@ -184,10 +185,20 @@ class FakeInterlock:
 class FakeOperator:
     calls: list[str]
     on_perform: Callable[[OperatorAction], None] = lambda action: None
+    on_ask: Callable[[OperatorQuestion], None] = lambda question: None
+    on_withdraw: Callable[[], None] = lambda: None
 
     def perform(self, action: OperatorAction) -> None:
         self.calls.append(action.name)
         self.on_perform(action)
+
+    def ask(self, question: OperatorQuestion) -> None:
+        self.calls.append(f"ask {question.word}")
+        self.on_ask(question)
+
+    def withdraw(self) -> None:
+        self.calls.append("withdraw")
+        self.on_withdraw()
 
 
 @dataclass
@@ -217,7 +228,7 @@ class FakeRig:
         self.load_frame = FakeLoadFrame(self.clock, self.calls) if "load_frame" in devices else None
         self.stage = FakeStage(self.clock, self.calls) if "stage" in devices else None
 
-    def engine(self, *, on_status=(), on_step=(), **options) -> Engine:
+    def engine(self, *, on_status=(), on_step=(), reopen=None, **options) -> Engine:
         rig = Rig(
             self.clock,
             self.operator,
@@ -231,6 +242,7 @@ class FakeRig:
             measured=self.measured,
             triggers=self.triggers,
             call_timeout_s=self.call_timeout_s,
+            reopen=reopen or {},
         )
         header = RunHeader(
             title=self.protocol.title,

@@ -163,3 +163,26 @@ def test_stage_that_loses_its_reference_position_ends_the_run(rotation, at_step)
     assert "expected a stage with its reference position, got one that has lost it" in outcome.reason
     assert outcome.steps_done <= 4
     assert rotation.calls[-1] == "stop"
+
+
+@pytest.mark.parametrize(
+    ("changes", "got"),
+    [
+        ({"exposed_s": math.nan}, "exposed at the time nan"),
+        ({"middle_s": math.inf, "middle_std_s": 0.0}, "one at the time inf"),
+        ({"middle_s": 7.02, "middle_std_s": 0.0}, "one 7.000 s later"),
+        ({"middle_s": 0.01, "middle_std_s": math.nan}, "got nan"),
+    ],
+)
+def test_frames_of_a_stream_are_checked_too(clock, changes, got):
+    class Stream:
+        def next(self, timeout_s):
+            return replace(FakeCamera(clock).grab(timeout_s), **changes)
+
+    class Streaming(FakeCamera):
+        def stream(self, capacity):
+            return Stream()
+
+    assert not hasattr(checked("camera", "one", FakeCamera(clock), clock), "stream")
+    with pytest.raises(DeviceFault, match=f"^one: stream: expected .*{got}; mend"):
+        checked("camera", "one", Streaming(clock), clock).stream(8).next(1.0)

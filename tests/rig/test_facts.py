@@ -5,7 +5,8 @@ import tomllib
 import pytest
 
 from rig.devices import open_rig
-from rig.facts import narrowed
+from rig.facts import RigFacts, narrowed, objections
+from rig.protocol.phased import PhasesProtocol
 from rig.protocol.protocol import RotationProtocol, TensionProtocol
 from rig.rigfile import read_rig
 from tests.places import example
@@ -44,3 +45,25 @@ def test_a_wider_protocol_widens_nothing(rig_file):
 def test_a_rotation_leaves_the_limits_of_the_rig(rig_file):
     rotation = RotationProtocol.model_validate(tomllib.loads(example("rotation")))
     assert narrowed(rig_file, rotation) == rig_file
+
+
+def test_motions_to_a_load_are_refused_in_one_sentence_if_the_load_frame_controls_only_displacements():
+    without = RigFacts(load_rate_max_n_s=0.0, speed_max_mm_s=1.0)
+    (sentence,) = objections(tension(13000.0, 5.2), without)
+    assert sentence == (
+        "loading.rate_n_s: a load frame that controls the load is needed, and that of this rig only moves to "
+        "displacements; use motions to a displacement, or another rig"
+    )
+    phases = PhasesProtocol.model_validate(tomllib.loads(example("creep")))
+    (sentence,) = objections(phases, without)
+    assert sentence.startswith(
+        "phase 1 (preload): rate_n_s, phase 2 (to-load): rate_n_s, phase 3 (hold): rate"
+    )
+    assert objections(tension(13000.0, 5.2), RigFacts(load_rate_max_n_s=1000.0)) == []
+
+
+def test_motions_to_displacements_need_no_control_of_the_load():
+    table = tomllib.loads(example("creep"))
+    table["phases"] = [{"do": "to-displacement", "displacement_mm": 1.0, "speed_mm_s": 0.02}]
+    phases = PhasesProtocol.model_validate(table)
+    assert objections(phases, RigFacts(load_rate_max_n_s=0.0, speed_max_mm_s=1.0)) == []

@@ -1,43 +1,23 @@
 """Driver for GigE Vision and USB3 Vision cameras, with the Aravis library (Debian's libaravis-0.8-0)."""
 
-import contextlib
-import threading
-from collections.abc import Callable
-from concurrent.futures import Future, wait
-from typing import Any, TypeVar
-
 from drivers.cameras.aravis.find import FINDER
 from drivers.cameras.aravis.library import Aravis, AravisError, load
 from drivers.cameras.aravis.session import AravisSession
 from drivers.cameras.aravis.settings import AravisSettings
-from drivers.cameras.filming import FilmingCamera, refuse_simulated_time
-from drivers.errors import DeviceError, DeviceTimeout, LinkLost
+from drivers.cameras.filming import refuse_simulated_time
+from drivers.cameras.genicam.camera import GenicamCamera
+from drivers.errors import DeviceError, LinkLost
 from drivers.interfaces import CameraInfo, OpenContext
 from drivers.registry import DriverSpec
 
-T = TypeVar("T")
-GIVING_UP_S = 20.0
-"""Longest time, in seconds, that `close` waits for a connection to end.
 
-Aravis needs up to 13 s to close the connection to a camera that is disconnected.
-"""
-
-
-class AravisCamera(FilmingCamera[AravisSession]):
-    """A `Camera` through Aravis. To construct this class, call `open_camera`.
-
-    If `grab` waits for three frame times without a frame, the camera counts as lost. The driver then closes
-    the connection, and the next call opens and configures the camera again. A separate thread closes and
-    opens the camera, so that calls keep their deadlines.
-    """
-
-    silent_is_lost = True
+class AravisCamera(GenicamCamera[AravisSession]):
+    """A `Camera` through Aravis. To construct this class, call `open_camera`."""
 
     def __init__(self, settings: AravisSettings, context: OpenContext, library: Aravis) -> None:
         super().__init__(f"{context.name} ({settings.camera})", context.clock)
         self._settings = settings
         self._library = library
-        self._aside: Future[AravisSession | None] | None = None
         self._serial: str | None = None
         self._session = session = self._open()
         self._serial = session.serial
@@ -49,36 +29,6 @@ class AravisCamera(FilmingCamera[AravisSession]):
             height_px=settings.height_px,
             bits=settings.bits,
         )
-
-    def close(self) -> None:
-        """Release the camera. A repeated call has no effect.
-
-        If the camera does not answer, the method waits for a limited time only.
-        """
-        super().close()
-        with self._lock:
-            aside, self._aside = self._aside, None
-        if aside is not None and _is_done(aside, GIVING_UP_S):
-            with contextlib.suppress(DeviceError):  # a camera that could not be reopened needs no closing
-                if (session := aside.result()) is not None:
-                    session.close()
-
-    def _open_again(self, step: str, deadline_s: float) -> AravisSession:
-        session: AravisSession | None = None
-        while session is None:
-            if self._aside is None:
-                self._aside = _aside(f"open {self._name}", self._open)
-            if not _is_done(self._aside, deadline_s - self._clock.now_s()):
-                raise DeviceTimeout(
-                    self._name,
-                    step,
-                    "a camera that can be opened again in time",
-                    "a connection that is still being given up or made",
-                    "check cable, power and the firewall, or allow more time",
-                )
-            aside, self._aside = self._aside, None
-            session = aside.result()
-        return session
 
     def _open(self) -> AravisSession:
         try:
@@ -99,29 +49,6 @@ class AravisCamera(FilmingCamera[AravisSession]):
             got,
             "check cable, power and address, and that no other program controls the camera",
         )
-
-    def _give_up(self) -> None:
-        session, self._session = self._session, None
-        if session is not None:
-            self._aside = _aside(f"close {self._name}", session.close)
-
-
-def _aside(name: str, act: Callable[[], T]) -> "Future[T]":
-    """Open or close a camera on a separate thread, because Aravis takes seconds if a camera is silent."""
-    done: Future[T] = Future()
-
-    def run() -> None:
-        try:
-            done.set_result(act())
-        except Exception as error:  # `result` raises the exception again
-            done.set_exception(error)
-
-    threading.Thread(target=run, name=name, daemon=True).start()
-    return done
-
-
-def _is_done(aside: "Future[Any]", timeout_s: float) -> bool:
-    return bool(wait([aside], max(0.0, timeout_s)).done)
 
 
 def open_camera(settings: AravisSettings, context: OpenContext) -> AravisCamera:

@@ -1,21 +1,19 @@
 """Write the settings of an opened GigE Vision camera, read them back, and refuse a difference."""
 
 import ctypes
-import re
 from functools import partial
 from typing import Any
 
 from drivers.cameras.aravis.library import Aravis, AravisError
 from drivers.cameras.aravis.settings import AravisSettings
+from drivers.cameras.genicam.lines import Lines
+from drivers.cameras.genicam.nodes import AUTOMATICS, VERSIONS, agree, printable, snake
+from drivers.clock import Clock
 from drivers.errors import DeviceFault, LinkLost
 from drivers.interfaces import Setting
 
-AUTOMATICS = ("ExposureAuto", "GainAuto", "BlackLevelAuto", "BalanceWhiteAuto")
-VERSIONS = ("DeviceVersion", "DeviceFirmwareVersion")
 _NAMES = {"frame_rate": "rate_hz", "exposure_time": "exposure_us", "gain": "gain"}
-TEXT_MAX = 200
 CONTINUOUS = 0
-TOLERANCE = 1e-3
 ANOTHER = "choose a value that the camera takes"
 
 
@@ -24,29 +22,34 @@ class Features:
 
     `camera` is the pointer to the library's camera object. `numbers` has the values of ``frame_rate``,
     ``exposure_time`` and ``gain``, as read back from the camera. There is no ``gain`` if the camera has no
-    gain.
+    gain. `lines` are the camera's trigger input and its output line.
     """
 
-    def __init__(self, library: Aravis, camera: int, device: str) -> None:
+    def __init__(
+        self, library: Aravis, camera: int, settings: AravisSettings, device: str, clock: Clock
+    ) -> None:
         self._library = library
         self._camera = camera
+        self._settings = settings
         self._device = device
         self._fault = partial(DeviceFault, self._device)
         self.numbers: dict[str, float] = {}
+        self.lines = Lines(self, settings, device, clock)
 
-    def write(self, settings: AravisSettings) -> None:
+    def write(self) -> None:
         """Switch the automatic controls off and write all settings.
 
         Raise `DeviceFault` if the camera does not accept a setting, and `AravisError` if the camera does not
         answer.
         """
+        settings = self._settings
         for name in AUTOMATICS:
-            if name not in settings.features and self._has(name):
-                self._set_text(name, "Off")
+            if name not in settings.features and self.has(name):
+                self.set_text(name, "Off")
         for name, value in settings.features.items():
-            if not self._has(name):
+            if not self.has(name):
                 raise self._fault(f"set {name}", "a feature of the camera", repr(name), "correct `features`")
-            self._set_text(name, value)
+            self.set_text(name, value)
         self.attempt("set format", "camera_set_pixel_format_from_string", settings.format.encode())
         got = self._library.text("camera_get_pixel_format_as_string", self._camera)
         self._require("set format", settings.format, got)
@@ -57,8 +60,10 @@ class Features:
         self._set_number("exposure_time", settings.exposure_us)
         if settings.gain is not None:
             self._set_number("gain", settings.gain)
-        elif self._has("Gain") or self._has("GainRaw"):
+        elif self.has("Gain") or self.has("GainRaw"):
             self.numbers["gain"] = float(self.attempt("read gain", "camera_get_gain"))
+        # Aravis switches a trigger off when it sets the rate.
+        self.lines.write()
         self.verify()
 
     def verify(self) -> None:
@@ -73,16 +78,16 @@ class Features:
                 got = float(self._library.call(f"camera_get_{name}", self._camera))
             except AravisError as error:
                 raise self._lost(step, f"{wanted:g}", error) from error
-            if not _agree(got, wanted):
+            if not agree(got, wanted):
                 raise self._fault(step, f"{wanted:g}", f"{got:g}", "open the camera again")
 
-    def read(self, settings: AravisSettings) -> dict[str, Setting]:
+    def read(self) -> dict[str, Setting]:
         """Read back the settings that `write` has written, the transfer sizes and the camera's versions.
 
         Raise `LinkLost` if the camera does not answer.
         """
         try:
-            return self._read_picture() | self._read_transfer() | self._read_texts(settings)
+            return self._read_picture() | self._read_transfer() | self._read_texts() | self.lines.read()
         except AravisError as error:
             raise self._lost("read settings", "its settings", error) from error
 
@@ -105,13 +110,35 @@ class Features:
             found["packet_bytes"] = int(call("camera_gv_get_packet_size", camera))
         return found
 
-    def _read_texts(self, settings: AravisSettings) -> dict[str, Setting]:
-        names = dict.fromkeys([*AUTOMATICS, *VERSIONS, *settings.features])
-        return {f"feature_{_snake(name)}": self._text(name) for name in names if self._has(name)}
+    def _read_texts(self) -> dict[str, Setting]:
+        names = dict.fromkeys([*AUTOMATICS, *VERSIONS, *self._settings.features])
+        return {f"feature_{snake(name)}": self.text(name) for name in names if self.has(name)}
 
-    def _text(self, feature: str) -> str:
-        text = self._library.text("camera_get_string", self._camera, feature.encode())
-        return "".join(sign for sign in text if sign.isprintable())[:TEXT_MAX]
+    def has(self, feature: str) -> bool:
+        """Return whether the camera has a feature now."""
+        return bool(self._library.call("camera_is_feature_available", self._camera, feature.encode()))
+
+    def text(self, feature: str) -> str:
+        """Return the value of a feature as text."""
+        return printable(self._library.text("camera_get_string", self._camera, feature.encode()))
+
+    def set_text(self, feature: str, wanted: str) -> None:
+        """Set a string or an enumeration, read it back, and raise `DeviceFault` at a difference."""
+        step = f"set {feature}"
+        self.attempt(step, "camera_set_string", feature.encode(), wanted.encode())
+        self._require(step, wanted, self.text(feature))
+
+    def set_switch(self, feature: str, on: bool) -> None:
+        """Set a feature that is true or false."""
+        self.attempt(f"set {feature}", "camera_set_boolean", feature.encode(), int(on))
+
+    def integer(self, feature: str) -> int:
+        """Return the value of an integer."""
+        return int(self.attempt(f"read {feature}", "camera_get_integer", feature.encode()))
+
+    def execute(self, feature: str) -> None:
+        """Execute a command."""
+        self.attempt(f"execute {feature}", "camera_execute_command", feature.encode())
 
     def _lost(self, step: str, expected: str, error: AravisError) -> LinkLost:
         remedy = "check cable, power and address, and that no other program controls the camera"
@@ -140,27 +167,10 @@ class Features:
         step = f"set {name}"
         self.attempt(step, f"camera_set_{name}", wanted)
         got = float(self.attempt(step, f"camera_get_{name}"))
-        if not _agree(got, wanted):
+        if not agree(got, wanted):
             raise self._fault(step, f"{wanted:g}", f"{got:g} on reading back", ANOTHER)
         self.numbers[name] = got
-
-    def _set_text(self, name: str, wanted: str) -> None:
-        feature = name.encode()
-        self.attempt(f"set {name}", "camera_set_string", feature, wanted.encode())
-        self._require(f"set {name}", wanted, self._library.text("camera_get_string", self._camera, feature))
-
-    def _has(self, feature: str) -> bool:
-        return bool(self._library.call("camera_is_feature_available", self._camera, feature.encode()))
 
     def _require(self, step: str, wanted: str, got: str) -> None:
         if got != wanted:
             raise self._fault(step, wanted, f"{got} on reading back", ANOTHER)
-
-
-def _snake(feature: str) -> str:
-    """Return the name of a GenICam feature in lower case, with underscores between its words."""
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|[^A-Za-z0-9]+", "_", feature).strip("_").lower()
-
-
-def _agree(got: float, wanted: float) -> bool:
-    return abs(got - wanted) <= TOLERANCE * max(abs(wanted), TOLERANCE)

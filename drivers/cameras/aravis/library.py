@@ -5,7 +5,7 @@ signatures: Aravis 0.8 reference manual, ArvCamera, ArvStream and ArvBuffer.
 """
 
 import ctypes
-from ctypes import POINTER, c_char_p, c_double, c_int, c_size_t, c_uint, c_uint64, c_void_p
+from ctypes import POINTER, c_char_p, c_double, c_int, c_int64, c_size_t, c_uint, c_uint64, c_void_p
 from functools import cache
 from typing import Any
 
@@ -46,6 +46,9 @@ _FALLIBLE: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "arv_camera_gv_get_packet_size": (c_uint, (c_void_p,)),
     "arv_camera_set_string": (None, (c_void_p, c_char_p, c_char_p)),
     "arv_camera_get_string": (c_char_p, (c_void_p, c_char_p)),
+    "arv_camera_set_boolean": (None, (c_void_p, c_char_p, c_int)),
+    "arv_camera_get_integer": (c_int64, (c_void_p, c_char_p)),
+    "arv_camera_execute_command": (None, (c_void_p, c_char_p)),
     "arv_camera_start_acquisition": (None, (c_void_p,)),
     "arv_camera_stop_acquisition": (None, (c_void_p,)),
 }
@@ -53,6 +56,7 @@ _SAFE: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "arv_buffer_new_allocate": (c_void_p, (c_size_t,)),
     "arv_buffer_get_status": (c_int, (c_void_p,)),
     "arv_buffer_get_frame_id": (c_uint64, (c_void_p,)),
+    "arv_buffer_get_timestamp": (c_uint64, (c_void_p,)),
     "arv_buffer_get_system_timestamp": (c_uint64, (c_void_p,)),
     "arv_buffer_get_data": (c_void_p, (c_void_p, POINTER(c_size_t))),
     "arv_buffer_get_image_width": (c_int, (c_void_p,)),

@@ -3,6 +3,7 @@
 import contextlib
 import ctypes
 import math
+import threading
 from datetime import UTC, datetime
 from functools import partial
 from typing import Any
@@ -12,8 +13,11 @@ import numpy as np
 from drivers.cameras.aravis.features import Features
 from drivers.cameras.aravis.library import Aravis, AravisError
 from drivers.cameras.aravis.settings import AravisSettings
+from drivers.cameras.genicam.camera_clock import LatchedClock
+from drivers.cameras.genicam.numbers import FrameNumbers
+from drivers.cameras.genicam.stamps import StampRule, Times, require_past
 from drivers.clock import Clock
-from drivers.errors import DeviceFault
+from drivers.errors import DeviceFault, LinkLost
 from drivers.interfaces import Frame, Setting
 
 UNSETTLED_FRAMES = 2
@@ -21,8 +25,6 @@ CLOCK_SET_S = 0.01
 """If the system's date jumps by more than this time in s against the rig's clock, somebody has set it."""
 READINGS = 3
 LONGEST_WAIT_S = 3600.0
-SHORT_COUNTER = 0xFFFF
-"""Largest frame number of GigE Vision 1.x: the camera's frame counter has 16 bits and skips 0."""
 UNKNOWN_STATUS = 0xFF
 OTHER_SIZE = 1 << 8
 """Flag of a frame whose size in pixels or bytes differs from the settings."""
@@ -42,10 +44,12 @@ class AravisSession:
         self._fault = partial(DeviceFault, self._device)
         self._clock = clock
         self._stream: int | None = None
-        self._last_id: int | None = None
-        self._number = 0
-        self._last_arrived_s = 0.0
-        self._unsettled = UNSETTLED_FRAMES
+        # Only one thread at a time may talk with the camera: a pulse may come during a stream.
+        self._talk = threading.Lock()
+        self._numbers = FrameNumbers(self.interval_s)
+        self._camera_clock: LatchedClock | None = None
+        # a triggered frame is exposed after the settings were written
+        self._unsettled = 0 if settings.trigger else UNSETTLED_FRAMES
         self._date_s = self._date_less_clock_s()
         self.seen = 0
         self._camera: int | None = library.call("camera_new", settings.camera.encode())
@@ -54,14 +58,13 @@ class AravisSession:
             self.vendor = library.text("camera_get_vendor_name", self._camera)
             self.model = library.text("camera_get_model_name", self._camera)
             self.serial = library.text("camera_get_device_serial_number", self._camera)
-            self._features = Features(library, self._camera, device)
-            self._features.write(settings)
+            self._features = Features(library, self._camera, settings, device, clock)
+            self._features.write()
             self._exposure_us = self._features.numbers["exposure_time"]
             self._gain = self._features.numbers.get("gain", math.nan)
-            # if the delay is not known, assume one frame time, so that the age of a frame is never
-            # underestimated
-            transfer_us = 1e6 / settings.rate_hz if settings.transfer_us is None else settings.transfer_us
-            self._behind_s = (self._exposure_us + transfer_us) * 1e-6
+            self._rule = StampRule(settings, self._exposure_us)
+            if settings.stamp != "arrival":
+                self._camera_clock = LatchedClock(self._features, device, clock)
             self._begin()
         except BaseException:
             self.close()
@@ -69,8 +72,8 @@ class AravisSession:
 
     @property
     def interval_s(self) -> float:
-        """Time between two frames, in seconds."""
-        return 1 / self._settings.rate_hz
+        """Time between two frames, in seconds; infinite if a trigger begins each frame."""
+        return math.inf if self._settings.trigger else 1 / self._settings.rate_hz
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
         """Return the next frame exposed after `after_s`, even if damaged. Return None after `timeout_s`."""
@@ -93,18 +96,33 @@ class AravisSession:
 
         If the camera does not answer, `LinkLost` is raised.
         """
-        self._features.verify()
+        with self._talk:
+            self._features.verify()
 
     def read_settings(self) -> dict[str, Setting]:
         """Read all settings back from the camera. Raise `LinkLost` if the camera does not answer."""
-        return self._features.read(self._settings)
+        with self._talk:
+            return self._features.read()
+
+    def pulse(self) -> None:
+        """Give one pulse on the output line. Raise `DeviceError` if it may not have been given."""
+        try:
+            with self._talk:
+                self._features.lines.pulse()
+        except AravisError as error:
+            raise LinkLost(
+                self._device, "pulse", "an answer of the camera", str(error), "check cable and power"
+            ) from error
 
     def close(self) -> None:
         """Stop filming and release all resources. A repeated call has no effect."""
         camera, self._camera = self._camera, None
         stream, self._stream = self._stream, None
         if stream is not None:
-            with contextlib.suppress(AravisError):  # ignore the error of a disconnected camera
+            # ignore the errors of a disconnected camera
+            with contextlib.suppress(AravisError, DeviceFault), self._talk:
+                self._features.lines.rest()
+            with contextlib.suppress(AravisError):
                 self._library.call("camera_stop_acquisition", camera)
         self._library.release(stream)
         self._library.release(camera)
@@ -128,24 +146,6 @@ class AravisSession:
             call("stream_push_buffer", self._stream, call("buffer_new_allocate", payload))
         attempt("start", "camera_start_acquisition")
 
-    def _number_of(self, buffer: int, arrived_s: float) -> int:
-        """Return a frame number that also increases when the camera's 16-bit counter starts again.
-
-        If the camera's counter repeats or decreases, the frame number also repeats or decreases. The number
-        of overflows is computed from the time between two frames.
-        """
-        id = int(self._library.call("buffer_get_frame_id", buffer))
-        if self._last_id is None:
-            self._number = id
-        else:
-            step = id - self._last_id
-            if max(id, self._last_id) <= SHORT_COUNTER:
-                by_time = (arrived_s - self._last_arrived_s) / self.interval_s
-                step += SHORT_COUNTER * round((by_time - step) / SHORT_COUNTER)
-            self._number += step
-        self._last_id, self._last_arrived_s = id, arrived_s
-        return self._number
-
     def _frame(self, buffer: int, after_s: float) -> Frame | None:
         call = self._library.call
         self.seen += 1
@@ -157,25 +157,38 @@ class AravisSession:
         self._date_s = date_s
         # Aravis' timestamp is the date and time at which the first packet arrived
         arrived_s = call("buffer_get_system_timestamp", buffer) * 1e-9 - date_s
-        sequence = self._number_of(buffer, arrived_s)
-        exposed_s = arrived_s - self._behind_s
+        sequence = self._numbers.number(int(call("buffer_get_frame_id", buffer)), arrived_s)
+        times = self._times(buffer, arrived_s, received_s)
         if self._unsettled:
             self._unsettled -= 1
             return None
-        if exposed_s < after_s:
+        if times.exposed_s < after_s:
             return None
         status = int(call("buffer_get_status", buffer))
         image, flags = self._image(buffer, whole=status == 0)
         return Frame(
             image=image,
-            exposed_s=exposed_s,
+            exposed_s=times.exposed_s,
             received_s=received_s,
-            utc=datetime.fromtimestamp(exposed_s + date_s, UTC),
+            utc=datetime.fromtimestamp(times.exposed_s + date_s, UTC),
             sequence=sequence,
             flags=flags | (status if status >= 0 else UNKNOWN_STATUS),
             exposure_us=self._exposure_us,
             gain=self._gain,
+            middle_s=times.middle_s,
+            middle_std_s=times.middle_std_s,
         )
+
+    def _times(self, buffer: int, arrived_s: float, received_s: float) -> Times:
+        """Return when the frame in a buffer was exposed."""
+        clock = self._camera_clock
+        if clock is None:
+            return self._rule.of_arrival(arrived_s, arrived_s)
+        with self._talk:
+            clock.keep()
+        stamp_ns = int(self._library.call("buffer_get_timestamp", buffer))
+        stamped_s, half_s = clock.camera.on_rig(stamp_ns * 1e-9)
+        return require_past(self._rule.of_camera(stamped_s, half_s), received_s, self._device)
 
     def _image(self, buffer: int, *, whole: bool) -> tuple[Any, int]:
         width, height = self._settings.width_px, self._settings.height_px

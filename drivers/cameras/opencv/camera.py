@@ -2,7 +2,8 @@
 
 OpenCV gives no frame counter, no timestamp and no error flag, and delivers damaged frames as good frames.
 This driver therefore discards all frames that may have waited in a buffer. The driver also reads every camera
-property back and compares the values. Use this driver only for cameras that neither `v4l2` nor `aravis`
+property back and compares the values. The middle of an exposure is not stated, because nothing but the call
+and the arrival of the frame limits it. Use this driver only for cameras that no other driver
 supports.
 """
 

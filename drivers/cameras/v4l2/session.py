@@ -171,6 +171,7 @@ class V4l2Session:
         # transfer.
         short = SHORT if filled.bytes_used < self._picture.whole_bytes else 0
         flags = filled.flags & BufferFlag.ERROR | short
+        middle_s, middle_std_s = self._rule.middle(filled)
         return Frame(
             image=self._image(filled, damaged=flags != 0),
             exposed_s=exposed_s,
@@ -180,6 +181,8 @@ class V4l2Session:
             flags=flags,
             exposure_us=self.exposure.time_us,
             gain=self.exposure.gain,
+            middle_s=middle_s,
+            middle_std_s=middle_std_s,
         )
 
     def _image(self, filled: Filled, *, damaged: bool) -> Image:

@@ -1,8 +1,9 @@
-"""Compute the start of exposure and the number of a frame from the kernel's timestamp and counter."""
+"""Compute start, middle and number of an exposure from the kernel's timestamp and counter."""
 
 import math
 from dataclasses import dataclass
 
+from drivers.cameras.middle import middle_of_arrival, middle_of_start
 from drivers.cameras.v4l2.abi import BufferFlag
 from drivers.cameras.v4l2.buffers import Filled
 from drivers.errors import DeviceFault
@@ -26,14 +27,20 @@ def require_monotonic(flags: int, device: str) -> None:
 
 @dataclass(frozen=True)
 class StampRule:
-    """Converts the timestamp of a frame to the earliest possible start of its exposure.
+    """Converts the timestamp of a frame to the earliest possible start of its exposure, and to its middle.
 
-    An unknown delay counts as one frame time, so that the age of a frame is never underestimated.
+    An unknown delay counts as one frame time, so that the age of a frame is never underestimated. Three kinds
+    of stamps are known. Some drivers of the kernel stamp the start of exposure: the middle is half an
+    exposure later. Others stamp the end of the frame, and ``uvcvideo`` stamps the first packet, which comes
+    after the exposure of the first row: the exposure ended at an unknown moment within the transfer time
+    before the stamp.
     """
 
     # longest time from the start of exposure to a timestamp that marks the start of the frame
     started_s: float
     ended_s: float  # longest time from the start of exposure to a timestamp that marks the end of the frame
+    exposure_s: float  # NaN if unknown
+    transfer_s: float  # longest time from the end of exposure to a timestamp after it
 
     @classmethod
     def of(cls, driver: str, exposure_us: float, transfer_us: float | None, interval_s: float) -> "StampRule":
@@ -48,12 +55,25 @@ class StampRule:
         readout_s = interval_s if transfer_us is None else transfer_us * 1e-6
         ended_s = exposure_s + readout_s
         # The camera sends the first packet only after the exposure of the first row has ended.
-        return cls(ended_s if driver in STAMPED_ON_ARRIVAL else 0.0, ended_s)
+        started_s = ended_s if driver in STAMPED_ON_ARRIVAL else 0.0
+        return cls(started_s, ended_s, exposure_us * 1e-6, readout_s)
 
     def exposed_s(self, filled: Filled) -> float:
         """Return the earliest possible start of exposure of the frame in a buffer, in seconds."""
-        at_start = filled.flags & BufferFlag.STAMP_PLACE == BufferFlag.STAMP_AT_START
-        return filled.stamp_s - (self.started_s if at_start else self.ended_s)
+        return filled.stamp_s - (self.started_s if _at_start(filled) else self.ended_s)
+
+    def middle(self, filled: Filled) -> tuple[float, float]:
+        """Return the middle of the exposure of the frame in a buffer, and its standard deviation, in seconds.
+
+        Both are NaN if the exposure time is unknown.
+        """
+        if _at_start(filled) and self.started_s == 0.0:
+            return middle_of_start(filled.stamp_s, self.exposure_s)
+        return middle_of_arrival(filled.stamp_s, self.exposure_s, self.transfer_s)
+
+
+def _at_start(filled: Filled) -> bool:
+    return filled.flags & BufferFlag.STAMP_PLACE == BufferFlag.STAMP_AT_START
 
 
 class FrameNumbers:

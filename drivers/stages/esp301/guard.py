@@ -2,11 +2,10 @@
 
 from functools import partial
 
+from drivers.lines.line_guard import LineTalk, guard_spec
 from drivers.stages.esp301.port import EspPort
 from drivers.stages.esp301.protocol import END, read_name, read_switch
 from drivers.stages.esp301.settings import EspSettings
-from drivers.stages.guard import StageTalk, guard_spec
-from drivers.stages.settings import StageSettings
 
 
 def stop_once(axis: int, port: EspPort, answer_s: float) -> str:
@@ -25,10 +24,9 @@ def identity(axis: int, port: EspPort, answer_s: float) -> str:
     return port.ask_first(f"{axis}ID?", read_name, answer_s)
 
 
-def _talk(settings: StageSettings) -> StageTalk[EspPort]:
-    assert isinstance(settings, EspSettings)
-    axis = settings.axis
-    return StageTalk(settings.baud, END, EspPort, partial(stop_once, axis), partial(identity, axis))
+def _talk(settings: EspSettings) -> LineTalk[EspPort]:
+    stop, name = partial(stop_once, settings.axis), partial(identity, settings.axis)
+    return LineTalk(settings.port, settings.baud, END, EspPort, stop, name, settings.reply_timeout_s)
 
 
 GUARD = guard_spec(_talk)

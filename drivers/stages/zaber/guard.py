@@ -2,8 +2,7 @@
 
 from functools import partial
 
-from drivers.stages.guard import StageTalk, guard_spec
-from drivers.stages.settings import StageSettings
+from drivers.lines.line_guard import LineTalk, guard_spec
 from drivers.stages.zaber.port import BAUD, ZaberPort
 from drivers.stages.zaber.protocol import Reply, reason
 from drivers.stages.zaber.settings import ZaberSettings
@@ -35,9 +34,9 @@ def foreign(reply: Reply) -> str:
     return f"an answer of device {reply.address}"
 
 
-def _talk(settings: StageSettings) -> StageTalk[ZaberPort]:
-    assert isinstance(settings, ZaberSettings)
-    return StageTalk(BAUD, ENDS, ZaberPort, partial(stop_once, settings), partial(serial_number, settings))
+def _talk(settings: ZaberSettings) -> LineTalk[ZaberPort]:
+    stop, identity = partial(stop_once, settings), partial(serial_number, settings)
+    return LineTalk(settings.port, BAUD, ENDS, ZaberPort, stop, identity, settings.reply_timeout_s)
 
 
 GUARD = guard_spec(_talk)

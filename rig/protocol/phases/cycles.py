@@ -1,5 +1,6 @@
 """The phase `cycles`: cycles between two loads or between two displacements."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal, Self
 
@@ -9,7 +10,7 @@ from drivers.settings import Settings
 from rig.protocol.course import Positions
 from rig.protocol.draft import Draft, IfNever, Phase
 from rig.protocol.move import Ending, Move
-from rig.protocol.step import Execute, ProtocolStep, RigReading
+from rig.protocol.step import Execute, ProtocolStep, Quantity, RigReading
 
 CYCLES_MAX = 20_000
 
@@ -24,7 +25,7 @@ class CyclesUntil(Settings):
     """The event that ends the cycles before the last cycle."""
 
     load_drop: float = Field(
-        gt=0.0, lt=1.0, description="fraction by which the load at the higher end of a cycle must drop"
+        gt=0.0, lt=1.0, description="fraction by which the load at the outer end of a cycle must drop"
     )
     if_never: IfNever = "fail"
 
@@ -34,8 +35,8 @@ class Cycles(Phase):
 
     do: Literal["cycles"]
     count: int = Field(ge=1, le=CYCLES_MAX)
-    low_n: float | None = Field(default=None, ge=0.0)
-    high_n: float | None = Field(default=None, gt=0.0)
+    low_n: float | None = None
+    high_n: float | None = None
     rate_n_s: float | None = Field(default=None, gt=0.0)
     low_mm: float | None = None
     high_mm: float | None = None
@@ -70,9 +71,13 @@ class Cycles(Phase):
     def compile(self, draft: Draft) -> None:
         """Add the cycles."""
         low, high = self.ends
+        quantity: Quantity = "load" if self.rate_n_s is not None else "displacement"
+        outer = low if abs(low) > abs(high) and draft.may_push(quantity) else high
         if self.rate_n_s is not None:
             move = draft.move_to("load", high, self.rate_n_s)
-            draft.expect(high)
+            draft.move_to("load", low, self.rate_n_s)
+            draft.push("load", low)
+            draft.expect(abs(outer))
             draft.ranges_n.append(high - low)
         else:
             assert self.speed_mm_s is not None
@@ -80,8 +85,12 @@ class Cycles(Phase):
             draft.move_to("displacement", low, self.speed_mm_s)
         draft.check_increment("the difference of both ends", high - low, move)
         until = self.until
-        ending = None if until is None else draft.load_drop(until.load_drop, until.if_never)
-        draft.add(Cycling(move, low, high, self.count, self.images.every_cycles, ending))
+        ending = (
+            None
+            if until is None
+            else draft.load_drop(until.load_drop, until.if_never, math.copysign(1.0, outer))
+        )
+        draft.add(Cycling(move, low, high, self.count, self.images.every_cycles, ending, outer))
 
 
 @dataclass(frozen=True)
@@ -95,8 +104,10 @@ class Cycling:
     # images are taken in every cycle whose number is a multiple of this value, and in the first and last
     # cycle
     every_cycles: int = 1
-    # the event that ends the cycles. The event is checked at the higher end of every cycle.
+    # the event that ends the cycles. The event is checked at the outer end of every cycle.
     ending: Ending | None = None
+    # the end with the larger load: the lower end in compression, and otherwise the higher end
+    outer: float = math.nan
 
     def steps(self, index: int, place: Positions) -> list[ProtocolStep]:
         """Return two steps for each cycle: the motion to the higher end and the motion to the lower end."""
@@ -112,7 +123,7 @@ class Cycling:
                 )
                 steps.append(step)
                 before = target
-                if self.ending is not None and target == self.high:
+                if self.ending is not None and target == self.outer:
                     may_be_over = may_be_over or self.ending.criterion.can_end(cycle, step)
         return steps
 
@@ -123,8 +134,7 @@ class Cycling:
         assert reading is not None
         peaks = [reading]
         for number, step in enumerate(self._steps_from(index, place, reading)):
-            is_pull = number % 2 == 0
-            if not is_pull or self.ending is None:
+            if step.target != self.outer or self.ending is None:
                 reading = execute(step)
                 continue
             reading = execute(replace(step, event=self.ending.criterion.at_readings()))

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal, Self
 
 from pydantic import Field, model_validator
@@ -113,8 +114,9 @@ class Holding:
                 at_s=at_s,
                 begins=number == 0,
                 load_drop="slow",
+                next_s=next_s,
             )
-            for number, at_s in enumerate(times_s)
+            for number, (at_s, next_s) in enumerate(pairwise([*times_s, math.nan]))
         ]
 
     def _count(self) -> int:

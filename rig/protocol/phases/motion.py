@@ -62,24 +62,28 @@ class Until(Settings):
             raise ValueError("plastic or load_drop is expected; add one of them")
         return self
 
-    def ending(self, draft: Draft) -> Ending:
-        """Return the event for a draft."""
+    def ending(self, draft: Draft, sense: float) -> Ending:
+        """Return the event for a draft. `sense` is 1 in tension and -1 in compression."""
         if self.plastic is not None:
             return draft.ending(self.plastic, self.if_never)
         assert self.load_drop is not None
-        return draft.load_drop(self.load_drop, self.if_never)
+        return draft.load_drop(self.load_drop, self.if_never, sense)
 
 
 class Pulling(Phase):
-    """A motion to a higher load or displacement."""
+    """A motion to a higher load or displacement, in tension or, with a negative target, in compression."""
 
     until: Until | None = None
     if_passed: IfPassed = "go-on"
 
     def approach(self, draft: Draft, move: Move, target: float, images: MotionImages) -> Approach:
         """Return the part of the course, after checks."""
-        ending = None if self.until is None else self.until.ending(draft)
-        part = approach(draft, move, target, images, ending)
+        draft.push(move.quantity, target)
+        ending = None if self.until is None else self.until.ending(draft, math.copysign(1.0, target))
+        part = approach(draft, move, target, images, ending, down=target < 0.0)
+        if move.quantity == "load":
+            every_n = images.increment
+            draft.increments_n.append(abs(target) if every_n is None else every_n)
         if self.if_passed != "fail":
             return replace(part, goes_back=self.if_passed == "go-back")
         where, unit = draft.where, UNITS[move.quantity]
@@ -87,7 +91,8 @@ class Pulling(Phase):
             part,
             refusal=lambda reading: ProtocolError(
                 where,
-                f"a {move.quantity} below {target:g} {unit}, so that the motion pulls",
+                f"a {move.quantity} {'above' if part.down else 'below'} {target:g} {unit}, so that the "
+                f"motion {'pushes' if part.down else 'pulls'}",
                 f"{reading.of(move.quantity):.6g} {unit}",
                 'go farther in this phase, or set if_passed = "go-on" or "go-back"',
             ),
@@ -108,15 +113,14 @@ def approach(
     bound = span.high if down else span.low
     beyond = target >= bound if down else target <= bound
     if beyond and (span.is_known or down):
-        way, other = ("below", "to-load") if down else ("above", "unload")
+        way, away = ("below", target < 0.0) if down else ("above", target > 0.0)
+        other = "unload" if away else "to-load"
         if move.quantity == "displacement":
             other = "unload or cycles"
         draft.mistake(
             f"a target {way} {bound:g} {unit}, where the phase starts, is expected, got {target:g}; "
             f"use {other} for the other direction"
         )
-    if move.quantity == "load" and not down:
-        draft.increments_n.append(target if increment is None else increment)
     if increment is not None:
         draft.check_increment(f"images.every_{unit.lower()}", increment, move)
     judged_at_readings = ending is None or ending.criterion.at_readings() is not None

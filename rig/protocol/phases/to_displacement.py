@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from rig.protocol.draft import Draft, Increment, Positive
+from rig.protocol.draft import Draft, Increment, Positive, Signed
 from rig.protocol.phases.motion import MotionImages, Pulling
 
 
@@ -18,10 +18,10 @@ class DisplacementImages(MotionImages):
 
 
 class ToDisplacement(Pulling):
-    """A motion to a larger displacement, counted from the reference."""
+    """A motion to a larger displacement, counted from the reference. It is negative in compression."""
 
     do: Literal["to-displacement"]
-    displacement_mm: Positive
+    displacement_mm: Signed
     speed_mm_s: Positive
     images: DisplacementImages = DisplacementImages()
 

@@ -39,6 +39,7 @@ def write_rendered_run(
     repeats: int = 1,
     grid_pose: Pose | None = None,
     camera: PinholeCamera = CAMERA,
+    has_grid: bool = True,
     **mounting: object,
 ) -> Path:
     """Write a run of a camera at 30° off-axis: grid, reference, and `repeats` times the poses in `loads`.
@@ -49,6 +50,7 @@ def write_rendered_run(
     reference, *loaded = (render(camera, Surface(texture, pose)) for pose in (Pose(), *loads))
     pictures = [("grid", render(camera, Surface(LINES, grid_pose or Pose()))), ("reference", reference)]
     pictures += [("load", picture) for picture in loaded] * repeats
+    pictures = pictures if has_grid else pictures[1:]
     header = replace(HEADER, grid=Grid(pitch_mm=PITCH_MM), mounting=Mounting(**mounting))
     info = CameraInfo("v", "m", "s", width_px=camera.width_px, height_px=camera.height_px, bits=8)
     recorder = Recorder(path, header, {"aside": info}, load_frame=DeviceInfo("v", "m", "s"))

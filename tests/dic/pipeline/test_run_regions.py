@@ -1,4 +1,4 @@
-"""Regions to measure in the images of a run's cameras."""
+"""Regions to measure in the images of a run's cameras, and the grid of another run."""
 
 import hashlib
 
@@ -11,7 +11,7 @@ from dic.pipeline.run_cameras import percent
 from dic.runfile.joined import open_run
 from simulators.scene.pose import Pose
 from tests.command_line import refusal, run_dic
-from tests.dic.pipeline.rendered_run import SIDE_PX, slid, write_rendered_run
+from tests.dic.pipeline.rendered_run import SIDE_PX, SMALL, slid, write_rendered_run
 from tests.run_files import write_run
 
 pytestmark = pytest.mark.usefixtures("grids_found_once")
@@ -162,3 +162,13 @@ def test_the_reference_image_of_a_camera_can_be_drawn_on(place):
     assert "Regions and gauges on one.h5, aside" in page
     assert f'"width": {SIDE_PX}' in page
     assert '"calibration": {' in page
+
+
+def test_a_run_without_a_grid_is_measured_with_that_of_another(run, place):
+    bare = write_rendered_run(place / "bare.h5", [slid(SLIDE_MM)], has_grid=False)
+    assert "--grid-from" in refusal(run_dic("process", bare, *WORDS))
+    done = run_dic("process", bare, *WORDS, "--grid-from", run, "-o", place / "r.h5")
+    assert (done.status, done.err) == (0, "")
+    np.testing.assert_allclose(measured(place / "r.h5")[1].mean(axis=0), [0.0, SLIDE_MM], atol=0.0005)
+    small = write_rendered_run(place / "small.h5", [slid(SLIDE_MM)], camera=SMALL, has_grid=False)
+    assert "280 × 280 px" in refusal(run_dic("process", small, *WORDS, "--grid-from", run))

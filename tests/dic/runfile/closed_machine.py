@@ -1,4 +1,4 @@
-"""A machine that takes no commands, its voltage, and a camera that runs freely; without code of `dic`.
+"""A testing machine that takes no commands, its voltage, and a free-running camera; without code of `dic`.
 
 The crosshead moves at one speed. The machine's controller refreshes its voltage 100 times per second. Each
 refresh shows the load of an earlier moment: the machine's delay, with a jitter of 20 ms. Mains hum and white

@@ -18,8 +18,8 @@ class FakeLibrary:
     """Simulates the functions of the Aravis library that the driver calls.
 
     `keeps` holds settings that read back with another value. `status` holds the status of frames by number.
-    `waiting` lists the frames that come first. `dated` holds timestamps of frames from before the system's
-    date was changed.
+    `waiting` lists the frames that come first. `switched` lists what was switched on or off, and when.
+    `dated` holds timestamps of frames from before the system's date was changed.
     """
 
     def __init__(self, clock: VirtualClock) -> None:
@@ -38,6 +38,8 @@ class FakeLibrary:
         self.waiting: list[int] = []
         self.dated: dict[int, int] = {}
         self.pixels = np.zeros((HEIGHT, WIDTH), np.uint16)
+        self.latch_s = 1e-3
+        self.switched: list[tuple[float, str, bool]] = []
 
     def text(self, name: str, *arguments: Any) -> str:
         answers = {
@@ -80,6 +82,24 @@ class FakeLibrary:
 
     def camera_set_string(self, name: bytes, value: bytes) -> None:
         self.values[name.decode()] = self.keeps.get(name.decode(), value.decode())
+
+    def camera_set_boolean(self, name: bytes, value: int) -> None:
+        self.values[name.decode()] = bool(value)
+        self.switched.append((self.clock.now_s(), name.decode(), bool(value)))
+
+    def camera_get_integer(self, name: bytes) -> int:
+        return int(self.values[name.decode()])
+
+    def camera_execute_command(self, name: bytes) -> None:
+        """Latch the camera's clock, which takes its time on the way there and back."""
+        assert name == b"TimestampLatch"
+        self.clock.sleep(self.latch_s / 2)
+        self.values["TimestampLatchValue"] = round(self.camera_s(self.clock.now_s()) * 1e9)
+        self.clock.sleep(self.latch_s / 2)
+
+    def camera_s(self, time_s: float) -> float:
+        """Return a time on the camera's own clock, which goes wrong by 40 µs per second."""
+        return 7.0 + time_s * (1.0 + 40e-6)
 
     def camera_set_pixel_format_from_string(self, value: bytes) -> None:
         self.values["format"] = self.keeps.get("format", value.decode())
@@ -128,6 +148,9 @@ class FakeLibrary:
             return self.dated[buffer]
         at_s = self.begun_s + (buffer - 100) * INTERVAL_S
         return round((self.clock.utc().timestamp() - self.clock.now_s() + at_s) * 1e9)
+
+    def buffer_get_timestamp(self, buffer: int) -> int:
+        return round(self.camera_s(self.begun_s + (buffer - 100) * INTERVAL_S) * 1e9)
 
     def buffer_get_status(self, buffer: int) -> int:
         return self.status.get(buffer - 100, 0)

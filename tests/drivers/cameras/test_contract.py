@@ -16,14 +16,15 @@ from drivers.clock import VirtualClock
 from drivers.errors import DeviceTimeout
 from drivers.interfaces import Camera, CameraInfo, Frame, OpenContext
 from drivers.testing import CameraBench, CameraContract
-from simulators.rig.camera import CameraSettings, SimulatedCamera
+from simulators.rig.camera import FreeRunningCamera, SimulatedCamera
+from simulators.rig.camera_settings import CameraSettings
 from simulators.rig.scene_client import CAMERA as REMOTE
 from simulators.rig.scene_wire import SceneServer
 from simulators.scene.scene import Misalignment, Scene
 from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 from simulators.wire.faults import CAMERA, FaultPanel
-from tests.drivers.cameras import fake_aravis, fake_opencv
-from tests.fault_matrix.camera_benches import AravisBench, NumberedBench, OpencvBench, V4l2Bench
+from tests.drivers.cameras import fake_aravis, fake_gentl, fake_opencv
+from tests.fault_matrix.camera_benches import AravisBench, GentlBench, NumberedBench, OpencvBench, V4l2Bench
 from tests.third_party.swan_camera.swan_camera import SwanCamera, SwanSettings
 
 NAME = "cameras.left"
@@ -45,7 +46,7 @@ def bench_of(
     )
 
 
-def simulated(end: ExitStack, name: str = NAME) -> CameraBench:
+def simulated(end: ExitStack, name: str = NAME, settings: CameraSettings = SMALL) -> CameraBench:
     clock, faults = VirtualClock(), FaultPanel(CAMERA)
     specimen = SimulatedSpecimen(SpecimenSettings())
     scene = Scene(
@@ -57,13 +58,19 @@ def simulated(end: ExitStack, name: str = NAME) -> CameraBench:
     )
     clock.sleep(100.0)
     return bench_of(
-        lambda: SimulatedCamera(name, SMALL, scene, clock, faults),
+        lambda: (FreeRunningCamera if settings.fps else SimulatedCamera)(
+            name, settings, scene, clock, faults
+        ),
         clock,
         faults,
-        interval_s=(SMALL.exposure_us + SMALL.readout_us) * 1e-6,
-        exposure_us=SMALL.exposure_us,
-        gain=SMALL.gain,
+        interval_s=1 / settings.fps if settings.fps else (settings.exposure_us + settings.readout_us) * 1e-6,
+        exposure_us=settings.exposure_us,
+        gain=settings.gain,
     )
+
+
+def free_running(end: ExitStack) -> CameraBench:
+    return simulated(end, settings=SMALL.model_copy(update={"fps": 50.0}))
 
 
 def remote(end: ExitStack) -> CameraBench:
@@ -103,6 +110,11 @@ def aravis(end: ExitStack) -> CameraBench:
     return behind_a_seam(AravisBench(), fake_aravis.INTERVAL_S, exposure_us=5000.0, gain=3.0)
 
 
+def gentl(end: ExitStack) -> CameraBench:
+    exposure_us = fake_gentl.EXPOSURE_S * 1e6
+    return behind_a_seam(GentlBench(), fake_gentl.INTERVAL_S, exposure_us=exposure_us, gain=2.0)
+
+
 def opencv(end: ExitStack) -> CameraBench:
     bench = behind_a_seam(OpencvBench(), fake_opencv.INTERVAL_S, tolerance_s=2 * fake_opencv.INTERVAL_S)
     # OpenCV itself waits ten seconds for a camera that gives nothing, and then calls it lost
@@ -111,9 +123,11 @@ def opencv(end: ExitStack) -> CameraBench:
 
 DRIVERS = {
     "simulated-camera": simulated,
+    "simulated-camera, free-running": free_running,
     "remote-camera": remote,
     "v4l2": v4l2,
     "aravis": aravis,
+    "gentl": gentl,
     "opencv-camera": opencv,
 }
 

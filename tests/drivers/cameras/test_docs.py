@@ -25,4 +25,9 @@ def test_an_example_of_the_documentation_is_valid(name: str) -> None:
 
 
 def test_every_camera_driver_stands_in_the_documentation() -> None:
-    assert {camera["driver"] for camera in CAMERAS.values()} == {"v4l2", "aravis", "opencv-camera"}
+    assert {camera["driver"] for camera in CAMERAS.values()} == {
+        "v4l2",
+        "aravis",
+        "gentl",
+        "opencv-camera",
+    }

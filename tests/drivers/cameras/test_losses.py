@@ -4,8 +4,8 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from drivers.cameras.losses import IN_A_ROW, Loss, LossAccount, LossKind
 from drivers.interfaces import Frame
+from drivers.streams.losses import IN_A_ROW, Loss, LossAccount, LossKind
 
 INTERVAL_S = 0.02
 PICTURE = np.zeros((1, 1), np.uint8)

@@ -5,13 +5,13 @@ import threading
 import numpy as np
 import pytest
 
-from drivers.cameras.losses import LossKind
-from drivers.cameras.stream import FrameStream
 from drivers.cameras.v4l2.camera import V4l2Camera, open_camera
 from drivers.cameras.v4l2.settings import V4l2Settings
 from drivers.clock import VirtualClock
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
+from drivers.streams.losses import LossKind
+from drivers.streams.stream import FrameStream
 from tests.drivers.cameras.fake_kernel import FakeCamera, FakeSystem
 
 DEADLINE_S = 60.0

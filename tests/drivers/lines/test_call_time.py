@@ -39,6 +39,15 @@ def test_a_short_deadline_keeps_most_of_its_time():
         assert time.last_wait_s(1.0) <= 0.8 * 0.05
 
 
+def test_a_caller_may_give_a_call_less_time():
+    time = CallTime(RIG_S, patience_s=2.0)
+    with time.call(within_s=0.5):
+        assert 2.0 < time.left_s <= 2.5
+    with time.call(within_s=1e6):
+        assert time.left_s <= RIG_S - MARGIN_S + 2.0
+    assert time.left_s == math.inf
+
+
 def test_a_call_within_a_call_keeps_the_outer_end():
     time = CallTime(RIG_S)
     with time.call():

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 from drivers.errors import DeviceError
-from drivers.interfaces import OperatorAction
+from drivers.interfaces import OperatorAction, OperatorQuestion
 from drivers.operators.console import SPEC, WORDS, ConsoleOperator
 from drivers.terminal.question import WRONG_LINES_MAX
 
@@ -24,7 +24,7 @@ class Asked(threading.Thread):
     """A question that waits for its answer on a separate thread, as in a run."""
 
     operator: ConsoleOperator
-    action: OperatorAction
+    action: OperatorAction | OperatorQuestion
     failures: list[DeviceError] = field(default_factory=list)
     returned: bool = False
 
@@ -37,7 +37,10 @@ class Asked(threading.Thread):
 
     def run(self) -> None:
         try:
-            self.operator.perform(self.action)
+            if isinstance(self.action, OperatorQuestion):
+                self.operator.ask(self.action)
+            else:
+                self.operator.perform(self.action)
             self.returned = True
         except DeviceError as error:
             self.failures.append(error)
@@ -89,6 +92,21 @@ def person(monkeypatch) -> Iterator[Person]:
         operator.close()
     os.close(keyboard)
     os.close(terminal)
+
+
+def test_a_question_of_a_protocol_is_asked_and_one_that_is_answered_elsewhere_is_withdrawn(person):
+    question = OperatorQuestion("Please take the extensometer off.", "off")
+    asked = Asked(person.operator, question)
+    person.see("Please take the extensometer off.\nType off when it is done, Ctrl-C to end the run: ")
+    person.operator.withdraw()
+    assert asked.ended()
+    assert 'operator: answer a question: expected the word "off"' in str(asked.failures[0])
+    person.forget()
+    again = Asked(person.operator, question)
+    person.see("Type off when it is done")
+    person.type("OFF\n")
+    assert again.ended()
+    assert again.returned
 
 
 def test_a_person_reads_what_to_do_and_types_the_word(person):

@@ -13,10 +13,10 @@ import pytest
 from drivers.cameras.aravis.camera import AravisCamera, open_camera
 from drivers.cameras.aravis.find import vision_cameras
 from drivers.cameras.aravis.settings import AravisSettings
-from drivers.cameras.losses import LossKind
 from drivers.clock import SystemClock
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
+from drivers.streams.losses import LossKind
 
 CLOCK = SystemClock()
 RATE_HZ = 25.0
@@ -186,6 +186,45 @@ def test_a_second_program_is_refused_the_control(camera: AravisCamera) -> None:
         "check cable, power and address, and that no other program controls the camera"
     )
     assert camera.grab(5.0).flags == 0
+
+
+def test_a_triggered_camera_waits_for_its_triggers_and_is_not_given_up() -> None:
+    with plugged():
+        camera = opened(trigger="Software")
+        found = camera.read_settings()
+        assert (found["trigger_mode"], found["trigger_source"]) == ("On", "Software")
+        first = camera._session
+        for _ in range(2):
+            with pytest.raises(DeviceTimeout, match="got none"):
+                camera.grab(0.5)
+        assert camera._session is first
+        session = camera._session
+        assert session is not None
+        waits_s = []
+        with camera.stream() as stream:
+            for _ in range(6):
+                with pytest.raises(DeviceTimeout):
+                    stream.next(0.2)
+                asked_s = CLOCK.now_s()
+                session._features.execute("TriggerSoftware")
+                frame = stream.next(2.0)
+                waits_s.append(CLOCK.now_s() - asked_s)
+                assert frame.flags == 0
+        print(f"frame after a software trigger: median {statistics.median(waits_s) * 1e3:.0f} ms")
+        camera.close()
+
+
+def test_lines_and_a_clock_that_the_camera_does_not_have_are_refused() -> None:
+    with plugged():
+        opened().close()
+        for changes, message in [
+            ({"output": "Line1"}, "expected a camera with LineSelector, got none"),
+            ({"trigger": "Line7"}, "set TriggerSource: expected acceptance"),
+            ({"stamp": "start"}, "expected TimestampLatch or GevTimestampControlLatch, got a camera"),
+        ]:
+            with pytest.raises(DeviceFault, match=message):
+                opened(**changes).close()
+        opened().close()
 
 
 def test_a_stream_has_the_camera_to_itself(camera: AravisCamera) -> None:

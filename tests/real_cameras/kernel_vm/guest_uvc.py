@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.cameras.losses import IN_A_ROW, LossKind
 from drivers.cameras.v4l2.camera import V4l2Camera
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import Frame
+from drivers.streams.losses import IN_A_ROW, LossKind
 from tests.real_cameras.kernel_vm.guest import CLOCK, OPENED, left_open, opened, turn
 from tests.real_cameras.kernel_vm.uvc_descriptors import SERIAL
 from tests.real_cameras.kernel_vm.uvc_device import NUMBER_BITS, TIME_BITS
@@ -117,7 +117,7 @@ def test_the_exposure_that_is_set_is_the_one_that_is_filmed(usb: UsbCamera) -> N
 
 def test_the_exposure_of_every_frame_began_after_the_call(usb: UsbCamera) -> None:
     camera = found()
-    waits_s, ages_s = [], []
+    waits_s, ages_s, middles = [], [], []
     for pause_s in (0.0, 0.01, 0.05, 0.2, 1.5) * 2:
         CLOCK.sleep(pause_s)
         asked_s = CLOCK.now_s()
@@ -126,6 +126,13 @@ def test_the_exposure_of_every_frame_began_after_the_call(usb: UsbCamera) -> Non
         assert frame.flags == 0
         assert written(frame)[1] >= asked_s
         ages_s.append(written(frame)[1] - frame.exposed_s)
+        off_s = frame.middle_s - (written(frame)[1] + EXPOSURE_US * 1e-6 / 2)
+        middles.append(off_s / frame.middle_std_s)
+        assert abs(middles[-1]) <= 3.0
+    print(
+        f"USB camera: middle of the exposure {min(middles):.1f} to {max(middles):.1f} standard deviations "
+        f"of {frame.middle_std_s * 1e3:.1f} ms from the truth"
+    )
     print(
         f"USB camera, fresh frame at 30 Hz: median {statistics.median(waits_s) * 1e3:.0f} ms, "
         f"longest {max(waits_s) * 1e3:.0f} ms; exposure began {min(ages_s) * 1e3:.1f} to "

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.cameras.losses import LossKind
 from drivers.cameras.v4l2.abi import BufferFlag
 from drivers.errors import DeviceFault, DeviceTimeout, LinkLost
+from drivers.streams.losses import LossKind
 from tests.real_cameras.kernel_vm.guest import AT_START, CLOCK, OPENED, left_open, opened, turn, watched
 
 BLACK, WHITE = 5, 6  # of vivid's menu of test patterns

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drivers.clock import Clock
+from drivers.errors import DeviceTimeout
 from drivers.interfaces import DeviceInfo
 from drivers.signals import Samples, Signal
 
@@ -29,7 +30,11 @@ class FakeBox:
     info: DeviceInfo = BOX
 
     def read(self, timeout_s: float) -> Samples:
-        self.due_s = max(self.due_s + 1.0 / self.rate_hz, self.clock.now_s())
+        due_s = max(self.due_s + 1.0 / self.rate_hz, self.clock.now_s())
+        if due_s > self.clock.now_s() + timeout_s:
+            self.clock.sleep(timeout_s)
+            raise DeviceTimeout("channels.box", "read", f"a sample within {timeout_s:g} s", "none", "wait")
+        self.due_s = due_s
         self.clock.sleep(self.due_s - self.clock.now_s())
         now_s = self.clock.now_s()
         # what was true a delay before

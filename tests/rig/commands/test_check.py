@@ -170,6 +170,38 @@ def test_goes_on_after_an_interlock_that_cannot_be_opened(check):
     assert "interlocks.oven: " in out
 
 
+BOX = """
+[channels.box]
+driver = "modbus-channels"
+address = "@interlocks"
+rate_hz = 20
+[channels.box.signals.heat]
+input = 0
+unit = "°C"
+offset = 21.5
+range = [15, 30]
+[channels.box.signals.force]
+input = 1
+unit = "N"
+range = [5, 100]
+"""
+
+
+def test_shows_channels_with_their_values_and_says_which_one_is_out_of_its_range(check):
+    # all registers of the simulated module are 0 at first
+    status, out, table = check(SMALL, BOX)
+    assert status == 1
+    assert "channels.box: vendor Modbus, model inputs of unit 1" in out
+    assert "  heat 21.5 °C, noise 0 °C, range 15 to 30 °C" in out
+    assert "  force 0 N, noise 0 N, range 5 to 100 N" in out
+    problem = (
+        "channels.force: it is 0 N, expected 5 to 100 N; check the sensor and its cable, or widen its range"
+    )
+    assert table["problems"] == [problem]
+    signals = table["devices"]["channels.box"]["signals"]
+    assert {name: each["newest"] for name, each in signals.items()} == {"heat": 21.5, "force": 0.0}
+
+
 class SpeckledCamera:
     """A simulated camera whose images show good speckles."""
 

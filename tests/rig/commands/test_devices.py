@@ -30,6 +30,7 @@ def finders(monkeypatch) -> dict[str, Finder | None]:
     replaced: dict[str, Finder | None] = {
         "v4l2": Finder("V4L2 cameras", listed=lambda: [Found("a camera", {"device": "/dev/video7"})]),
         "aravis": Finder(VISION, answering=list),
+        "gentl": None,
     }
 
     def driver(name: str) -> DriverSpec:
@@ -271,3 +272,20 @@ def test_what_a_person_must_decide_is_named_by_the_settings_the_driver_has(asked
     asked.add("good", 1.0, lambda port: [Found("it", {"port": port})], "/dev/a")
     written = rig_file(search([], [], ask=True))
     assert '[stage]\ndriver = "good"\nport = "/dev/a"\n# gear: how far the stage may turn' in written
+
+
+def test_found_channels_and_output_lines_get_tables_of_their_own(finders, tmp_path):
+    boxes = [Found(f"a box {number}", {"address": f"192.168.0.{number}:502"}) for number in (20, 21)]
+    finders["modbus-channels"] = Finder("boxes", answering=lambda: boxes)
+    finders["modbus-pulse"] = Finder("lines", answering=lambda: boxes[:1])
+    path = tmp_path / "rig.toml"
+    done = run_rig("devices", "-o", path)
+    assert done.status == 0
+    assert "channels 192.168.0.20:502: a box 20" in done.out
+    table = tomllib.loads(path.read_text())
+    assert table["channels"]["box_1"] == {"driver": "modbus-channels", "address": "192.168.0.21:502"}
+    assert table["triggers"]["line_0"]["driver"] == "modbus-pulse"
+    assert "# rate_hz, signals: what is wired to the inputs" in path.read_text()
+    with pytest.raises(ConfigurationError) as missing:
+        read_rig(path)
+    assert "channels.box_0.signals: is missing; add it" in missing.value.mistakes

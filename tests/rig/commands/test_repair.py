@@ -141,3 +141,5 @@ def test_file_of_an_earlier_program_is_read_and_verified(good, tmp_path):
     assert pixels(path) == pixels(good)
     found = verify_run(path)
     assert (found.problems, found.digest) == ([], "none")
+    with RunFile(path) as run:
+        assert run.info.direction_deg is None

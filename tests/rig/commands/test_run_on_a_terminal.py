@@ -70,3 +70,34 @@ def test_a_newcomer_knows_at_each_moment_what_moves_and_how_to_stop_it(simulated
     truth = [json.loads(line) for line in log.read_text().splitlines()]
     samples = [line for line in truth if line["what"] == "sample"]
     assert samples[-1]["load_n"] == pytest.approx(float(found[1]), abs=20.0)
+
+
+def test_a_person_pauses_a_motion_by_a_key_and_lets_it_go_on_by_a_word(simulated_rig, tmp_path):
+    rig_file, log = simulated_rig
+    command = [*RIG, "run", "quick.toml", "--rig", str(rig_file), "-o", "run.h5", "--json", "run.json"]
+    with closing(TerminalProgram(command, 120, tmp_path)) as run:
+        run.wait_for("Type attached when it is done")
+        run.type("attached\n")
+        run.wait_for("Type removed when it is done")
+        run.type("removed\n")
+        shown = run.wait_for("step 2 (load 2000 N): the load frame MOVES, at ")
+        assert "Ctrl-C: the load frame holds, p: pause" in shown
+        run.type("p")
+        shown = run.wait_for("Type continue to let it go on, Ctrl-C to end the run:")
+        assert "Nothing moves: the load frame holds at " in shown
+        assert "The run is paused." in shown
+        run.type("yes\n")
+        run.wait_for('"yes" is not the word. Type continue')
+        run.type("continue\n")
+        run.wait_for("step 2 (load 2000 N): settled at ")
+        run.wait_for("step 3 (load 4000 N): the load frame MOVES, at ")
+        run.type("\x03")
+        assert run.end() == 1
+        end = str(run.screen)
+    assert "got SIGINT; the finished" in end
+    table = json.loads((tmp_path / "run.json").read_text())
+    assert table["pauses"]["count"] == 1
+    assert table["pauses"]["duration_s"] > 0.0
+    assert [step["index"] for step in table["steps"]] == [0, 1, 2]
+    truth = [json.loads(line) for line in log.read_text().splitlines()]
+    assert [line for line in truth if line["what"] == "sample"][-1]["load_n"] < 4000.0

@@ -10,6 +10,7 @@ import pytest
 from drivers.errors import DeviceTimeout
 from drivers.signals import Signal
 from rig.devices import OpenedTrigger
+from rig.engine import acquisition
 from rig.protocol.acquire import AcquireProtocol
 from tests.rig.channels.fake_box import FORCE, FakeBox, FakeLine
 from tests.rig.conftest import FakeRig
@@ -215,3 +216,24 @@ def test_lost_samples_are_told_and_leave_a_gap(tmp_path):
 def test_mistakes_in_the_tables_are_named(text, words):
     with pytest.raises(ValueError, match=words):
         AcquireProtocol.model_validate(tomllib.loads(text))
+
+
+def test_an_event_during_another_wait_of_the_engine_is_seen(tmp_path, monkeypatch):
+    """While an image waits for a slow disk, the samples are read by that wait."""
+    text = with_tables(
+        "every_s = 1", 'reaches = { channel = "channels.force", above = 900 }\nduration_s = 20'
+    )
+    rig = beside(tmp_path, text, lambda t: 1000.0 if 3.30 < t < 3.34 else 0.0)
+    record = acquisition.record_frame
+
+    def slow(run, camera, frame, keep_s):
+        if 3.0 < run.clock.now_s() < 3.2:
+            for _ in range(50):
+                run.read()
+                run.calls.pause(0.02)
+        return record(run, camera, frame, keep_s)
+
+    monkeypatch.setattr(acquisition, "record_frame", slow)
+    outcome = rig.engine().run()
+    assert any("channels.force above 900 was reached" in event for event in rig.events())
+    assert outcome.timing.taken < 8

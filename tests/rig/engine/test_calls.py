@@ -57,6 +57,18 @@ def test_calls_of_a_device_are_made_in_order_on_one_thread_that_is_not_the_engin
     assert threading.get_ident() not in threads
 
 
+def test_simulated_call_may_wait_for_another_one_of_its_device(clock):
+    """The second call must not stop simulated time while its thread sleeps in the first one."""
+    calls = Calls(clock, lambda: None, patience_s=0.5)
+    with clock.activity():
+        first = calls.begin("camera", "take frames", lambda: clock.sleep(0.25), LONG)
+        second = calls.begin("camera", "close", clock.now_s, LONG)
+        assert calls.finish(second) == pytest.approx(0.25)
+        assert first.done
+        assert calls.idle("camera")
+    calls.close()
+
+
 def test_calls_of_different_devices_do_not_wait_for_each_other(hang):
     calls = Calls(SystemClock(), lambda: None)
     hanging = calls.begin("stage", "read", hang, LONG)
@@ -98,6 +110,20 @@ def test_simulated_device_may_compute_for_longer_than_its_deadline():
         threading.Timer(0.05, go_on.set).start()
         assert calls.finish(call)
         assert clock.now_s() == 0.0
+
+
+def test_calls_behind_one_that_was_given_up_let_time_pass():
+    clock = VirtualClock()
+    calls = Calls(clock, lambda: None)
+    with clock.activity():
+        hanging = calls.begin("stage", "read", lambda: clock.sleep(3600.0), Deadline(0.7))
+        behind = calls.begin("stage", "stop", lambda: clock.sleep(3600.0), Deadline(0.7))
+        for call in (hanging, behind):
+            with pytest.raises(DeviceTimeout):
+                calls.finish(call)
+        clock.sleep(10.0)
+        assert clock.now_s() < 20.0
+    calls.close()
 
 
 def test_simulated_device_that_computes_on_a_busy_computer_does_not_hang(monkeypatch):

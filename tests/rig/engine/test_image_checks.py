@@ -13,7 +13,8 @@ from drivers.clock import VirtualClock
 from drivers.interfaces import CameraInfo, Frame
 from rig.engine.image_checks import ImageChecks, measure
 from rig.protocol.images import Images
-from simulators.rig.camera import CameraSettings, SimulatedCamera
+from simulators.rig.camera import SimulatedCamera
+from simulators.rig.camera_settings import CameraSettings
 from simulators.rig.picture_faults import PictureFaults
 from simulators.rig.virtual_rig import VirtualRig
 

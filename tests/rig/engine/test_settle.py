@@ -70,6 +70,7 @@ def test_a_remainder_of_rounding_lets_time_pass_before_the_images_of_a_hold():
         protocol=SimpleNamespace(images=SimpleNamespace(per_step=1)),
         settle=SimpleNamespace(timeout_s=1.0, poll_s=0.3),
         watch=SimpleNamespace(poll_s=lambda poll_s: poll_s, expect=lambda load_drop: None),
+        pauses=SimpleNamespace(point=lambda place: None, ended_s=-1.0),
     )
     motion = RunMotion(run)
     motion._begun_s, motion._kept_s, motion._poll_s = 0.0, 0.0, 0.3

@@ -17,7 +17,7 @@ import pytest
 from drivers.interfaces import Frame
 from rig.errors import ProtocolError
 from rig.news.bulletin import Bulletin
-from rig.news.http_api import STREAMS_MAX, RunView
+from rig.news.http_api import STREAMS_MAX, RunControl, RunView
 from rig.news.http_connections import CONNECTIONS_MAX, WAITING_MAX, BoundedConnection
 from rig.news.http_server import TOKEN_VARIABLE, HttpPlace, HttpServer
 from rig.news.thumbnail import thumbnail
@@ -33,8 +33,29 @@ class Served:
     place: HttpPlace
     bulletin: Bulletin
     aborts: list[str] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
+    """Requests for a pause, for going on, for images and their end, and answers."""
+    refusal: str = ""
     drawing: threading.Event = field(default_factory=threading.Event)
     may_draw: threading.Event = field(default_factory=threading.Event)
+
+    def control(self) -> RunControl:
+        def note(what: str) -> str:
+            self.asked.append(what)
+            return self.refusal
+
+        return RunControl(
+            self.aborts.append,
+            lambda reason: note(f"pause {reason}"),
+            lambda: note("continue"),
+            lambda word: note(f"answer {word}"),
+            lambda: note("image"),
+            lambda: note("end"),
+        )
+
+    def post(self, path: str) -> tuple[int, dict]:
+        status, _, body = self.ask("POST", path, Authorization=f"Bearer {self.place.token}")
+        return status, json.loads(body)
 
     def thumbnail(self, camera: str, width_px: int, kind: str) -> bytes | None:
         self.drawing.set()
@@ -69,7 +90,7 @@ def served() -> Iterator[Served]:
         bulletin,
         lambda: {"state": "moving"},
         made.thumbnail,
-        made.aborts.append,
+        made.control(),
         place.token,
         place.port,
     )
@@ -91,6 +112,10 @@ def test_every_answer_has_the_version_and_says_that_the_run_is_simulated(served)
         ("GET", "/v1/nothing", 404),
         ("POST", "/v1/status", 405),
         ("POST", "/v1/abort", 401),
+        ("POST", "/v1/pause", 401),
+        ("GET", "/v1/pause", 405),
+        ("GET", "/v1/image", 405),
+        ("POST", "/v1/end", 401),
         ("GET", "/v1/cameras/right/thumbnail.png", 404),
     ):
         found, headers, body = served.ask(method, path)
@@ -132,6 +157,22 @@ def test_an_abort_needs_the_token_and_may_be_repeated(served):
     path = "/v1/abort?reason=smoke%0Ain+the+room"
     assert served.ask("POST", path, Authorization=f"Bearer {served.place.token}")[0] == 202
     assert served.aborts == ["an abort by HTTP", "an abort by HTTP: smokein the room"]
+
+
+def test_a_pause_going_on_and_an_answer_need_the_token_and_tell_why_they_are_refused(served):
+    for place in ("pause", "continue", "answer?word=off", "image", "end"):
+        assert served.ask("POST", f"/v1/{place}")[0] == 401
+        assert served.ask("POST", f"/v1/{place}", Authorization="Bearer no-such-token")[0] == 401
+        assert served.ask("POST", f"/v1/{place}", Origin="http://evil.example")[0] == 403
+    assert served.asked == []
+    assert served.post("/v1/pause?reason=the+lamp%0Aflickers")[0] == 202
+    assert served.post("/v1/continue")[1]["state"] == "moving"
+    assert served.post("/v1/answer?word=off")[0] == 202
+    assert served.asked == ["pause the lampflickers", "continue", "answer off"]
+    assert "expected the word of the question" in served.post("/v1/answer")[1]["error"]
+    served.refusal = "the run is not paused"
+    status, table = served.post("/v1/continue")
+    assert (status, table["error"]) == (409, "the run is not paused")
 
 
 @pytest.mark.parametrize(

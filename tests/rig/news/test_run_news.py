@@ -105,6 +105,16 @@ def test_a_run_is_watched_and_aborted_by_http(start, files):
         assert status["state"] in ("moving", "imaging")
         assert ask("GET", "/v1/cameras/front/thumbnail.png")[1].startswith(b"\x89PNG")
         assert ask("POST", "/v1/abort")[0] == 401
+        allowed = {"Authorization": f"Bearer {token}"}
+        assert ask("POST", "/v1/answer?word=done", **allowed)[0] == 409
+        assert ask("POST", "/v1/continue", **allowed)[0] == 409
+        assert ask("POST", "/v1/pause?reason=lamp", **allowed)[0] == 202
+        while json.loads(ask("GET", "/v1/status")[1])["state"] != "paused":
+            assert json.loads(ask("GET", "/v1/status")[1])["outcome"] is None
+        assert ask("POST", "/v1/continue", **allowed)[0] == 202
+        while json.loads(ask("GET", "/v1/status")[1])["pause_requested"]:
+            pass
+        assert ask("POST", "/v1/pause", **allowed)[0] == 202
         path = "/v1/abort?reason=smoke"
         assert ask("POST", path, Authorization=f"Bearer {token}")[0] == 202
     status, complaints = program.end()
@@ -116,6 +126,10 @@ def test_a_run_is_watched_and_aborted_by_http(start, files):
     assert [event["n"] for event in found] == list(range(1, len(found) + 1))
     assert (found[0]["event"], found[-1]["event"]) == ("started", "ended")
     assert all(event["simulated"] for event in found)
+    assert "paused" in [event.get("state") for event in found]
+    said = [event["message"] for event in found if event["event"] == "log"]
+    assert any(message.startswith("paused in step ") and "by HTTP: lamp" in message for message in said)
+    assert any(message.startswith("goes on by HTTP after ") for message in said)
 
 
 @pytest.mark.extended

@@ -313,7 +313,7 @@ def test_all_mistakes_are_reported_together_with_the_number_of_the_phase(tmp_pat
     phases = """
 [[phases]]
 do = "to-load"
-load_n = -4000.0
+load_n = 0.0
 [[phases]]
 do = "hold"
 keep = "load"
@@ -325,7 +325,7 @@ count = 0
 do = "jump"
 """
     found = mistakes(tmp_path, phases)
-    assert "phase 1 (to-load): load_n: input should be greater than 0, got -4000.0" in found
+    assert "load_n: a value above 0 (tension) or below 0 (compression) is expected, got 0.0" in found
     assert "phase 1 (to-load): rate_n_s: is missing; add it" in found
     assert "phase 2 (hold): duration_s: input should be less than or equal to 2592000" in found
     assert "phase 3 (cycles): count: input should be greater than or equal to 1, got 0" in found

@@ -13,6 +13,8 @@ from rig.protocol.step import RigReading
 from rig.protocol.tension import TensionProtocol
 from tests.places import EXAMPLES, example
 
+KINDS = "kind: 'tension', 'rotation', 'phases' or 'acquire' is expected"
+
 
 def edited(tmp_path: Path, name: str, *edits: tuple[str, str]) -> Path:
     path = tmp_path / "protocol.toml"
@@ -72,7 +74,7 @@ def test_unknown_kind_does_not_hide_other_mistakes(tmp_path):
     )
     with pytest.raises(ConfigurationError) as caught:
         read_protocol(path)
-    assert "kind: 'tension', 'rotation', 'phases' or 'acquire' is expected, got 'rotate'" in caught.value.mistakes
+    assert f"{KINDS}, got 'rotate'" in caught.value.mistakes
     assert "rotation.increment_deg: input should be greater than 0, got 0" in caught.value.mistakes
 
 
@@ -189,7 +191,7 @@ def test_unknown_kind_is_told_both_that_are_known(tmp_path, example):
     path = edited(tmp_path, example, (f'kind = "{example}"', 'kind = "torsion"'))
     with pytest.raises(ConfigurationError) as caught:
         read_protocol(path)
-    assert caught.value.mistakes == ["kind: 'tension', 'rotation', 'phases' or 'acquire' is expected, got 'torsion'"]
+    assert caught.value.mistakes == [f"{KINDS}, got 'torsion'"]
 
 
 def test_text_that_would_break_a_run_file_or_a_table_is_a_mistake(tmp_path):

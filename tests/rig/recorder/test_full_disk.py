@@ -154,7 +154,7 @@ def test_file_whose_writes_failed_is_left_as_it_is(tmp_path):
     file = OpenRunFile(path, HEADER, CAMERAS, {})
     with full_disk(path.stat().st_size):
         with pytest.raises(OSError, match="too large"):
-            file.add_frame("left", frame_of(CAMERAS["left"], 0), 0, "0" * 64, 0)
+            file.add_frame("left", 0, frame_of(CAMERAS["left"], 0), 0, "0" * 64, 0)
         file.abandon()
     file.close("failed", "a broken disk", START)
     with h5py.File(path) as left:

@@ -8,7 +8,8 @@ from drivers.clock import VirtualClock
 from drivers.errors import DeviceError, DeviceTimeout, LinkLost
 from drivers.interfaces import OpenContext
 from drivers.registry import find_driver
-from simulators.rig.camera import SPEC, CameraSettings, SimulatedCamera
+from simulators.rig.camera import SPEC, SimulatedCamera
+from simulators.rig.camera_settings import CameraSettings
 from simulators.scene.render import render
 from simulators.scene.scene import Misalignment, Scene
 from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings

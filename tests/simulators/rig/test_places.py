@@ -3,10 +3,11 @@
 import socket
 import stat
 import threading
+from contextlib import closing
 
 import pytest
 
-from simulators.rig.places import SERVERS, ServerAddresses
+from simulators.rig.places import SERVERS, ServerAddresses, served
 from simulators.rig.simulation import Simulation
 
 
@@ -86,5 +87,19 @@ def test_one_server_has_one_place():
         ServerAddresses.read(["scene=5000", "scene=5001"])
 
 
+BESIDE_A_CLOSED_MACHINE = {"simulation": {"driver": "virtual-rig", "closed_machine": {}}}
+
+
 def test_places_are_for_all_servers_there_are(simulation):
-    assert sorted(simulation.addresses) == sorted(SERVERS)
+    with closing(Simulation(BESIDE_A_CLOSED_MACHINE)) as other:
+        assert sorted({*simulation.addresses, *other.addresses}) == sorted(SERVERS)
+        assert sorted(other.addresses) == sorted(served(closed_machine=True))
+    assert sorted(simulation.addresses) == sorted(served(closed_machine=False))
+
+
+@pytest.mark.parametrize(
+    ("tables", "name"), [({}, "closed_machine"), (BESIDE_A_CLOSED_MACHINE, "load_frame")]
+)
+def test_a_place_for_a_server_that_is_not_there_is_refused(tables, name):
+    with pytest.raises(ValueError, match=f"a place for {name}, which this simulation does not have"):
+        Simulation(tables, "rig simulate", None, [f"{name}=5020"])

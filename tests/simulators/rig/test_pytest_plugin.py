@@ -1,6 +1,7 @@
 """Tests of the pytest plugin in a test suite outside of this project."""
 
 import re
+from typing import Any
 
 from tests.places import DOCS
 
@@ -100,12 +101,18 @@ def stretch(address):
 
 def test_the_examples_of_the_documentation_run(pytester, capsys):
     page = (DOCS / "simulators.md").read_text(encoding="utf-8")
-    with_fixture, alone = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    with_fixture, *alone = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    assert alone
     pytester.makepyfile(THEIR_PROGRAM + with_fixture)
     pytester.runpytest("--strict-markers", "-p", "no:cacheprovider").assert_outcomes(passed=2)
     capsys.readouterr()
-    exec(compile(alone, "simulators.md", "exec"), {})
-    assert capsys.readouterr().out.startswith("/")
+    for example in alone:
+        names: dict[str, Any] = {}
+        exec(compile(example, "simulators.md", "exec"), names)
+        assert capsys.readouterr().out.startswith("/")
+        for server in names.values():
+            if hasattr(server, "close") and not isinstance(server, type):
+                server.close()
 
 
 def test_the_fixture_says_what_it_is(pytester):

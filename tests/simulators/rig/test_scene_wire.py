@@ -28,6 +28,13 @@ def test_errors_of_its_cameras_come_through(simulation, rig):
     assert rig.cameras["front"].grab(5.0).flags == 0
 
 
+def test_a_frame_keeps_the_middle_of_its_exposure_on_the_way(rig):
+    frame = rig.cameras["front"].grab(5.0)
+    assert frame.exposed_s < frame.middle_s < frame.received_s
+    # in real time the simulated camera needs a moment to look
+    assert 0.0 <= frame.middle_std_s < 0.05
+
+
 def test_one_camera_exposes_one_frame_at_a_time_whoever_asks(simulation, monkeypatch):
     camera = CAMERA_SPEC.open(
         CAMERA_SPEC.settings(width_px=16, height_px=16),
@@ -108,7 +115,7 @@ def test_nonsense_on_the_port_of_the_scene_is_answered(simulation):
         *(grab | {"timeout_s": timeout_s} for timeout_s in (math.inf, math.nan, 1e30, -1.0)),
         {"do": "x" * 100_000},
     ):
-        with pytest.raises(DeviceError, match="expected camera, settings, grab or operator"):
+        with pytest.raises(DeviceError, match="expected camera, settings, grab, operator or ask"):
             client.ask(10.0, **request)
         # what is left of the longest
         client.close()

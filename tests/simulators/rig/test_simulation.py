@@ -11,7 +11,7 @@ import pytest
 
 from drivers.clock import SystemClock
 from drivers.errors import ConfigurationError
-from drivers.interfaces import OpenContext, OperatorAction
+from drivers.interfaces import OpenContext, OperatorAction, OperatorQuestion
 from drivers.registry import find_driver
 from simulators.rig.scene_client import SceneClient
 from simulators.rig.simulation import Simulation, StoppableClock
@@ -172,10 +172,15 @@ def test_what_the_operator_does_is_said_logged_and_announced(tmp_path):
             "simulated operator: remove the calibration grid, 0 s"
         )
         operator.perform(OperatorAction.REMOVE_GRID)
+        question = OperatorQuestion("Please take the extensometer off.", "off")
+        told = 'simulated operator: Please take the extensometer off. Answers "off", 0 s'
+        assert operator.notice(question) == told
+        operator.ask(question)
         operator.close()
-    assert said == ["simulated operator: remove the calibration grid, 0 s", "simulated operator: done"]
+    done = "simulated operator: done"
+    assert said == ["simulated operator: remove the calibration grid, 0 s", done, told, done]
     actions = [(line["action"], line["done"]) for line in lines(tmp_path / "log.jsonl", "operator")]
-    assert actions == [("REMOVE_GRID", False), ("REMOVE_GRID", True)]
+    assert actions == [("REMOVE_GRID", False), ("REMOVE_GRID", True), ("ASK", False), ("ASK", True)]
 
 
 def test_the_default_rig_has_everything(log):

@@ -8,7 +8,7 @@ import pytest
 
 from drivers.clock import VirtualClock
 from drivers.errors import DeviceError
-from drivers.interfaces import OpenContext, OperatorAction
+from drivers.interfaces import OpenContext, OperatorAction, OperatorQuestion
 from drivers.registry import find_driver
 from rig.rigfile import read_rig
 from simulators.rig.camera import SPEC as CAMERA
@@ -102,7 +102,9 @@ def test_the_operator_attaches_and_removes_the_grid_in_his_own_time(open_rig):
     assert isinstance(rig.scene.surface().texture, LineGrid)
     operator.perform(OperatorAction.REMOVE_GRID)
     assert not isinstance(rig.scene.surface().texture, LineGrid)
-    assert rig.clock.now_s() == 60.0
+    operator.ask(OperatorQuestion("Please take the extensometer off.", "off"))
+    assert not isinstance(rig.scene.surface().texture, LineGrid)
+    assert rig.clock.now_s() == 90.0
 
 
 def test_the_operator_needs_a_virtual_rig():

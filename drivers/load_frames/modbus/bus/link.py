@@ -26,6 +26,7 @@ from drivers.load_frames.modbus.bus.pdu import (
     fewer_registers,
     known_answer,
     read_request,
+    write_coil_request,
     write_one_request,
     write_request,
 )
@@ -120,6 +121,16 @@ class ModbusLink:
             self._repeated(request, urgent)
         else:
             self._exchange(request, urgent, self._call_time.first_wait_s(self._reply_timeout_s))
+
+    def write_coil(self, number: int, *, on: bool) -> None:
+        """Switch one coil. Repeat a failed request once, because a second execution has no effect.
+
+        The errors are those of `write`.
+        """
+        while True:
+            with contextlib.suppress(Overtaken):
+                self._repeated(write_coil_request(number, on), urgent=False)
+                return
 
     def _repeated(self, request: Request, urgent: bool) -> list[int]:
         """Send a request that may be repeated. Raise the error of the last attempt."""

@@ -3,7 +3,7 @@
 Requests and answers are protocol data units here: the function code and the data, without the address of the
 device and without a checksum. The function `crc` computes the checksum of a message on a serial line.
 
-Source: MODBUS Application Protocol Specification V1.1b3, chapters 6.3, 6.4, 6.6, 6.12 and 7.
+Source: MODBUS Application Protocol Specification V1.1b3, chapters 6.1 to 6.6, 6.12 and 7.
 
 Only this module uses pymodbus, to encode requests and checksums. This module checks the answers without
 pymodbus, because pymodbus accepts answers with a wrong function or length. The driver also waits for answers
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from pymodbus.framer import FramerRTU
 from pymodbus.pdu import ModbusPDU
-from pymodbus.pdu.bit_message import ReadCoilsRequest, ReadDiscreteInputsRequest
+from pymodbus.pdu.bit_message import ReadCoilsRequest, ReadDiscreteInputsRequest, WriteSingleCoilRequest
 from pymodbus.pdu.register_message import (
     ReadHoldingRegistersRequest,
     ReadInputRegistersRequest,
@@ -24,7 +24,8 @@ from pymodbus.pdu.register_message import (
 )
 
 READ_COILS, READ_DISCRETE = 1, 2
-READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
+READ_HOLDING, READ_INPUT, WRITE_COIL, WRITE_ONE, WRITE_MANY = 3, 4, 5, 6, 16
+WRITES = (WRITE_COIL, WRITE_ONE, WRITE_MANY)
 EXCEPTION_BIT = 0x80
 # Exception codes of a gateway. The device behind it did not answer, but may have executed the request.
 NOBODY = (10, 11)
@@ -137,6 +138,12 @@ def write_one_request(address: int, word: int) -> Request:
     """Return a request that writes one holding register with Modbus function 6."""
     request = WriteSingleRegisterRequest(address=address, registers=[word])
     return Request(_encoded(request), f"write holding register {address}")
+
+
+def write_coil_request(number: int, on: bool) -> Request:
+    """Return a request that switches one coil on or off, with Modbus function 5."""
+    request = WriteSingleCoilRequest(address=number, bits=[on])
+    return Request(_encoded(request), f"switch coil {number} {'on' if on else 'off'}")
 
 
 def shown(data: bytes) -> str:

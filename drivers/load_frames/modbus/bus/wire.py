@@ -17,8 +17,7 @@ from drivers.load_frames.modbus.bus.pdu import (
     READ_DISCRETE,
     READ_HOLDING,
     READ_INPUT,
-    WRITE_MANY,
-    WRITE_ONE,
+    WRITES,
     ForeignAnswerError,
     crc,
     shown,
@@ -243,7 +242,7 @@ class RtuWire:
 
     def _require_no_echo(self, buffer: bytes) -> None:
         """Raise an error if the line returns a request to read, which is no answer to it."""
-        if self._sent[1] not in (WRITE_ONE, WRITE_MANY) and buffer.startswith(self._sent):
+        if self._sent[1] not in WRITES and buffer.startswith(self._sent):
             raise DamagedError("its own request: the adapter echoes, so set echo = true in the rig file")
 
     def quieten(self, silence_s: float, wake: int | None) -> None:
@@ -279,6 +278,6 @@ def _frame_size(start: bytes) -> int | None:
         return 5
     if function in (READ_COILS, READ_DISCRETE, READ_HOLDING, READ_INPUT):
         return 5 + start[2]
-    if function in (WRITE_ONE, WRITE_MANY):
+    if function in WRITES:
         return 8
     raise ForeignAnswerError("the answer to a read or a write", shown(start))

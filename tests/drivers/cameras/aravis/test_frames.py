@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from drivers.cameras.aravis.session import OTHER_SIZE
-from drivers.cameras.losses import LossKind
 from drivers.errors import DeviceFault
 from drivers.registry import find_driver
+from drivers.streams.losses import LossKind
 from tests.drivers.cameras.aravis.opening import DEADLINE_S, opened
 from tests.drivers.cameras.fake_aravis import HEIGHT, INTERVAL_S, MISSING_PACKETS, WIDTH
 

@@ -50,12 +50,35 @@ def test_a_stamp_at_the_end_counts_exposure_and_readout_back(plugged, context):
         assert frame.exposed_s == pytest.approx(stamp_s - EXPOSURE_US * 1e-6 - back_s, abs=2e-6)
 
 
+def test_the_middle_is_reckoned_from_what_the_stamp_marks(plugged, context):
+    exposure_s = EXPOSURE_US * 1e-6
+    jitter_s = 5e-4
+    arrival = {"back_s": exposure_s / 2 + 0.005, "std_s": np.hypot(0.01 / np.sqrt(12), jitter_s)}
+    start = {"back_s": -exposure_s / 2, "std_s": jitter_s}
+    at_end = {"back_s": exposure_s / 2 + 0.005 - 1 / 32, "std_s": arrival["std_s"]}
+    for driver, place, wanted in [
+        (b"uvcvideo", BufferFlag.STAMP_AT_START, arrival),
+        (b"imx", BufferFlag.STAMP_AT_START, start),
+        (b"imx", 0, at_end),
+    ]:
+        plugged.driver, plugged.stamp = driver, BufferFlag.MONOTONIC | place
+        plugged.stamp_offset_s = 0.0 if place else 1 / 32
+        camera = opened(plugged, context, transfer_us=10_000.0)
+        try:
+            frame = camera.grab(1.0)
+        finally:
+            camera.close()
+        begun_s = plugged.begun_s + frame.sequence / 32
+        assert frame.middle_s == pytest.approx(begun_s - wanted["back_s"], abs=2e-6)
+        assert frame.middle_std_s == pytest.approx(wanted["std_s"])
+
+
 def test_an_exposure_that_nobody_tells_is_no_longer_than_a_frame(plugged, context):
     plugged.controls = {}
     camera = opened(plugged, context, exposure_us=None, gain=None)
     frame = camera.grab(1.0)
     camera.close()
-    assert np.isnan(frame.exposure_us)
+    assert np.isnan([frame.exposure_us, frame.middle_s, frame.middle_std_s]).all()
     assert frame.exposed_s == pytest.approx(plugged.begun_s + (frame.sequence - 1) / 32, abs=2e-6)
 
 

@@ -44,6 +44,20 @@ def test_a_write_is_the_bytes_of_the_specification(slave, link):
     assert slave.requests == [framed("01 10 0001 0002 04 000A 0102"), framed("01 06 0001 0003")]
 
 
+def test_a_coil_is_switched_by_the_bytes_of_the_specification(slave, link):
+    # MODBUS Application Protocol V1.1b3, 6.5: the answer repeats the request
+    slave.answer = lambda request: request
+    link.write_coil(0xAC, on=True)
+    link.write_coil(0xAC, on=False)
+    assert slave.requests == [framed("01 05 00AC FF00"), framed("01 05 00AC 0000")]
+
+
+def test_an_answer_for_another_coil_is_no_confirmation(slave, link):
+    slave.answer = lambda request: framed("01 05 00AD FF00")
+    with pytest.raises(LinkLost, match="switch coil 172 on"):
+        link.write_coil(0xAC, on=True)
+
+
 def test_an_exception_is_a_fault(slave, link):
     slave.answer = lambda request: framed("01 84 02")
     with pytest.raises(DeviceFault, match="illegal data address"):

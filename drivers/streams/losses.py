@@ -1,5 +1,6 @@
 """Find the missing frames of a stream, from the camera's frame counter and from the frame times."""
 
+import math
 from collections import deque
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -43,7 +44,8 @@ class Loss:
 class LossAccount:
     """Record of the missing frames of a stream. Every new frame is compared with the earlier frames.
 
-    `interval_s` is the time between two frames, in seconds.
+    `interval_s` is the time between two frames, in seconds. It is infinite for a camera whose frames are
+    triggered; time then tells nothing about losses, but the camera's counter does.
     """
 
     def __init__(self, interval_s: float) -> None:
@@ -81,7 +83,8 @@ class LossAccount:
             elif steps < 1:
                 self.add(LossKind.REPEAT, frame.sequence, 0, frame)
         self._last = frame
-        self._compare_time(frame, began_anew=steps < 0)
+        if math.isfinite(self._interval_s):
+            self._compare_time(frame, began_anew=steps < 0)
         return True
 
     def add(self, kind: LossKind, first: int, count: int, frame: Frame) -> None:

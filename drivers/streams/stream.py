@@ -3,13 +3,14 @@
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self
 
-from drivers.cameras.losses import Loss, LossAccount, LossKind
-from drivers.clock import Clock
+from drivers.clock import Clock, Event, GivenUp
 from drivers.errors import DeviceFault, DeviceTimeout
-from drivers.interfaces import Frame
+from drivers.interfaces import Camera, Frame
+from drivers.streams.losses import Loss, LossAccount, LossKind
 
 CAPACITY = 64
 SLICE_S = 0.1
@@ -35,6 +36,9 @@ class FrameStream:
     Frames with error flags are not delivered. When the queue is full, the newest frame is dropped. `report`
     lists every dropped, damaged or missing frame.
 
+    On a simulated clock the thread is an `Activity`: simulated time stands still while the camera exposes and
+    reads out, and a waiting reader continues at its turn, so that a run gives the same frames again.
+
     Parameters
     ----------
     device : str
@@ -44,7 +48,7 @@ class FrameStream:
         `DeviceError`.
     clock : Clock
     interval_s : float
-        Time between two frames, in seconds.
+        Time between two frames, in seconds; infinite for frames that are triggered.
     silence_s : float
         Time without a frame, in seconds, after which the stream ends with an error.
     capacity : int
@@ -84,11 +88,13 @@ class FrameStream:
         self._capacity = capacity
         self._on_close = on_close
         self._queue: deque[Frame] = deque()
-        self._news = threading.Condition()
+        self._lock = threading.Lock()
+        self._news = Event()
         self._ending = threading.Event()
         self._error: Exception | None = None
         self._taken = 0
         self._losses = LossAccount(interval_s)
+        self._activity = clock.activity()
         self._thread = threading.Thread(target=self._fill, name=f"stream {device}", daemon=True)
         self._thread.start()
 
@@ -98,21 +104,26 @@ class FrameStream:
         Raise `DeviceTimeout` if no frame arrives within `timeout_s` seconds, and `DeviceError` if an error
         ended the stream. The error is raised after all queued frames were taken.
         """
-        with self._news:
-            self._news.wait_for(
-                lambda: self._queue or self._error or self._ending.is_set(),
-                min(timeout_s, threading.TIMEOUT_MAX),
-            )
-            if self._queue:
-                return self._queue.popleft()
-            if self._error is not None:
-                raise self._error
-        got = "none, since the stream was closed" if self._ending.is_set() else "none"
+        deadline_s = self._clock.now_s() + timeout_s
+        while True:
+            with self._lock:
+                if self._queue:
+                    return self._queue.popleft()
+                if self._error is not None:
+                    raise self._error
+                closed = self._ending.is_set()
+                # Clear the flag within the lock, so that a frame that comes now sets it again.
+                self._news.clear()
+            left_s = deadline_s - self._clock.now_s()
+            if closed or not left_s > 0:  # also True for NaN
+                break
+            self._clock.wait(self._news, left_s)
+        got = "none, since the stream was closed" if closed else "none"
         raise self._timeout(f"a frame within {timeout_s:g} s", got)
 
     def report(self) -> StreamReport:
         """Return the present numbers of delivered and missing frames."""
-        with self._news:
+        with self._lock:
             return StreamReport(self._taken, self._losses.losses())
 
     def close(self) -> None:
@@ -121,10 +132,12 @@ class FrameStream:
         Frames in the queue can still be taken.
         """
         self._ending.set()
+        # On a simulated clock, the thread would otherwise wait for its turn until the caller sleeps.
+        self._activity.end()
         self._thread.join()
-        with self._news:
+        with self._lock:
             on_close, self._on_close = self._on_close, _nothing
-            self._news.notify_all()
+        self._news.set()
         on_close()
 
     def __enter__(self) -> Self:
@@ -144,24 +157,26 @@ class FrameStream:
                 raise
 
     def _fill(self) -> None:
+        with suppress(GivenUp), self._activity:  # `close` ends the activity
+            try:
+                self._take_frames()
+            except Exception as error:  # the thread that reads the queue will raise this exception
+                with self._lock:
+                    self._error = error
+                self._news.set()
+
+    def _take_frames(self) -> None:
         heard_s = self._clock.now_s()
         while not self._ending.is_set():
-            try:
-                frame = self._source(SLICE_S)
-                now_s = self._clock.now_s()
-                if frame is None:
-                    if now_s - heard_s > self._silence_s:
-                        raise self._timeout(f"a frame within {self._silence_s:g} s", "none")
-                    continue
-            except Exception as error:  # the thread that reads the queue will raise this exception
-                with self._news:
-                    self._error = error
-                    self._news.notify_all()
-                return
-            heard_s = now_s
-            with self._news:
-                self._account(frame)
-                self._news.notify_all()
+            frame = self._source(SLICE_S)
+            now_s = self._clock.now_s()
+            if frame is not None:
+                heard_s = now_s
+                with self._lock:
+                    self._account(frame)
+                self._news.set()
+            elif now_s - heard_s > self._silence_s:
+                raise self._timeout(f"a frame within {self._silence_s:g} s", "none")
 
     def _account(self, frame: Frame) -> None:
         if not self._losses.see(frame):
@@ -180,3 +195,10 @@ class FrameStream:
 
 def _nothing() -> None:
     """Do nothing. `close` calls `on_close` once; this function takes its place in later calls."""
+
+
+class StreamingCamera(Camera, Protocol):
+    """A `Camera` that also delivers all its frames. `grab` is refused while a stream is open."""
+
+    def stream(self, capacity: int = CAPACITY) -> FrameStream:
+        """Return a stream of all frames from now on, with room for `capacity` frames."""

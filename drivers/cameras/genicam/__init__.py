@@ -1,0 +1,1 @@
+"""What the drivers of GenICam cameras share: settings, trigger and output lines, clock and frame numbers."""

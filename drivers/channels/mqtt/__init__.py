@@ -1,0 +1,1 @@
+"""Driver for values that other programs publish on an MQTT broker."""

@@ -1,0 +1,1 @@
+"""Voltage inputs of National Instruments' devices, read through their maker's library NI-DAQmx."""

@@ -1,0 +1,140 @@
+"""The images of all cameras at the times of an acquisition."""
+
+from collections import deque
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from drivers.errors import DeviceError
+from drivers.interfaces import Frame
+from rig.engine.context import RunContext
+from rig.engine.devices import CameraLost
+from rig.engine.feeds import Feed, Taken, feed_of
+from rig.engine.imaging import RETURNS_MAX, StepImages
+from rig.engine.timing import Timing
+from rig.protocol.step import RigReading
+
+_RETURNS_S = 600.0
+"""A camera may drop out `RETURNS_MAX` times within this time in s. More mean a bad cable or power supply."""
+
+
+@dataclass
+class Shot:
+    """One time at which all cameras take an image. `reading` is the one after which it was asked for."""
+
+    due_s: float
+    reading: RigReading
+    taken: dict[str, Taken] = field(default_factory=dict)
+
+    @property
+    def frames(self) -> Mapping[str, Frame]:
+        """The images by camera."""
+        return {name: taken for name, taken in self.taken.items() if isinstance(taken, Frame)}
+
+    @property
+    def is_whole(self) -> bool:
+        """True if no camera has missed its image."""
+        return len(self.frames) == len(self.taken)
+
+
+class Shots:
+    """Asks all cameras for images, and collects them. A camera that fails is opened again.
+
+    `timing` counts the images. An image that is more than `tolerance_s` off its time is late.
+    """
+
+    def __init__(self, run: RunContext, images: StepImages, timing: Timing) -> None:
+        self._run, self._images, self._timing = run, images, timing
+        self._feeds: dict[str, Feed] = {}
+        self._open: deque[Shot] = deque()
+        self._returns_s: deque[float] = deque(maxlen=RETURNS_MAX + 1)
+        self._ready_s = 0.0
+
+    @property
+    def waits(self) -> bool:
+        """True while images that were asked for are not taken."""
+        return bool(self._open)
+
+    def open(self) -> None:
+        """Open the streams of the cameras. Raise `DeviceError` if a camera fails."""
+        run, timing = self._run, self._timing
+        self._images.begin_numbers_anew()
+        for name, camera in self._images.cameras.items():
+            timeout_s = run.protocol.images.timeout_s
+            self._feeds[name] = feed_of(camera, run.clock, timeout_s, timing.tolerance_s)
+        self._ready_s = run.clock.now_s()
+
+    @property
+    def are_ready(self) -> bool:
+        """True if each stream has delivered a frame."""
+        return all(feed.is_ready for feed in self._feeds.values())
+
+    def ask(self, due_s: float, reading: RigReading) -> None:
+        """Ask all cameras for an image, or count it as missing if they are too slow."""
+        self._timing.ask()
+        # No camera has an image of a time at which its stream was not open, because a camera was lost.
+        too_early = due_s < self._ready_s - self._timing.tolerance_s
+        if too_early or len(self._open) >= min(feed.most_open for feed in self._feeds.values()):
+            self._timing.miss()
+            return
+        self._run.pulses.give("exposure")
+        self._open.append(Shot(due_s, reading))
+        for feed in self._feeds.values():
+            feed.ask(due_s)
+
+    def poll(self) -> list[Shot]:
+        """Take what the cameras have delivered, and return the times at which all of them have an image."""
+        self._run.pulses.check()
+        for name, feed in self._feeds.items():
+            try:
+                while (taken := feed.take()) is not None:
+                    next(shot for shot in self._open if name not in shot.taken).taken[name] = taken
+            except DeviceError as error:
+                self._bring_back(name, error)
+                return []
+        finished = []
+        while self._open and len(self._open[0].taken) == len(self._feeds):
+            shot = self._open.popleft()
+            if shot.is_whole:
+                finished.append(shot)
+            else:
+                self._timing.miss()
+        return finished
+
+    def drop(self) -> None:
+        """Count the images that are still asked for as missing."""
+        for _ in self._open:
+            self._timing.miss()
+        self._open.clear()
+
+    def close(self) -> None:
+        """End the streams, wait for it, and tell of frames that were lost."""
+        feeds, self._feeds = self._feeds, {}
+        for feed in feeds.values():
+            try:
+                if (call := feed.begin_close()) is not None:
+                    self._run.finish(call)
+            except DeviceError as error:
+                self._run.log("warning", str(error))
+            if lost := feed.losses():
+                self._run.log("warning", lost)
+        self._images.begin_numbers_anew()
+
+    def leave(self) -> None:
+        """Begin to end the streams without waiting, because the machines must be stopped first."""
+        for feed in self._feeds.values():
+            with suppress(DeviceError):
+                feed.begin_close()
+
+    def _bring_back(self, name: str, error: DeviceError) -> None:
+        """Open a camera that has failed again, and begin anew with all cameras."""
+        run, now_s = self._run, self._run.clock.now_s()
+        self._returns_s.append(now_s)
+        too_often = len(self._returns_s) > RETURNS_MAX and now_s - self._returns_s[0] < _RETURNS_S
+        hangs = f"cameras.{name}" in run.calls.lost
+        if self._images.cameras[name].reopen is None or too_often or hangs:
+            raise error
+        self.drop()
+        self.close()
+        self._images.bring_back(CameraLost(name, error), "an acquisition")
+        self.open()

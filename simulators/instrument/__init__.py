@@ -1,0 +1,1 @@
+"""Instruments that talk in lines of text, as meters, indicators of load and microcontrollers do."""
