@@ -22,6 +22,8 @@ from dic.typing import Float, Indices, Mask
 WIDTH_S = 0.1
 LEAST_DENSE = 4
 """Smallest number of samples within `WIDTH_S` to which a line is fitted."""
+SLOPE_S, SLOPE_SAMPLES = 0.5, 2.5
+"""The slope is that of a line over the larger one of both: a time, and twice a number of usual intervals."""
 MOST_GAP_S, MOST_GAP_SAMPLES = 2.0, 10.0
 """The record covers a time if the samples around it are nearer to each other than the larger one of both: a
 time, and a number of usual intervals.
@@ -29,6 +31,10 @@ time, and a number of usual intervals.
 _NEAR, _LEAST = 100, 8
 """The noise is a median over the first number of values before and after; fewer values than the second number
 do not tell it.
+"""
+_MOST_DIFFERENT, _ROUNDING = 0.5, 1e-12
+"""Values show the resolution of a signal if at most this share of them is different. Smaller differences than
+the second share of the largest value are errors of rounding.
 """
 _BESIDE = 10
 """The change beyond the record follows from this number of samples before and after."""
@@ -49,7 +55,7 @@ class Estimates:
     Attributes
     ----------
     value, slope : ndarray
-        Value, and its change per second; NaN where the record does not cover the time.
+        Value, and its change per second over a longer time; NaN where the record does not cover the time.
     noise : ndarray
         Standard deviation of the value by noise. The noise of two values that are `apart_s` from each other
         is independent.
@@ -105,10 +111,15 @@ class SignalRecord:
 
     @property
     def resolution(self) -> float:
-        """The least difference between two different values; 0 if all values are equal."""
+        """The least difference between two different values; 0 if most values occur only once.
+
+        NaN if the values never change, so that they do not tell it.
+        """
         steps = np.diff(np.unique(self.values))
-        rounding = 1e-12 * float(np.abs(self.values).max(initial=0.0))
-        return float(steps[steps > rounding].min(initial=np.inf)) if (steps > rounding).any() else 0.0
+        steps = steps[steps > _ROUNDING * np.abs(self.values).max(initial=0.0)]
+        if not len(steps):
+            return np.nan
+        return float(steps.min()) if len(steps) + 1 <= _MOST_DIFFERENT * len(self.values) else 0.0
 
     @property
     def most_gap_s(self) -> float:
@@ -139,7 +150,7 @@ class SignalRecord:
         nearest = np.searchsorted(0.5 * (self.time_s[1:] + self.time_s[:-1]), at_s)
         steepest = [slopes[max(0, k - _BESIDE) : k + _BESIDE].max() for k in nearest]
         change = np.array(steepest) * np.abs(at_s - self.time_s[nearest])
-        return np.asarray(np.sqrt(change**2 + self.std**2 + self.resolution**2 / 12.0))
+        return np.asarray(np.sqrt(change**2 + self.std**2 + np.nan_to_num(self.resolution) ** 2 / 12.0))
 
 
 def estimate(record: SignalRecord, at_s: Float, length_s: Float | float = 0.0) -> Estimates:
@@ -157,7 +168,8 @@ def estimate(record: SignalRecord, at_s: Float, length_s: Float | float = 0.0) -
         return Estimates.none(len(at_s))
     half_s = 0.5 * np.maximum(WIDTH_S, np.broadcast_to(np.nan_to_num(length_s), at_s.shape))
     about = _Course(record)
-    dense, sparse = about.dense(at_s, half_s), about.sparse(at_s)
+    slope = about.slope(at_s)
+    dense, sparse = about.dense(at_s, half_s, slope), about.sparse(at_s, slope)
     use = np.isfinite(dense.value)
     covered = about.covered(at_s, half_s)
     pairs = zip(vars(dense).values(), vars(sparse).values(), strict=True)
@@ -190,24 +202,34 @@ class _Course:
             return np.full(len(at_s), np.nan)
         return np.interp(at_s, self._lattice_s[: len(values)][known], values[known])
 
-    def dense(self, at_s: Float, half_s: Float) -> Estimates:
+    def slope(self, at_s: Float) -> Float:
+        """Return the slope of longer lines, which has less noise than that of the lines for the values."""
+        half_s = np.full(len(at_s), max(0.5 * SLOPE_S, SLOPE_SAMPLES * self._record.usual_interval_s))
+        record = self._record
+        return fit_lines(record.time_s, record.values, record.time_std_s, at_s, half_s, 2).slope
+
+    def dense(self, at_s: Float, half_s: Float, slope: Float) -> Estimates:
         """Return the values of lines; NaN where too few samples are around a time."""
         fits = self._lines(at_s, half_s)
+        slope = np.where(np.isfinite(slope), slope, fits.slope)
         usual = self._along(self._residual, at_s)
         usual = np.where(np.isfinite(usual), usual, fits.residual)
         of_sample = self._along(self._of_sample, at_s)
         of_sample = np.where(np.isfinite(of_sample), of_sample, usual)
         noise = of_sample * fits.leverage
-        noise = np.fmax(noise, self._declared(fits.leverage, fits.slope, fits.by_time))
+        noise = np.fmax(noise, self._declared(fits.leverage, slope, fits.by_time))
         freedom = np.maximum(fits.count - 2.0, 1.0)
-        beyond = np.fmax(fits.residual - usual * (1.0 + _SURE * np.sqrt(2.0 / freedom)), 0.0)
+        # Samples that change between two neighbouring steps of the resolution are no jump.
+        step = np.nan_to_num(self._resolution)
+        expected = usual * (1.0 + _SURE * np.sqrt(2.0 / freedom)) + 0.25 * step**2
+        beyond = np.fmax(fits.residual - expected, 0.0)
         ends = [self._lines(at_s + sign * 2.0 * half_s, half_s).value for sign in (1.0, -1.0)]
         second = ends[0] - 2.0 * fits.value + ends[1]
         bend = np.fmax(second**2 - _SURE * _SECOND * noise, 0.0) * _BEND_SHARE**2
         course = bend + _JUMP_TIMES**2 * beyond + self._rounded(usual)
-        return Estimates(fits.value, fits.slope, np.sqrt(noise), np.sqrt(course), 2.0 * half_s)
+        return Estimates(fits.value, slope, np.sqrt(noise), np.sqrt(course), 2.0 * half_s)
 
-    def sparse(self, at_s: Float) -> Estimates:
+    def sparse(self, at_s: Float, slope: Float) -> Estimates:
         """Return values on the straight lines between the samples; NaN where the record does not reach."""
         time_s, values = self._record.time_s, self._record.values
         of_sample = self._noise_of_sample(at_s)
@@ -216,16 +238,17 @@ class _Course:
         t = [time_s[np.clip(before + k, 0, len(values) - 1)] for k in range(-1, 3)]
         with np.errstate(divide="ignore", invalid="ignore"):
             slopes = [(y[k + 1] - y[k]) / (t[k + 1] - t[k]) for k in range(3)]
-        slope = np.nan_to_num(slopes[1])
-        value = y[1] + slope * share * interval_s
+        chord = np.nan_to_num(slopes[1])
+        slope = np.where(np.isfinite(slope), slope, chord)
+        value = y[1] + chord * share * interval_s
         leverage = (1.0 - share) ** 2 + share**2
         stds_s = [self._record.time_std_s[np.clip(before + k, 0, len(values) - 1)] for k in (0, 1)]
         by_time = ((1.0 - share) * stds_s[0]) ** 2 + (share * stds_s[1]) ** 2
         noise = np.fmax(of_sample * leverage, self._declared(leverage, slope, by_time))
         # A bend between the samples leads to a value between this line and the lines before and after it.
         aside = [
-            np.nan_to_num(slopes[0] - slope) * share * interval_s,
-            np.nan_to_num(slope - slopes[2]) * (1.0 - share) * interval_s,
+            np.nan_to_num(slopes[0] - chord) * share * interval_s,
+            np.nan_to_num(chord - slopes[2]) * (1.0 - share) * interval_s,
         ]
         parts = np.array([share, 1.0 - share]) ** 2
         bends = np.fmax(np.array(aside) ** 2 - _SURE * _SECOND * of_sample * parts, 0.0)
@@ -275,6 +298,8 @@ class _Course:
         that never changed is not known, unless it is declared.
         """
         step = self._resolution
-        if step == 0.0:
+        if np.isnan(step):
             return np.full(len(of_sample), np.nan if self._record.std == 0.0 else 0.0)
+        if step == 0.0:
+            return np.zeros(len(of_sample))
         return step**2 / 12.0 * np.exp(-4.0 * np.pi**2 * of_sample / step**2)

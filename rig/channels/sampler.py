@@ -163,11 +163,13 @@ class Sampler(DeviceThread):
             self._called_s = self._clock.now_s()
             samples = self._device.read(_READ_S)
             self._called_s = math.inf
-        except DeviceTimeout:
+        except DeviceTimeout as error:
             self._called_s = math.inf
             # a slow device, or one without a fixed rate, may be silent for some time
-            if self._clock.now_s() - self._heard_s > self._silence_s:
-                raise
+            silent_s = self._clock.now_s() - self._heard_s
+            if silent_s > self._silence_s:
+                # The driver knows only for how long it waited this time.
+                raise self._silence(silent_s, error.remedy) from error
             return
         self._heard_s = self._clock.now_s()
         timed = self._timed(samples)
@@ -217,11 +219,11 @@ class Sampler(DeviceThread):
                     f"of {signal.name} in the rig file",
                 )
 
-    def _silence(self, silent_s: float) -> DeviceTimeout:
+    def _silence(self, silent_s: float, remedy: str = "check the device and its cable") -> DeviceTimeout:
         return DeviceTimeout(
             self._device_name,
             "read",
             f"a sample every {1.0 / self._device.rate_hz:g} s" if self._device.rate_hz else "a sample",
             f"none for {silent_s:.2g} s",
-            "check the device and its cable",
+            remedy,
         )

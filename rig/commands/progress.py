@@ -237,7 +237,9 @@ def _step_line(record: StepRecord) -> str:
     images = ", ".join(f"{count} {name}" for name, (_, count) in record.frames.items())
     # show four decimals, because the noise of every reading is larger than that
     shown = ", ".join(f"{round(value, 4):.6g} {unit}" for unit, value in record.reading.by_unit().items())
-    return f"{record.step}: settled at {shown}; images: {images}"
+    # nothing settles beside a machine that this program does not command
+    how = "at" if record.step.timed or record.step.kind == "acquired" else "settled at"
+    return f"{record.step}: {how} {shown}; images: {images}"
 
 
 def _holding(status: EngineStatus | None) -> str:

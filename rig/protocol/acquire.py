@@ -14,6 +14,7 @@ from rig.protocol.conditions import Conditions
 from rig.protocol.course import Beginning, Course, CoursePart, Positions
 from rig.protocol.dues import Dues
 from rig.protocol.grid import Grid, GridTable
+from rig.protocol.images import Images
 from rig.protocol.step import Execute, ProtocolStep, RigReading
 from rig.protocol.tables import Sample, Settle
 
@@ -26,11 +27,20 @@ _PLANNED_MAX = 50_000
 """A longer list of planned images is not made; the plan then states no number."""
 
 
+class AcquireImages(Images):
+    """The images of an acquisition. A machine that may already pull allows no still images by default."""
+
+    still: int = Field(
+        default=0, ge=0, le=100, description="number of still images of the specimen before the test"
+    )
+
+
 class AcquireProtocol(BaseProtocol):
     """Images at times or events, beside a machine that is closed, until something ends them."""
 
     kind: Literal["acquire"]
     sample: Sample = UNKNOWN_SAMPLE
+    images: AcquireImages = AcquireImages()
     acquire: Schedule
     end: End
     grid: GridTable = Grid()
@@ -38,7 +48,7 @@ class AcquireProtocol(BaseProtocol):
         default="before", description="when the operator attaches the grid; never if another run calibrates"
     )
     reference: bool = Field(
-        default=True, description="reference and still images before the test; false takes the first image"
+        default=True, description="reference images before the test; false takes the first image instead"
     )
     settle: Settle = Settle(dwell_s=0.1, timeout_s=30.0, poll_s=0.02)
 

@@ -42,6 +42,7 @@ class TextDevice(ABC):
         Raise `DeviceTimeout` if no valid line comes within `timeout_s`, `LinkLost` if the line is lost, and
         `DeviceFault` if the instrument was restarted or is not the right one.
         """
+        self._require_open()
         call_time = CallTime(timeout_s, patience_s=self._patience_s)
         try:
             with call_time.call():
@@ -85,10 +86,14 @@ class TextDevice(ABC):
             self.close()
             raise
 
-    def _require_ready(self, call_time: CallTime) -> None:
-        """Open the line and make the instrument ready, if this is not done yet."""
+    def _require_open(self) -> None:
+        # Samples that wait from the time before are not those of a closed device.
         if self._closed.is_set():
             raise LinkLost(self._name, "read", "an open port", "the port was closed", "open the device again")
+
+    def _require_ready(self, call_time: CallTime) -> None:
+        """Open the line and make the instrument ready, if this is not done yet."""
+        self._require_open()
         self._connect(call_time)
         if not self._is_ready:
             self._wait_until(self._ready_s, call_time, "an instrument that is still starting")
