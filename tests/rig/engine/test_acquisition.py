@@ -69,8 +69,8 @@ def test_grid_and_reference_come_before_or_after(tmp_path):
     assert steps(rig.path)[0]["kind"].tolist()[:5] == [
         b"grid",
         b"reference",
-        b"static",
-        b"static",
+        b"acquired",
+        b"acquired",
         b"acquired",
     ]
     assert rig.calls == ["ATTACH_GRID", "REMOVE_GRID"]

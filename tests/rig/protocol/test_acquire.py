@@ -30,7 +30,7 @@ def test_the_documentation_lists_every_key(table, model):
 def test_the_example_of_the_documentation_is_a_protocol():
     (text,) = re.findall(r"```toml\n(.*?)```", SECTION, re.DOTALL)
     assert len(text.strip().splitlines()) == 6
-    assert AcquireProtocol.model_validate(tomllib.loads(text)).planned_steps == 1205
+    assert AcquireProtocol.model_validate(tomllib.loads(text)).planned_steps == 1203
 
 
 def test_the_example_beside_a_closed_machine_is_planned_and_asks_for_its_signals():
