@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from drivers.clock import Clock
+from drivers.clock import Clock, VirtualClock
 from drivers.errors import DeviceError, DeviceTimeout, LinkLost
 from drivers.signals import ChannelDevice, Samples
 from drivers.testing.common import Counter, Handle, assert_error_in_time, assert_says_all, needed
@@ -148,6 +148,8 @@ class ChannelsContract:
         if device.rate_hz == 0.0:
             pytest.skip("this device has no fixed rate")
         first = device.read(ANSWER_S)
+        if bench.sends_by_itself and first.device_s is None:
+            pytest.skip("only the arrival tells the times of these samples, which depends on the computer")
         last, count = first, 0
         while count < 20:
             last = device.read(ANSWER_S)
@@ -157,7 +159,10 @@ class ChannelsContract:
             if first.device_s is not None and last.device_s is not None
             else (first.asked_s, last.asked_s)
         )
-        assert count / (ended_s - begun_s) == pytest.approx(device.rate_hz, rel=0.2)
+        found_hz = count / (ended_s - begun_s)
+        assert found_hz <= 1.2 * device.rate_hz
+        # In real time a busy computer may be late, but never early.
+        assert found_hz >= 0.8 * device.rate_hz or not isinstance(bench.clock, VirtualClock)
 
     def test_lost_samples_are_counted(self, bench: ChannelsBench) -> None:
         """Samples that were lost must leave a gap in the numbers."""
