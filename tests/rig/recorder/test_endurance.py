@@ -32,6 +32,7 @@ def test_recorder_is_nearly_as_fast_as_plain_writing(tmp_path: Path) -> None:
 
 
 @pytest.mark.extended
+@pytest.mark.realtime
 @pytest.mark.parametrize("keep_s", [None, 2.0])
 def test_an_acquisition_of_two_large_cameras_and_eight_channels_loses_nothing(tmp_path, keep_s):
     figures = acquire(tmp_path / "run.h5", 5.0, keep_s)
