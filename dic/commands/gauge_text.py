@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import dic
+from dic.commands.shortened import left_out_text, shown
 
 _NAME_WIDTH, _CELL_WIDTH, _MOST_WIDTH = 24, 19, 100
 
@@ -26,8 +27,11 @@ def gauge_lines(series: dic.gauges.GaugeSeries) -> Iterator[str]:
         some = names[first : first + each]
         heading = " ".join(f"{_cut(name, _CELL_WIDTH):>{_CELL_WIDTH}}" for name in some)
         yield f"{'image':<{width}} {heading}  µε"
-        for image, label in zip(series.images, labels, strict=True):
-            if image.failure is None:
+        printed = shown(len(labels)) if series.run is not None else range(len(labels))
+        for k, (image, label) in enumerate(zip(series.images, labels, strict=True)):
+            if k not in printed and k - 1 in printed:
+                yield left_out_text(len(labels), "the table of gauges has")
+            if k in printed and image.failure is None:
                 cells = " ".join(f"{_cell(image.best(name)[1]):>{_CELL_WIDTH}}" for name in some)
                 yield f"{_cut(label, width):<{width}} {cells}"
 

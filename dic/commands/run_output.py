@@ -13,10 +13,13 @@ from dic.commands.gauge_text import gauge_lines, gauges_dict
 from dic.commands.options import option, options
 from dic.commands.run_table import as_dict
 from dic.commands.shared_options import comma, csv, fields_from, force, gauges, json_file
+from dic.commands.shortened import some_of
 from dic.errors import CorrelationError, OutputError
 from dic.files import write_text
 from dic.shell.console import fail, say
 from dic.shell.output_paths import require_places, same_or_new
+
+_ALL_IN = "--json has"
 
 
 @options
@@ -135,7 +138,7 @@ def problems(run: str, result: dic.pipeline.RunResult) -> int:
         for label, objection in map(attrgetter("label", "objection"), camera.measurements)
         if objection is not None
     ]
-    for sentence in failures + bad:
+    for sentence in some_of(failures, _ALL_IN) + some_of(bad, _ALL_IN):
         fail(sentence)
     return 2 if failures else 1 if bad else 0
 

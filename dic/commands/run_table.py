@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence, Set
+from collections.abc import Iterable, Sequence
 from itertools import starmap
 from typing import Any
 
@@ -10,13 +10,13 @@ import numpy as np
 
 import dic
 from dic.commands.series_text import strains_of
+from dic.commands.shortened import left_out_text, shown
 from dic.commands.strain_table import Column, StrainTable, share_text
 from dic.files import by_index
 
 _READINGS = (("load_n", "load N", 0), ("displacement_mm", "displ. mm", 3), ("angle_deg", "angle °", 1))
 """The device readings in the table: attribute of a step, heading, and number of decimals."""
-_MOST_STEPS, _ENDS = 60, 20
-"""Of more steps than the first number, only the second number at the beginning and at the end is printed."""
+_ALL_IN = "--json and --csv have"
 
 
 def table(result: dic.pipeline.RunResult) -> str:
@@ -48,24 +48,24 @@ def _camera_lines(result: dic.pipeline.RunResult, camera: dic.pipeline.CameraRes
     if not camera.measurements:
         return lines
     timing = dic.pipeline.ImageTiming.of(camera.steps, result.info.definition)
-    lines += [f"  {text}" for text in [*([] if timing is None else [timing.text]), *camera.remarks]]
+    lines += [f"  {text}" for text in [*([] if timing is None else timing.sentences), *camera.remarks]]
     readings = _readings(camera.steps)
     shares = Column("% points", len("% points"))
     made = StrainTable([*_step_columns(camera.steps, readings), shares])
     lines.append(made.heading())
     images = result.corrections.cameras[camera.camera].images
     declined: dict[str, list[str]] = {}
-    shown = _shown(len(camera.steps))
+    printed = shown(len(camera.steps))
     for k, (step, measurement, correction) in enumerate(by_index(camera.steps, camera.measurements, images)):
         if correction.declined is not None:
             declined.setdefault(correction.declined, []).append(_name(step))
-        if k in shown:
+        if k in printed:
             summary = measurement.summary() | {"corrected": correction.as_dict()}
             share = share_text(summary)
             lines += made.lines([*_step_cells(step, readings), share], strains_of(summary))
             lines += [f"  {note}" for note in _notes(measurement, summary["remarks"])]
-        elif k - 1 in shown:
-            lines.append(_left_out_text(len(camera.steps)))
+        elif k - 1 in printed:
+            lines.append(left_out_text(len(camera.steps), _ALL_IN))
         # Free the memory of this step before the next one is read.
         del measurement, correction
     findings = result.corrections.findings[camera.camera]
@@ -84,10 +84,10 @@ def _joint_lines(result: dic.pipeline.RunResult, joint: dic.pipeline.JointCorrec
     readings = _readings(steps)
     made = StrainTable(_step_columns(steps, readings))
     lines.append(made.heading())
-    shown = _shown(len(steps))
+    printed = shown(len(steps))
     for k, step in enumerate(steps):
-        if k not in shown:
-            lines += [_left_out_text(len(steps))] if k - 1 in shown else []
+        if k not in printed:
+            lines += [left_out_text(len(steps), _ALL_IN)] if k - 1 in printed else []
             continue
         found = joint.steps[step.index]
         cells = _step_cells(step, readings)
@@ -101,17 +101,6 @@ def _joint_lines(result: dic.pipeline.RunResult, joint: dic.pipeline.JointCorrec
             f" slopes x {slopes[0]:z.4f}°, y {slopes[1]:z.4f}°"
         )
     return lines
-
-
-def _shown(count: int) -> Set[int]:
-    """Return the indices of the steps that are printed."""
-    if count <= _MOST_STEPS:
-        return set(range(count))
-    return {*range(_ENDS), *range(count - _ENDS, count)}
-
-
-def _left_out_text(count: int) -> str:
-    return f"  … {count - 2 * _ENDS} more of {count} steps; --json and --csv have all …"
 
 
 def _notes(measurement: dic.strain.Measurement, remarks: list[str]) -> list[str]:

@@ -85,17 +85,20 @@ class ImageTiming:
         return bool(self.late or self.missing)
 
     @property
+    def sentences(self) -> list[str]:
+        """The timing in words: the rate if it is known, and the lateness."""
+        asked_s, reached_s = self.asked_interval_s, self.reached_interval_s
+        rate = [f"asked every {asked_s:.4g} s"] if asked_s is not None else []
+        rate += [f"reached every {reached_s:.4g} s in the median"] if reached_s is not None else []
+        late = f"{self.late} of {self.images} more than {self.tolerance_s:.3g} s late"
+        late += f" (median {self.late_s:.3g} s, latest {self.latest_s:.3g} s)"
+        late += f", {self.missing} missing" if self.missing is not None else ""
+        return [f"images {', '.join(rate)}"] * bool(rate) + [f"timed images: {late}"]
+
+    @property
     def text(self) -> str:
-        """The timing in words."""
-        rate = [
-            f"every {seconds:.4g} s was {word}"
-            for seconds, word in ((self.asked_interval_s, "asked for"), (self.reached_interval_s, "reached"))
-            if seconds is not None
-        ]
-        late = f"{self.late} of {self.images} images were more than {self.tolerance_s:.3g} s late"
-        missing = [] if self.missing is None else [f"{self.missing} are missing"]
-        usual = f"the median is {self.late_s:.3g} s, the latest {self.latest_s:.3g} s late"
-        return ", ".join([*rate, late, *missing, usual])
+        """The timing as one sentence."""
+        return "; ".join(self.sentences)
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything for JSON."""

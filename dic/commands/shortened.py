@@ -1,0 +1,27 @@
+"""The middle of long lists is left out of what commands print; the files that they write have all of it."""
+
+from collections.abc import Sequence, Set
+
+MOST, ENDS = 60, 20
+"""Of more entries than the first number, only the second number at each end is printed."""
+_MOST_SENTENCES = 30
+
+
+def shown(count: int) -> Set[int]:
+    """Return the indices of the entries that are printed."""
+    if count <= MOST:
+        return set(range(count))
+    return {*range(ENDS), *range(count - ENDS, count)}
+
+
+def left_out_text(count: int, where: str) -> str:
+    """Return the line in place of the entries that are not printed; `where` names what has all of them."""
+    return f"  … {count - 2 * ENDS} more of {count}; {where} all …"
+
+
+def some_of(sentences: Sequence[str], where: str) -> list[str]:
+    """Return the first sentences, and one in place of the others."""
+    more = len(sentences) - _MOST_SENTENCES
+    if more <= 1:
+        return list(sentences)
+    return [*sentences[:_MOST_SENTENCES], f"… and {more} more such sentences; {where} all"]
