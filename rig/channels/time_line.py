@@ -32,6 +32,7 @@ class TimeLine:
         self._least: deque[tuple[float, float]] = deque(maxlen=_BINS)
         self._bin = -math.inf
         self._last_s = -math.inf
+        self._line: tuple[float, float, float, float] | None = None
 
     def of(self, samples: Samples) -> tuple[Floats, Floats]:
         """Return the times of samples on the rig's clock and their standard deviations, shapes (n,).
@@ -63,8 +64,19 @@ class TimeLine:
             self._least.append((device_s, difference_s))
         elif difference_s < self._least[-1][1]:
             self._least[-1] = device_s, difference_s
+        else:
+            return
+        self._line = None
 
     def _on_rig(self, device_s: Floats) -> tuple[Floats, Floats]:
+        # Most samples change nothing of the line, and a device may give a thousand of them in a second.
+        self._line = self._line or self._fitted()
+        last_s, offset_s, drift, std_s = self._line
+        return device_s + offset_s + drift * (device_s - last_s), np.full(len(device_s), std_s)
+
+    def _fitted(self) -> tuple[float, float, float, float]:
+        """Return a time on the device's clock, the difference of both clocks there, the drift, and the
+        standard deviation."""
         at_s, least_s = np.array(self._least).T
         drift = 0.0
         if len(at_s) >= _BINS_FOR_DRIFT:
@@ -75,4 +87,4 @@ class TimeLine:
         offset_s = float(left_s.min())
         spread_s = float(np.sqrt(np.mean((left_s - offset_s) ** 2))) if len(left_s) > 1 else 0.0
         std_s = math.hypot(_LEAST_TRANSPORT_S, spread_s / math.sqrt(len(left_s)))
-        return device_s + offset_s + drift * (device_s - at_s[-1]), np.full(len(device_s), std_s)
+        return float(at_s[-1]), offset_s, drift, std_s

@@ -101,3 +101,36 @@ def test_a_person_pauses_a_motion_by_a_key_and_lets_it_go_on_by_a_word(simulated
     assert [step["index"] for step in table["steps"]] == [0, 1, 2]
     truth = [json.loads(line) for line in log.read_text().splitlines()]
     assert [line for line in truth if line["what"] == "sample"][-1]["load_n"] < 4000.0
+
+
+def test_a_person_asks_for_images_beside_a_closed_machine_and_ends_them(start, tmp_path):
+    """The machine runs in another program, in real time. The person attaches the grid, and presses keys."""
+    rig_file, use = tmp_path / "simulated.toml", tmp_path / "use.toml"
+    small = ("width_px = 600\nheight_px = 600\nfocal_px = 1900.0", "width_px = 64\nheight_px = 48")
+    rig_file.write_text(example("rig-virtual-closed", small))
+    start("simulate", rig_file, "-o", use).wait_for("scene:")
+    tables, _, _ = use.read_text().partition("[operator]")
+    use.write_text(f'{tables}[operator]\ndriver = "console-operator"\n')
+    protocol = example("beside").split("[acquire]")[0]
+    asked = "[acquire]\non_request = true\n[end]\non_request = true\n"
+    (tmp_path / "asked.toml").write_text(f"{protocol}{asked}")
+    command = [*RIG, "run", "asked.toml", "--rig", str(use), "-o", "run.h5", "--json", "run.json"]
+    with closing(TerminalProgram(command, 120, tmp_path)) as run:
+        shown = run.wait_for("Type attached when it is done")
+        assert "The load frame takes no commands, and shows " in shown
+        assert "see for yourself that it stands" in shown
+        run.type("attached\n")
+        run.wait_for("Type removed when it is done")
+        run.type("removed\n")
+        shown = run.wait_for("p: pause, i: image, ee: end images")
+        assert "Ctrl-C: the run ends" in shown
+        for count in (1, 2, 3):
+            run.type("i")
+            run.wait_for(f"{count} images, force ")
+        run.type("ee")
+        assert run.end() == 0
+        end = str(run.screen)
+    assert "rig: 3 of 3 images taken" in end
+    assert "The load frame takes no commands" in end
+    table = json.loads((tmp_path / "run.json").read_text())
+    assert (table["status"], table["timing"]["taken"]) == ("completed", 3)
