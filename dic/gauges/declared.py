@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from dic.gauges.field import GaugeField
     from dic.gauges.points import GridPlaces
     from dic.gauges.reading import Profile, Reading
+    from dic.strain.displacement import Displacement
 
 UNITS = ("px", "mm")
 LEAST_LINES = 32
@@ -36,6 +37,18 @@ class Placed(Protocol):
 
     def points(self) -> tuple[Indices, Indices]:
         """Return the row and column indices of the points."""
+
+    def read(self, field: "GaugeField") -> "Reading | Profile":
+        """Return the gauge's reading in one displacement field."""
+
+    def prepared(self, displacement: "Displacement") -> "Prepared":
+        """Return the gauge with those of its points that have a displacement, for all fields with the same
+        points and positions.
+        """
+
+
+class Prepared(Protocol):
+    """A gauge with its points that have a displacement, as far as the displacements do not change it."""
 
     def read(self, field: "GaugeField") -> "Reading | Profile":
         """Return the gauge's reading in one displacement field."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dic.calibration.calibration import Calibration
+from dic.gauges.strains import covariance_along
 from dic.out_of_plane.correction import Correction
 from dic.strain.displacement import Displacement, calibrated_noise
 from dic.strain.measurement import Measurement
@@ -35,6 +36,20 @@ class GaugeField:
     """Shape (3, causes). The part of `shared` that follows the measured motion; see `Correction.mounting`. No
     causes if it is not known.
     """
+    _along: dict[bytes, tuple[float, float]] = field(default_factory=dict, repr=False, compare=False)
+
+    def along(self, weights: Float) -> tuple[float, float]:
+        """Return the variances of a strain by `common_noise` and by `shared`; they are kept.
+
+        `weights`, shape (3,): weights of exx, eyy and exy in the strain.
+        """
+        key = weights.tobytes()
+        if key not in self._along:
+            self._along[key] = (
+                covariance_along(self.common_noise, weights, weights),
+                covariance_along(self.shared, weights, weights),
+            )
+        return self._along[key]
 
 
 def fields_of(

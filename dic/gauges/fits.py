@@ -1,6 +1,8 @@
 """Gauges that fit an affine displacement to their points: areas and points."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,8 +12,9 @@ from dic.gauges.field import GaugeField
 from dic.gauges.planes import lie_on_one_line, sums_at
 from dic.gauges.points import GridPlaces
 from dic.gauges.reading import Reading, SharedPart
-from dic.gauges.strains import along, along_weights, elongation
-from dic.gauges.sums import covariance_at_points
+from dic.gauges.strains import along_weights, elongation
+from dic.gauges.sums import covariance_at_points, kept_correlations
+from dic.strain.displacement import Displacement
 from dic.strain.measures import MEASURES
 from dic.strain.strain import STRAIN_KEYS, strain_of_gradient, with_shared
 from dic.typing import Float, Indices
@@ -20,6 +23,7 @@ LEAST_POINTS = 3
 _VALUES = (*("u", "u_std", "v", "v_std", *STRAIN_KEYS[:3], "rotation_deg", *STRAIN_KEYS[3:]),)
 MOVED, GRADIENT = [0, 3], [1, 2, 4, 5]
 """Indices of the displacement and of the gradient in the six sums that a fit gives."""
+_OF_GRADIENT = np.ix_(GRADIENT, GRADIENT)
 LEAST_SHARE = 0.5
 """Smallest share of a gauge's points that must have a displacement."""
 
@@ -58,66 +62,123 @@ class PlacedFit:
 
     def read(self, field: GaugeField) -> Reading:
         """Return the gauge's reading in one displacement field."""
-        displacement = field.displacement
+        return self.prepared(field.displacement).read(field)
+
+    def prepared(self, displacement: Displacement) -> "PreparedFit":
+        """Return the fit to those of the gauge's points that have a displacement.
+
+        It can be read in all fields of the same reference that have the same points and the same positions.
+        """
         valid = displacement.valid[self.rows, self.columns]
-        declared, points = len(self.rows), int(valid.sum())
         rows, columns = self.rows[valid], self.columns[valid]
         position = displacement.position[rows, columns]
-        reason = self.reason or _objection(position, declared)
+        reason = self.reason or _objection(position, len(self.rows))
         if reason:
-            unknown = dict.fromkeys(_VALUES, np.nan)
-            return Reading(displacement.unit, points=points, declared=declared, values=unknown, reason=reason)
+            return PreparedFit(self, rows, columns, np.zeros((3, len(rows))), reason=reason)
         at = self.place @ displacement.position[self.rows, self.columns]
-        sums = sums_at(position, at)
-        vector = displacement.vector[rows, columns]
-        moved, gradient = sums[0] @ vector, (sums[1:] @ vector).T
-        covariance = None
+        length, known = float(np.ptp(position @ self.direction)), None
+        known = kept_correlations(rows, columns, displacement.noise)
+        return PreparedFit(self, rows, columns, sums_at(position, at), length, known)
+
+
+@dataclass(frozen=True)
+class PreparedFit:
+    """The fit of a gauge to its points with a displacement, as far as the displacements do not change it."""
+
+    placed: PlacedFit
+    rows: Indices
+    columns: Indices
+    """Shape (n,). Row and column indices of the points with a displacement."""
+    sums: Float
+    """Shape (3, n). Weights of the displacements in the value of the fit at the gauge's place, and in its
+    two slopes.
+    """
+    length: float = np.nan
+    known: Float | None = None
+    """Shape (n, n). Correlations between the errors of the points, if they are kept."""
+    reason: str = ""
+    """Why the gauge has no reading; "" if it has one."""
+
+    def read(self, field: GaugeField) -> Reading:
+        """Return the gauge's reading in one displacement field."""
+        unit, points, declared = field.displacement.unit, len(self.rows), len(self.placed.rows)
+        if self.reason:
+            unknown = dict.fromkeys(_VALUES, np.nan)
+            return Reading(unit, points=points, declared=declared, values=unknown, reason=self.reason)
+        displacement, direction = field.displacement, self.placed.direction
+        fitted = self.sums @ displacement.vector[self.rows, self.columns]
+        gradient, covariance = fitted[1:].T, None
         if displacement.noise is not None:
-            # Six sums: u and v at the place, and the elements xx, xy, yx, yy of the gradient.
-            weights = np.einsum("ik,jn->nikj", np.eye(2), sums)
             covariance = covariance_at_points(
-                rows, columns, weights.reshape(points, 2, 6), displacement.noise
+                self.rows, self.columns, self._weights, displacement.noise, self.known
             )
-        length = float(np.ptp(position @ self.direction))
-        return replace(
-            self._reading(field, moved, gradient, covariance, points), declared=declared, length=length
+        strain, by_gradient = elongation(gradient, direction)
+        size = MEASURES[field.measure].by_engineering(1.0 + strain) ** 2
+        weights = along_weights(direction)
+        images, shared = (size * part for part in field.along(weights))
+        of_images = np.nan if covariance is None else by_gradient @ covariance[_OF_GRADIENT] @ by_gradient
+        images += float(of_images)
+        return Reading(
+            unit,
+            strain=strain,
+            strain_std=float(np.sqrt(images + shared)),
+            strain_std_images=float(np.sqrt(images)),
+            length=self.length,
+            points=points,
+            declared=declared,
+            values=_FitValues(fitted[0], gradient, covariance, points, field),
+            shared=SharedPart(field.shared, np.sqrt(size) * weights, field.mounting),
         )
 
-    def _reading(
-        self,
-        field: GaugeField,
-        moved: Float,
-        gradient: Float,
-        covariance: Float | None,
-        points: int,
-    ) -> Reading:
-        of_gradient = None if covariance is None else covariance[np.ix_(GRADIENT, GRADIENT)]
+    @cached_property
+    def _weights(self) -> Float:
+        """Weights, shape (n, 2, 6), of the displacements in u and v at the gauge's place, and in the elements
+        xx, xy, yx, yy of the gradient.
+        """
+        return np.einsum("ik,jn->nikj", np.eye(2), self.sums).reshape(-1, 2, 6)
+
+
+class _FitValues(Mapping[str, float]):
+    """The values of a reading by their names; they are computed when the first of them is used.
+
+    `moved`, shape (2,), and `gradient`, shape (2, 2): displacement and its gradient at the gauge's place.
+    `covariance`, shape (6, 6): their covariance; None if it is not known. `points`: number of points.
+    """
+
+    def __init__(
+        self, moved: Float, gradient: Float, covariance: Float | None, points: int, field: GaugeField
+    ) -> None:
+        self._fit = moved, gradient, covariance, points
+        self._shared, self._measure = field.common_noise + field.shared, field.measure
+
+    def __getitem__(self, name: str) -> float:
+        return self._known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_VALUES)
+
+    def __len__(self) -> int:
+        return len(_VALUES)
+
+    def __repr__(self) -> str:
+        return repr(self._known)
+
+    @cached_property
+    def _known(self) -> dict[str, float]:
+        moved, gradient, covariance, points = self._fit
+        of_gradient = None if covariance is None else covariance[_OF_GRADIENT]
         mean = with_shared(
-            strain_of_gradient(gradient, of_gradient, points, field.measure),
-            field.common_noise + field.shared,
+            strain_of_gradient(gradient, of_gradient, points, self._measure), self._shared
         )
-        strain, by_gradient = elongation(gradient, self.direction)
-        size = MEASURES[field.measure].by_engineering(1.0 + strain) ** 2
-        images = size * along(field.common_noise, self.direction)
-        images += np.nan if of_gradient is None else float(by_gradient @ of_gradient @ by_gradient)
         stds = np.full(2, np.nan) if covariance is None else np.sqrt(np.diag(covariance)[MOVED])
-        known = vars(mean)
         values = {
             "u": float(moved[0]),
             "u_std": float(stds[0]),
             "v": float(moved[1]),
             "v_std": float(stds[1]),
         }
-        values |= {name: float(known[name]) for name in known if name != "points"}
-        return Reading(
-            field.displacement.unit,
-            strain=strain,
-            strain_std=float(np.sqrt(images + size * along(field.shared, self.direction))),
-            strain_std_images=float(np.sqrt(images)),
-            points=points,
-            values=values,
-            shared=SharedPart(field.shared, np.sqrt(size) * along_weights(self.direction), field.mounting),
-        )
+        known = vars(mean)
+        return values | {name: float(known[name]) for name in known if name != "points"}
 
 
 def require_points(gauge: Gauge, found: int, places: GridPlaces, remedy: str) -> None:

@@ -1,6 +1,7 @@
 """Extensometers: the change of the distance between two patches, for one line or averaged over many."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -10,8 +11,9 @@ from dic.gauges.fits import without_points
 from dic.gauges.planes import flat_sets, lie_on_one_line, sums_at, sums_at_places
 from dic.gauges.points import GridPlaces
 from dic.gauges.reading import Reading, SharedPart
-from dic.gauges.strains import along, along_weights
-from dic.gauges.sums import covariance_at_points
+from dic.gauges.strains import along_weights
+from dic.gauges.sums import covariance_at_points, kept_correlations
+from dic.strain.displacement import Displacement
 from dic.strain.measures import MEASURES
 from dic.typing import Float, Indices, Mask
 
@@ -75,61 +77,41 @@ class PlacedLines:
         The strain is the change of the distance between the middles of the two patches, divided by this
         distance. So a rigid motion does not change the strain. The strains of several lines are averaged.
         """
-        valid = field.displacement.valid[self.rows, self.columns]
+        return self.prepared(field.displacement).read(field)
+
+    def prepared(self, displacement: Displacement) -> "PreparedLines":
+        """Return the extensometer with those of its points that have a displacement.
+
+        It can be read in all fields of the same reference that have the same points and the same positions.
+        """
+        valid = displacement.valid[self.rows, self.columns]
         counts = (self.patches & valid[self.members]).sum(axis=2)
         good = (counts >= np.maximum(1.0, _LEAST_SHARE * self.patches.sum(axis=2))).all(axis=0)
-        single = len(good) == 1
-        read = Reading(field.displacement.unit, reason=self._reason(counts, good))
-        if int(good.sum()) >= (1 if single else LEAST_LINES):
-            read = self._read(field, good, valid)
-        lines = None if single else int(good.sum())
-        return replace(read, points=int(valid.sum()), declared=len(valid), lines=lines)
-
-    def _read(self, field: GaugeField, good: Mask, valid: Mask) -> Reading:
-        """Return the reading from the lines that are `good` and the points that are `valid`."""
-        displacement, at = field.displacement, (self.rows, self.columns)
-        mean = self._sums(1, good, valid, field) - self._sums(0, good, valid, field)
-        before = mean @ np.where(valid[:, None], displacement.position[at], 0.0)
-        after = before + mean @ np.where(valid[:, None], displacement.vector[at], 0.0)
-        lengths, longer = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
-        # The derivative of a length with respect to the displacement of its end is the unit vector along the
-        # length.
-        ends = after / longer[:, None] / len(lengths)
-        weights = np.stack([mean.T @ (ends / lengths[:, None]), mean.T @ ends], axis=-1)
-        images = np.full(2, np.nan)
-        if displacement.noise is not None:
-            used = (weights != 0.0).any(axis=(1, 2))
-            places = self.rows[used], self.columns[used]
-            images = np.diag(covariance_at_points(*places, weights[used], displacement.noise))
-        strain, length = float(np.mean(longer / lengths - 1.0)), float(lengths.mean())
-        direction = before.mean(axis=0) / np.linalg.norm(before.mean(axis=0))
-        common, shared = (
-            along(part, direction) * MEASURES[field.measure].by_engineering(1.0 + strain) ** 2
-            for part in (field.common_noise, field.shared)
-        )
-        return Reading(
+        read = Reading(
             displacement.unit,
-            strain=strain,
-            strain_std=float(np.sqrt(images[0] + common + shared)),
-            strain_std_images=float(np.sqrt(images[0] + common)),
-            extension=float(np.mean(longer - lengths)),
-            extension_std=float(np.sqrt(images[1] + (common + shared) * length**2)),
-            length=length,
-            shared=SharedPart(
-                field.shared,
-                MEASURES[field.measure].by_engineering(1.0 + strain) * along_weights(direction),
-                field.mounting,
-            ),
+            points=int(valid.sum()),
+            declared=len(valid),
+            lines=None if len(good) == 1 else int(good.sum()),
         )
+        if int(good.sum()) < (1 if len(good) == 1 else LEAST_LINES):
+            read = replace(read, reason=self._reason(counts, good))
+            return PreparedLines(read, self.rows[:0], self.columns[:0], np.zeros((0, 0)), np.zeros((0, 2)))
+        position = displacement.position[self.rows, self.columns]
+        mean = self._sums(1, good, valid, position) - self._sums(0, good, valid, position)
+        before = mean @ np.where(valid[:, None], position, 0.0)
+        used = (mean != 0.0).any(axis=0)
+        rows, columns = self.rows[used], self.columns[used]
+        known = kept_correlations(rows, columns, displacement.noise)
+        return PreparedLines(read, rows, columns, mean[:, used], before, known)
 
-    def _sums(self, side: int, good: Mask, valid: Mask, field: GaugeField) -> Float:
+    def _sums(self, side: int, good: Mask, valid: Mask, position: Float) -> Float:
         """Return the weights of all points, shape (lines, n), in the displacement at each patch's middle.
 
         This displacement is the value of a plane fitted to the displacements of the patch's points. If the
         points lie on one line, the displacement is the mean over the points.
         """
         members, patches = self.members[side, good], self.patches[side, good]
-        position = field.displacement.position[self.rows, self.columns][members]
+        position = position[members]
         used = patches & valid[members]
         known = np.where(used[..., None], position, 0.0)
         sums = used / used.sum(axis=1, keepdims=True)
@@ -148,3 +130,60 @@ class PlacedLines:
         return (
             f"too few points have a displacement: {start} of {first} at the start, {end} of {last} at the end"
         )
+
+
+@dataclass(frozen=True)
+class PreparedLines:
+    """The lines of an extensometer, as far as the displacements of its points do not change them."""
+
+    without: Reading
+    """The reading without values: its counts, and the reason if there is no reading."""
+    rows: Indices
+    columns: Indices
+    """Shape (n,). Row and column indices of the points that are used."""
+    mean: Float
+    """Shape (lines, n). Weights of the points' displacements in the difference between the displacements at
+    the end and at the start of each line.
+    """
+    before: Float
+    """Shape (lines, 2). Vector from the start to the end of each line in the reference."""
+    known: Float | None = None
+    """Shape (n, n). Correlations between the errors of the points, if they are kept."""
+
+    def read(self, field: GaugeField) -> Reading:
+        """Return the extensometer's reading in one displacement field."""
+        if self.without.reason:
+            return self.without
+        displacement, at, mean = field.displacement, (self.rows, self.columns), self.mean
+        after = self.before + mean @ displacement.vector[at]
+        lengths, longer = self._lengths, np.sqrt((after * after).sum(axis=1))
+        images = np.full(2, np.nan)
+        if displacement.noise is not None:
+            # The derivative of a length with respect to the displacement of its end is the unit vector along
+            # the length.
+            ends = after / longer[:, None] / len(lengths)
+            weights = np.stack([mean.T @ (ends / lengths[:, None]), mean.T @ ends], axis=-1)
+            images = np.diag(covariance_at_points(*at, weights, displacement.noise, self.known))
+        strain, length = float(np.mean(longer / lengths - 1.0)), float(lengths.mean())
+        by_strain = MEASURES[field.measure].by_engineering(1.0 + strain)
+        common, shared = (part * by_strain**2 for part in field.along(self._along))
+        return replace(
+            self.without,
+            strain=strain,
+            strain_std=float(np.sqrt(images[0] + common + shared)),
+            strain_std_images=float(np.sqrt(images[0] + common)),
+            extension=float(np.mean(longer - lengths)),
+            extension_std=float(np.sqrt(images[1] + (common + shared) * length**2)),
+            length=length,
+            shared=SharedPart(field.shared, by_strain * self._along, field.mounting),
+        )
+
+    @cached_property
+    def _lengths(self) -> Float:
+        return np.asarray(np.linalg.norm(self.before, axis=1))
+
+    @cached_property
+    def _along(self) -> Float:
+        """Weights of exx, eyy and exy in the strain along the mean direction of the lines."""
+        direction = self.before.mean(axis=0)
+        return along_weights(direction / np.linalg.norm(direction))

@@ -18,22 +18,35 @@ _FEW = 300
 """Up to this number of points, the matrix of all correlations is faster than Fourier transforms."""
 
 
-def covariance_at_points(rows: Indices, columns: Indices, weights: Float, noise: Noise) -> Float:
+def covariance_at_points(
+    rows: Indices, columns: Indices, weights: Float, noise: Noise, known: Float | None = None
+) -> Float:
     """Return the covariance, shape (p, p), of p weighted sums of the displacements of n points.
 
     `rows`, `columns`, shape (n,): row and column indices of the points in the grid of points. Each point
     occurs at most once. `weights`, shape (n, 2, p): weights of the two components of each displacement in
-    each sum. `noise`: errors of the displacements of the whole grid.
+    each sum. `noise`: errors of the displacements of the whole grid. `known`: `correlations` of the points,
+    which are the same in all images, if they were computed before.
     """
-    if len(rows) > _FEW:
+    if known is None and len(rows) > _FEW:
         return _by_transforms(rows, columns, weights, noise)
-    parts = np.einsum("nia,nip->npa", noise.factors[rows, columns], weights)
-    overlap = correlations(rows, columns, noise)
-    covariance = np.einsum("npa,nqa->pq", parts, np.tensordot(overlap, parts, axes=(1, 0)))
+    overlap = correlations(rows, columns, noise) if known is None else known
+    # Products of matrices, because of few points their sums by `einsum` would take several times as long.
+    count, sums = len(rows), weights.shape[2]
+    to_sums = np.swapaxes(weights, 1, 2)
+    parts = (to_sums @ noise.factors[rows, columns]).reshape(count, 2 * sums)
+    shared = (overlap @ parts).reshape(count, sums, 2)
+    parts = parts.reshape(count, sums, 2)
+    covariance = np.tensordot(parts, shared, axes=((0, 2), (0, 2)))
     if noise.bias is not None:
-        bias = np.einsum("nia,nip->pa", noise.bias[rows, columns], weights)
+        bias = (to_sums @ noise.bias[rows, columns]).sum(axis=0)
         covariance += bias @ bias.T
     return np.asarray(covariance)
+
+
+def kept_correlations(rows: Indices, columns: Indices, noise: Noise | None) -> Float | None:
+    """Return the `correlations` of a gauge's points, to be used again; None for many or unknown ones."""
+    return None if noise is None or len(rows) > _FEW else correlations(rows, columns, noise)
 
 
 def correlations(rows: Indices, columns: Indices, noise: Noise) -> Float:
