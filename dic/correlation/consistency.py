@@ -32,7 +32,7 @@ def consistent_seeds(points: Indices, warps: Float) -> Mask:
     Result, shape (n,): True for consistent points. If fewer than three points have a warp that a real surface
     can have, neighbours are not compared, and the result is True for these points.
     """
-    plausible = _plausible(warps.T)
+    plausible = is_plausible(warps.T)
     if plausible.sum() < 3:
         return np.asarray(plausible)
     offset = (points[:, None, :] - points[None, :, :]).astype(np.float64)
@@ -61,12 +61,12 @@ def consistent_field(x_px: Indices, y_px: Indices, warps: Float, converged: Mask
     planes = np.ascontiguousarray(np.moveaxis(warps[..., :6], -1, 0))
     # Failed points still hold the warp of the last IC-GN iteration, which may be infinite.
     with np.errstate(invalid="ignore", over="ignore"):
-        known = converged & _plausible(planes)
+        known = converged & is_plausible(planes)
         if known.sum() == 1:
             return known
         consistent = np.zeros(converged.shape, np.bool_)
         right, left = planes[:, :, 1:], planes[:, :, :-1]
-        consistent[:, 1:] = known[:, 1:] & known[:, :-1] & _predicts(left, right, np.diff(x_px), 0)
+        consistent[:, 1:] = known[:, 1:] & known[:, :-1] & predicts(left, right, np.diff(x_px), 0)
     # Nearly all points are consistent with their left neighbour. Check only the rest with other neighbours.
     for down, aside in _NEIGHBOURS:
         rows, columns = np.nonzero(known & ~consistent)
@@ -75,11 +75,11 @@ def consistent_field(x_px: Indices, y_px: Indices, warps: Float, converged: Mask
         inside[inside] = known[from_rows[inside], from_columns[inside]]
         here, there = (rows[inside], columns[inside]), (from_rows[inside], from_columns[inside])
         dx, dy = x_px[here[1]] - x_px[there[1]], y_px[here[0]] - y_px[there[0]]
-        consistent[here] = _predicts(planes[:, *there], planes[:, *here], dx, dy)
+        consistent[here] = predicts(planes[:, *there], planes[:, *here], dx, dy)
     return consistent
 
 
-def _predicts(p: Float, other: Float, dx: Indices, dy: Indices | int) -> Mask:
+def predicts(p: Float, other: Float, dx: Indices, dy: Indices | int) -> Mask:
     """Return True where the warp `p` predicts the displacement of `other` at the distance (dx, dy)."""
     off_x = other[0] - p[0] - p[1] * dx - p[2] * dy
     off_y = other[3] - p[3] - p[4] * dx - p[5] * dy
@@ -87,7 +87,7 @@ def _predicts(p: Float, other: Float, dx: Indices, dy: Indices | int) -> Mask:
     return np.asarray(off_x * off_x + off_y * off_y < limit * limit)
 
 
-def _plausible(planes: Float) -> Mask:
+def is_plausible(planes: Float) -> Mask:
     """Return True for warps, shape (6, …), with a deformation gradient that a real surface can have."""
     a, b, c, d = 1 + planes[1], planes[2], planes[4], 1 + planes[5]
     # Compute the singular values of a 2 x 2 matrix. The smaller value is negative if the matrix mirrors.

@@ -29,7 +29,7 @@ from dic.image.spline import edge_reach_px
 from dic.image.stored import everywhere
 from dic.image.threads import processors
 from dic.specimen.find import Specimen, find_specimen
-from dic.typing import Float, ImageLike, Mask, PathLike
+from dic.typing import Float, ImageLike, Indices, Mask, PathLike
 
 _LOST_SHARE = 0.05
 """New seeds are searched among failed points only if at least this fraction of all points failed."""
@@ -129,6 +129,11 @@ class Correlator:
         return f"Correlator({width} × {height} px, {points} points, {settings})"
 
     @property
+    def prepared(self) -> PreparedReference:
+        """The data of the reference that do not depend on the deformed images."""
+        return self._reference
+
+    @property
     def grid(self) -> PointGrid:
         """The points of interest, and the pixels that their subsets use."""
         return self._reference.grid
@@ -183,6 +188,18 @@ class Correlator:
             smoothing_px=self.smoothing.width_px, greatest_bias_px=self.smoothing.bias_px,
             repetition=repetition,
         )  # fmt: skip
+
+    def seek(self, deformed: ImageLike, indices: Indices) -> Seeds:
+        """Search points in an image, wherever they may be; return those that predict one another.
+
+        Parameters
+        ----------
+        deformed : ndarray, of the reference's shape, or path
+        indices : ndarray, shape (n, 2)
+            Row and column of the points in the grid.
+        """
+        image = TurnableImage(self._reference, self.smoothing.applied(self._checked_deformed(deformed)))
+        return self._seed_finder.find(image, indices, quarters=0)
 
     def tells_periods_apart(self, noise: float) -> bool:
         """Return True if subsets differ enough from those one period away to be measured.

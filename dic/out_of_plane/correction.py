@@ -184,7 +184,7 @@ def points_of(
     this plane. The argument `centre_mm` is the camera's centre, if the centre is known better than from the
     calibration.
     """
-    best, field = calibration.using(_mapped_by(calibration)), measurement.field
+    best, field = correcting(calibration), measurement.field
     gradients = measurement.strain_settings.source == "shape"
     displacement = calibrated_displacement(field, best, gradients=gradients)
     use = displacement.valid
@@ -198,11 +198,13 @@ def points_of(
     return replace(points, displacement=on_surface)
 
 
-def _mapped_by(calibration: Calibration) -> Model:
+def correcting(calibration: Calibration) -> Calibration:
+    """Return the calibration with the model in use that corrections use; see `points_of`."""
     if calibration.pinhole is None:
-        return "bicubic"
+        return calibration.using("bicubic")
     limit_px = _CLEARLY_BETTER * calibration.pinhole.cross_validation_px
-    return "bicubic" if calibration.bicubic_cross_validation_px < limit_px else "pinhole"
+    model: Model = "bicubic" if calibration.bicubic_cross_validation_px < limit_px else "pinhole"
+    return calibration.using(model)
 
 
 def by_centre(estimate: Callable[[Float], Float], centre_mm: Float) -> Float:

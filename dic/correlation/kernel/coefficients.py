@@ -15,7 +15,7 @@ from dic.typing import Grey, Indices
 
 _BAND_PX = 128
 
-_DENOMINATORS = {3: 6.0, 5: 120.0}
+DENOMINATORS = {3: 6.0, 5: 120.0}
 """Denominators of the B-spline weights."""
 
 
@@ -34,15 +34,16 @@ def lay_deformed(
     reach, shape = len(taps) - 1, (rows.stop - rows.start + 2 * MARGIN, width + 2 * MARGIN)
     above, below = max(0, rows.start - MARGIN - reach), min(height, rows.stop + MARGIN + reach)
     grey = image.rows(above, below)
-    down = _mirrored(rows.start - MARGIN - reach, rows.stop + MARGIN + reach, height) - above
-    across = _mirrored(-MARGIN - reach, width + MARGIN + reach, width)
+    down = mirrored(rows.start - MARGIN - reach, rows.stop + MARGIN + reach, height) - above
+    across = mirrored(-MARGIN - reach, width + MARGIN + reach, width)
     flat = np.empty(shape[0] * shape[1] + 2 * SPARE, np.float32)
     flat[:SPARE] = flat[-SPARE:] = 0.0
-    plane, factor = flat[SPARE:-SPARE].reshape(shape), 1.0 / _DENOMINATORS[order] ** 2
+    plane, factor = flat[SPARE:-SPARE].reshape(shape), 1.0 / DENOMINATORS[order] ** 2
 
     def lay(band: slice) -> None:
         line = np.empty(len(across), np.float32)
-        _filter(grey, down, across, taps, float(mean), factor, plane[band], band.start, line)
+        at = band.start, reach + MARGIN
+        filter_rows(grey, down, across, taps, float(mean), factor, plane[band], at, line)
 
     in_parallel(lay, bands_of(shape[0], _BAND_PX), threads)
     first = rows.start if rows.start > 0 else -BEYOND
@@ -50,7 +51,7 @@ def lay_deformed(
     return Deformed(flat, *pitch_and_origin(width, rows.start), width, height, first, last)
 
 
-def _mirrored(first: int, last: int, length: int) -> Indices:
+def mirrored(first: int, last: int, length: int) -> Indices:
     """Return the indices from `first` to `last` - 1, mirrored at both ends of a row of `length` pixels."""
     period = max(1, 2 * (length - 1))
     index = np.arange(first, last) % period
@@ -58,7 +59,7 @@ def _mirrored(first: int, last: int, length: int) -> Indices:
 
 
 @compiled
-def _filter(
+def filter_rows(
     grey: Grey,
     down: Indices,
     across: Indices,
@@ -66,7 +67,7 @@ def _filter(
     mean: float,
     factor: float,
     plane: Grey,
-    top: int,
+    at: tuple[int, int],
     line: Flat,
 ) -> None:
     """Write coefficients, less `mean` and times `factor`, into some rows of the plane, from its row `top` on.
@@ -74,12 +75,14 @@ def _filter(
     The taps have the sum 1. So a coefficient is the grey level plus taps times differences of grey levels,
     whose rounding errors are small in faint patterns, too.
 
-    `taps`: the middle tap of the symmetric filter, and those on one side of it. `down`, `across`: for each
-    row and column that the filter reaches, from the first row and column of the whole plane on, its place in
-    `grey`. `line` is scratch memory for a row with the columns on either side.
+    `taps`: the middle tap of the symmetric filter, and those on one side of it; their number less one is a
+    multiple of three. `down`, `across`: for each row and column that the filter reaches, from the first row
+    and column of the whole plane on, its place in `grey`. `at`: the row `top`, and the number of columns that
+    the filter reaches before the first column of `grey`. `line` is scratch memory for a row with the columns
+    on either side.
     """
     reach, mean32, factor32 = len(taps) - 1, np.float32(mean), np.float32(factor)
-    left, width, wide = reach + MARGIN, grey.shape[1], plane.shape[1]
+    (top, left), width, wide = at, grey.shape[1], plane.shape[1]
     middle = line[left : left + width]
     for row in range(len(plane)):
         at = top + row + reach
@@ -99,7 +102,8 @@ def _filter(
             middle[x] += own[x] - mean32
         for x in range(left):
             line[x] = middle[across[x]]
-            line[left + width + x] = middle[across[left + width + x]]
+        for x in range(left + width, len(line)):
+            line[x] = middle[across[x]]
         own, to = line[reach : reach + wide], plane[row]
         for x in range(wide):
             to[x] = 0.0

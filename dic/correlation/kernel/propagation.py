@@ -26,10 +26,14 @@ def correlate_seeds(
     grid: KernelGrid,
     seeds: Indices,
     solution: Solution,
+    prepared: Prepared | None = None,
 ) -> None:
-    """Correlate start points (rows and columns, (n, 2)) from their warps in `solution`; update `solution`."""
+    """Correlate start points (rows and columns, (n, 2)) from their warps in `solution`; update `solution`.
+
+    `prepared` is as for `propagate`.
+    """
     task = Task(seeds, False, np.ones(solution.status.shape, np.bool_))
-    _run(image, deformed, method, grid, solution, task, None)
+    _run(image, deformed, method, grid, solution, task, prepared)
 
 
 def propagate(

@@ -1,0 +1,5 @@
+"""Gauges while a test runs: the strain of a few points in each frame, its standard deviation, and its validity."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

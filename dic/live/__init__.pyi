@@ -1,0 +1,22 @@
+from .camera import (
+    LiveCamera as LiveCamera,
+    MotionNow as MotionNow,
+)
+from .field_solver import FieldSolver as FieldSolver
+from .image import (
+    LiveGauge as LiveGauge,
+    LiveImage as LiveImage,
+    LiveValue as LiveValue,
+)
+from .motion import (
+    Bend as Bend,
+    FieldMotion as FieldMotion,
+    SharedErrors as SharedErrors,
+)
+from .reasons import Reason as Reason
+from .settings import LiveSettings as LiveSettings
+from .setup import LiveSetup as LiveSetup
+from .sought import (
+    LostPlaces as LostPlaces,
+    Sought as Sought,
+)

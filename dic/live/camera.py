@@ -1,0 +1,239 @@
+"""The live measurement of one camera: the gauges in each frame, one frame after the other."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.errors import CorrelationError, GaugeError
+from dic.gauges.field import GaugeField
+from dic.image.stored import StoredImage
+from dic.live.corrected import CorrectedField
+from dic.live.fields import LiveFields
+from dic.live.frames import FrameChecks
+from dic.live.gauges import FollowedGauge
+from dic.live.image import LiveGauge, LiveImage
+from dic.live.motion import Bend, FieldMotion, MotionTrack, SharedErrors
+from dic.live.points import GaugePoints
+from dic.live.reasons import Reason
+from dic.live.search import LostPoints
+from dic.live.setup import LiveSetup
+from dic.live.sought import LostPlaces, Sought
+from dic.live.tracking import Tracker
+from dic.out_of_plane.plane import Plane
+from dic.typing import Float
+
+_INTERPOLATION_PX = 21
+"""Number of pixels around a subset that its interpolation needs."""
+
+
+@dataclass(frozen=True)
+class MotionNow:
+    """The motion out of the plane at the time of a frame."""
+
+    plane: Plane = field(default_factory=Plane)
+    bend: Bend = field(default_factory=Bend)
+    errors: SharedErrors | None = None
+    """Errors of the strains; None if the motion is not known."""
+    more: Float = field(default_factory=lambda: np.zeros((3, 3)))
+    """Shape (3, 3). Covariance of further errors of exx, eyy, exy, such as by the age of the motion."""
+    age_s: float = float("nan")
+    reason: Reason = Reason.NONE
+    """Why corrected strain is not valid."""
+
+
+class LiveCamera:
+    """Measure the gauges of one camera in each frame.
+
+    All that does not depend on the frame is computed beforehand. A frame takes about as long as the
+    correlation of the gauges' points.
+
+    Parameters
+    ----------
+    setup : LiveSetup
+
+    Raises
+    ------
+    GaugeError
+        If a gauge lies outside the image or where the reference has no points.
+    CorrelationError
+        If the reference cannot be used.
+    """
+
+    def __init__(self, setup: LiveSetup) -> None:
+        self.setup = setup
+        prepared, at_rest = setup.correlator.prepared, setup.at_rest
+        around_px = prepared.settings.radius_px + _INTERPOLATION_PX + setup.live.room_px
+        self.points = GaugePoints.of(prepared, setup.needed, around_px)
+        self._shape = setup.reference.shape
+        self._tracker = Tracker(prepared, self.points, self._shape, setup.live)
+        self.fields = LiveFields(at_rest, prepared, self.points, setup.calibration)
+        image = StoredImage(np.asarray(setup.reference), prepared.smoothing.taps)
+        self._lost = LostPoints(prepared, image, self._tracker, setup.live.search_px)
+        self._checks = FrameChecks(setup.reference, [tile.part for tile in self.points.tiles])
+        self._gauges = [
+            FollowedGauge(gauge, placed, self.points, setup.live)
+            for gauge, placed in zip(setup.gauges, setup.placed.placed, strict=True)
+        ]
+        self.corrected: CorrectedField | None = None
+        if setup.calibration is not None and setup.calibration.pinhole is not None:
+            self.corrected = CorrectedField(self.fields, at_rest, setup.calibration)
+        self._track: MotionTrack | None = None
+        self._motion: FieldMotion | None = None
+        self._times_s: list[float] = []
+        self._last: LiveImage | None = None
+
+    def __repr__(self) -> str:
+        return f"LiveCamera({self.setup}, {self.points})"
+
+    def measure(self, image: NDArray[Any], time_s: float) -> LiveImage:
+        """Return the readings of all gauges in the next frame.
+
+        Parameters
+        ----------
+        image : ndarray, shape (height, width)
+            Grey levels. The array is read only during the call.
+        time_s : float
+            Time of the frame, on any clock that runs on.
+
+        Raises
+        ------
+        CorrelationError
+            If the frame has another shape than the reference, or is no image of grey levels.
+        """
+        reason = self.locate(image, time_s)
+        return self.read(image, time_s, reason)
+
+    def locate(self, image: NDArray[Any], time_s: float) -> Reason:
+        """Find the points of the gauges in the next frame; return why the frame is not valid."""
+        self._require_frame(image)
+        times_s = self._times_s
+        if times_s and (not time_s > times_s[-1] or self._checks.repeated(image)):
+            return Reason.REPEATED
+        self._times_s = times_s = [*times_s[-2:], time_s]
+        ratio = 1.0
+        if len(times_s) == 3:
+            ratio = (times_s[2] - times_s[1]) / (times_s[1] - times_s[0])
+        if self._track is None:
+            self._track = MotionTrack(time_s)
+        self._tracker.follow(image, ratio)
+        self.fields.take(self._tracker)
+        if self.corrected is not None:
+            self.corrected.take()
+        return Reason.NONE
+
+    def read(
+        self, image: NDArray[Any], time_s: float, reason: Reason, motion: "MotionNow | None" = None
+    ) -> LiveImage:
+        """Return the readings of the frame that was located last.
+
+        `reason`: result of `locate`. `motion`: the motion out of the plane. Default: what the motions of the
+        fields let expect.
+        """
+        if reason:
+            gauges = {} if self._last is None else self._last.gauges
+            again = {name: replace(gauge, reason=reason, figures="") for name, gauge in gauges.items()}
+            return LiveImage(time_s, again, reason)
+        motion = motion or self.motion_now(time_s)
+        fields, unusable = self._fields(motion)
+        tracker, windows = self._tracker, self._tracker.windows
+        bright = self._checks.more_saturated(image, windows) > self.setup.live.most_saturated
+        status = tracker.status[self.points.points]
+        valid, gauges = self.fields.valid, {}
+        for gauge in self._gauges:
+            readings = {kind: gauge.read(kind, field, valid) for kind, field in fields.items()}
+            why, figures = gauge.objection(valid, status, readings["raw"], time_s)
+            if bright[gauge.tiles].any():
+                why, figures = Reason.SATURATED, ""
+            name = gauge.gauge.name
+            gauges[name] = LiveGauge(name, readings, why, unusable, figures)
+        self._checks.keep(image, windows)
+        lost = self._lost.search(image)
+        self._last = LiveImage(time_s, gauges, Reason.NONE, motion.age_s, lost)
+        return self._last
+
+    def take(self, motion: FieldMotion) -> None:
+        """Take the motion out of the plane that a whole field has shown; the next frames are corrected for it.
+
+        Raises
+        ------
+        GaugeError
+            If the camera has no calibration with a pinhole model.
+        """
+        if self.corrected is None:
+            raise GaugeError(
+                "live gauges",
+                "correct for motion out of the plane",
+                "a calibration with a pinhole model",
+                "a camera without one",
+                "calibrate the camera with an image of the grid, and give calibration=…",
+            )
+        self._motion = motion
+        self.fields.share(motion.errors.calibrated)
+        if self._track is None:
+            self._track = MotionTrack(motion.time_s)
+        self._track.take(motion, self.corrected.effect)
+
+    def motion_now(self, time_s: float) -> MotionNow:
+        """Return the motion out of the plane that the motions of the fields let expect now."""
+        track = self._track
+        if track is None or track.last is None:
+            declined = self._motion is not None
+            return MotionNow(reason=Reason.DECLINED if declined else Reason.NO_MOTION)
+        age_s = track.age_s(time_s)
+        reason = Reason.OLD if age_s > self.setup.live.most_age_s else Reason.NONE
+        if self._motion is not None and self._motion.declined:
+            reason = Reason.DECLINED
+        plane, bend, more = track.at(time_s)
+        return MotionNow(plane, bend, track.last.errors, more, age_s, reason)
+
+    @property
+    def lost(self) -> LostPlaces:
+        """The points that had no displacement in the last frame, for `FieldSolver.seek`."""
+        at = self.points.points[~self._tracker.known]
+        return LostPlaces(self.points.rows[at], self.points.columns[at])
+
+    def accept(self, sought: Sought) -> None:
+        """Let the next frame start from points that a search has found, if they are lost still."""
+        at, lost = self.points.points, ~self._tracker.known
+        places = {
+            (row, column): k
+            for k, (row, column) in enumerate(
+                zip(self.points.rows[at].tolist(), self.points.columns[at].tolist(), strict=True)
+            )
+        }
+        pairs = zip(sought.rows.tolist(), sought.columns.tolist(), strict=True)
+        found = [(places[place], j) for j, place in enumerate(pairs) if place in places]
+        found = [(k, j) for k, j in found if lost[k]]
+        if found:
+            numbers, which = np.array(found).T
+            self._tracker.place(numbers, sought.warps[which])
+
+    def _fields(self, motion: MotionNow) -> tuple[dict[str, GaugeField], dict[str, Reason]]:
+        """Return the fields that gauges can read, and why the corrected one must not be used."""
+        fields = {"raw": self.fields.raw}
+        if self.fields.calibrated is not None:
+            fields["calibrated"] = self.fields.calibrated
+        if self.setup.motion is None or self.corrected is None:
+            return fields, {}
+        if motion.errors is not None:
+            fields["corrected"] = self.corrected.field(
+                motion.plane, motion.bend, motion.errors, motion.more
+            )
+        return fields, {"corrected": motion.reason} if motion.reason else {}
+
+    def _require_frame(self, image: NDArray[Any]) -> None:
+        good = isinstance(image, np.ndarray) and image.shape == self._shape and image.dtype.kind in "uif"
+        if not good:
+            height, width = self._shape
+            got = f"a {type(image).__name__}"
+            if isinstance(image, np.ndarray):
+                got = f"an array of shape {image.shape} and type {image.dtype}"
+            raise CorrelationError(
+                "live frame",
+                "compare with the reference",
+                f"grey levels of {width} x {height} px",
+                got,
+                "stream the frames with the readout and the format of the reference image",
+            )

@@ -1,0 +1,77 @@
+"""Checks of a frame that need no correlation: is it another frame than the last, and is it overexposed?"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.correlation.kernel import Part
+from dic.typing import Float
+
+_SAMPLE_PX = 32
+"""Width of the squares whose pixels are compared with those of the last frame."""
+
+_FEWER_BITS = (1023, 4095, 16383)
+_EIGHT_BIT = 255
+
+
+class FrameChecks:
+    """Compare each frame with the last one, and count saturated pixels.
+
+    `reference`: the reference image. `parts`: the parts of the reference that show the points of each tile.
+    """
+
+    def __init__(self, reference: NDArray[Any], parts: Sequence[Part]) -> None:
+        self._reference, self._parts = reference, parts
+        self._level: int | None = None
+        self._usual: Float | None = None
+        self._last: list[tuple[Part, NDArray[Any]]] = []
+
+    def repeated(self, image: NDArray[Any]) -> bool:
+        """Return True if a frame has the same grey levels as the last one at all gauges.
+
+        The noise of a camera makes two frames differ, also if nothing moves.
+        """
+        return bool(self._last) and all(
+            np.array_equal(image[part.top : part.bottom, part.left : part.right], grey)
+            for part, grey in self._last
+        )
+
+    def keep(self, image: NDArray[Any], windows: Sequence[Part]) -> None:
+        """Keep a square of each window for the comparison with the next frame."""
+        self._last = []
+        for window in windows:
+            y, x = (window.top + window.bottom) // 2, (window.left + window.right) // 2
+            half = _SAMPLE_PX // 2
+            part = Part(y - half, y + half, x - half, x + half).within(image.shape)
+            if part.pixels:
+                self._last.append((part, image[part.top : part.bottom, part.left : part.right].copy()))
+
+    def more_saturated(self, image: NDArray[Any], windows: Sequence[Part]) -> Float:
+        """Return by how much the share of saturated pixels has grown since the reference, in each window."""
+        if self._usual is None:
+            self._level = saturation_level(image.dtype, float(self._reference.max()))
+            self._usual = _shares(self._reference, self._parts, self._level)
+        return _shares(image, windows, self._level) - self._usual
+
+
+def saturation_level(kind: np.dtype[Any], greatest: float) -> int | None:
+    """Return the grey level of a saturated pixel; None for floating-point numbers, which have none.
+
+    Images of 10, 12 or 14 bit are stored with 16. The `greatest` grey level of the reference tells how many
+    bits there are.
+    """
+    if kind.kind != "u":
+        return None
+    full = int(np.iinfo(kind).max)
+    fewer = _FEWER_BITS if full > _EIGHT_BIT else ()
+    return next((level for level in fewer if greatest <= level), full)
+
+
+def _shares(image: NDArray[Any], windows: Sequence[Part], level: int | None) -> Float:
+    """Return the share of saturated pixels in each window."""
+    if level is None:
+        return np.zeros(len(windows))
+    shown = (image[part.top : part.bottom, part.left : part.right] for part in windows)
+    return np.array([np.count_nonzero(each >= level) / max(1, each.size) for each in shown])
