@@ -14,14 +14,13 @@ from dic.live.fields import LiveFields
 from dic.live.frames import FrameChecks
 from dic.live.gauges import FollowedGauge
 from dic.live.image import LiveGauge, LiveImage
-from dic.live.motion import Bend, FieldMotion, MotionTrack, SharedErrors
+from dic.live.motion import VALUES, FieldMotion, MotionTrack, SharedErrors
 from dic.live.points import GaugePoints
 from dic.live.reasons import Reason
 from dic.live.search import LostPoints
 from dic.live.setup import LiveSetup
 from dic.live.sought import LostPlaces, Sought
 from dic.live.tracking import Tracker
-from dic.out_of_plane.plane import Plane
 from dic.typing import Float
 
 _INTERPOLATION_PX = 21
@@ -32,8 +31,8 @@ _INTERPOLATION_PX = 21
 class MotionNow:
     """The motion out of the plane at the time of a frame."""
 
-    plane: Plane = field(default_factory=Plane)
-    bend: Bend = field(default_factory=Bend)
+    values: Float = field(default_factory=lambda: np.zeros(VALUES))
+    """Shape (9,). Slopes and shift of the plane, and terms of the bend; see `FieldMotion.values`."""
     errors: SharedErrors | None = None
     """Errors of the strains; None if the motion is not known."""
     more: Float = field(default_factory=lambda: np.zeros((3, 3)))
@@ -67,10 +66,10 @@ class LiveCamera:
         around_px = prepared.settings.radius_px + _INTERPOLATION_PX + setup.live.room_px
         self.points = GaugePoints.of(prepared, setup.needed, around_px)
         self._shape = setup.reference.shape
-        self._tracker = Tracker(prepared, self.points, self._shape, setup.live)
+        self.tracker = Tracker(prepared, self.points, self._shape, setup.live)
         self.fields = LiveFields(at_rest, prepared, self.points, setup.calibration)
         image = StoredImage(np.asarray(setup.reference), prepared.smoothing.taps)
-        self._lost = LostPoints(prepared, image, self._tracker, setup.live.search_px)
+        self._lost = LostPoints(prepared, image, self.tracker, setup.live.search_px)
         self._checks = FrameChecks(setup.reference, [tile.part for tile in self.points.tiles])
         self._gauges = [
             FollowedGauge(gauge, placed, self.points, setup.live)
@@ -79,8 +78,9 @@ class LiveCamera:
         self.corrected: CorrectedField | None = None
         if setup.calibration is not None and setup.calibration.pinhole is not None:
             self.corrected = CorrectedField(self.fields, at_rest, setup.calibration)
-        self._track: MotionTrack | None = None
+        self.track: MotionTrack | None = None
         self._motion: FieldMotion | None = None
+        self._is_new = False
         self._times_s: list[float] = []
         self._last: LiveImage | None = None
 
@@ -115,10 +115,10 @@ class LiveCamera:
         ratio = 1.0
         if len(times_s) == 3:
             ratio = (times_s[2] - times_s[1]) / (times_s[1] - times_s[0])
-        if self._track is None:
-            self._track = MotionTrack(time_s)
-        self._tracker.follow(image, ratio)
-        self.fields.take(self._tracker)
+        if self.track is None:
+            self.track = MotionTrack(time_s)
+        self.tracker.follow(image, ratio)
+        self.fields.take(self.tracker)
         if self.corrected is not None:
             self.corrected.take()
         return Reason.NONE
@@ -137,7 +137,7 @@ class LiveCamera:
             return LiveImage(time_s, again, reason)
         motion = motion or self.motion_now(time_s)
         fields, unusable = self._fields(motion)
-        tracker, windows = self._tracker, self._tracker.windows
+        tracker, windows = self.tracker, self.tracker.windows
         bright = self._checks.more_saturated(image, windows) > self.setup.live.most_saturated
         status = tracker.status[self.points.points]
         valid, gauges = self.fields.valid, {}
@@ -169,15 +169,18 @@ class LiveCamera:
                 "a camera without one",
                 "calibrate the camera with an image of the grid, and give calibration=…",
             )
-        self._motion = motion
+        self._motion, self._is_new = motion, True
         self.fields.share(motion.errors.calibrated)
-        if self._track is None:
-            self._track = MotionTrack(motion.time_s)
-        self._track.take(motion, self.corrected.effect)
+        if motion.centre_mm is not None and not motion.declined:
+            self.corrected.centre_mm = motion.centre_mm
 
     def motion_now(self, time_s: float) -> MotionNow:
         """Return the motion out of the plane that the motions of the fields let expect now."""
-        track = self._track
+        track = self.track
+        if track is not None and self._is_new and self._motion is not None and self.corrected is not None:
+            # The derivatives are those of a frame, so a motion is taken with the next one.
+            track.take(self._motion, self.corrected.by_values(self._motion.values))
+            self._is_new = False
         if track is None or track.last is None:
             declined = self._motion is not None
             return MotionNow(reason=Reason.DECLINED if declined else Reason.NO_MOTION)
@@ -185,18 +188,19 @@ class LiveCamera:
         reason = Reason.OLD if age_s > self.setup.live.most_age_s else Reason.NONE
         if self._motion is not None and self._motion.declined:
             reason = Reason.DECLINED
-        plane, bend, more = track.at(time_s)
-        return MotionNow(plane, bend, track.last.errors, more, age_s, reason)
+        values, covariance = track.at(time_s)
+        more = track.by_values @ covariance @ track.by_values.T
+        return MotionNow(values, track.last.errors, more, age_s, reason)
 
     @property
     def lost(self) -> LostPlaces:
         """The points that had no displacement in the last frame, for `FieldSolver.seek`."""
-        at = self.points.points[~self._tracker.known]
+        at = self.points.points[~self.tracker.known]
         return LostPlaces(self.points.rows[at], self.points.columns[at])
 
     def accept(self, sought: Sought) -> None:
         """Let the next frame start from points that a search has found, if they are lost still."""
-        at, lost = self.points.points, ~self._tracker.known
+        at, lost = self.points.points, ~self.tracker.known
         places = {
             (row, column): k
             for k, (row, column) in enumerate(
@@ -208,7 +212,7 @@ class LiveCamera:
         found = [(k, j) for k, j in found if lost[k]]
         if found:
             numbers, which = np.array(found).T
-            self._tracker.place(numbers, sought.warps[which])
+            self.tracker.place(numbers, sought.warps[which])
 
     def _fields(self, motion: MotionNow) -> tuple[dict[str, GaugeField], dict[str, Reason]]:
         """Return the fields that gauges can read, and why the corrected one must not be used."""
@@ -218,9 +222,7 @@ class LiveCamera:
         if self.setup.motion is None or self.corrected is None:
             return fields, {}
         if motion.errors is not None:
-            fields["corrected"] = self.corrected.field(
-                motion.plane, motion.bend, motion.errors, motion.more
-            )
+            fields["corrected"] = self.corrected.field(motion.values, motion.errors, motion.more)
         return fields, {"corrected": motion.reason} if motion.reason else {}
 
     def _require_frame(self, image: NDArray[Any]) -> None:

@@ -13,8 +13,13 @@ from dic.out_of_plane.correction import correcting
 from dic.out_of_plane.plane import Plane
 from dic.strain.fit import slopes_of
 from dic.strain.measurement import Measurement
-from dic.strain.strain import strain_of_gradient
+from dic.strain.tensor import strain_by_gradient
 from dic.typing import Float
+
+_POINTS_OF_A_PLANE = 3
+
+_STEPS = np.array([1e-5, 1e-5, 1e-3, *[1e-6] * 3, *[1e-5] * 2, 1e-3])
+"""Steps in the values of a motion for numerical derivatives."""
 
 
 class CorrectedField:
@@ -24,6 +29,9 @@ class CorrectedField:
     pinhole model. `surface`: plane of the surface in the reference; displacements are along this plane.
     `centre_mm`, shape (3,): the camera's centre in the grid's axes, if it is known better than from the
     calibration.
+
+    `before_mm`, `after_mm`, shape (n, 2): places of the points along the surface of the reference, in the
+    reference and in the frame. `centre_mm`, shape (3,): the camera's centre in the axes of the surface.
     """
 
     def __init__(
@@ -39,13 +47,13 @@ class CorrectedField:
             raise ValueError("this calibration knows no camera centre")
         self._fields, self._surface = fields, surface or Plane()
         self._grid_centre_mm = best.pinhole.centre_mm if centre_mm is None else centre_mm
+        self.centre_mm = self._surface.to_axes(self._grid_centre_mm)
         same = calibration.model == best.model
         self._map = None if same else LocalMap(best, fields.before_px)
         field = fields.calibrated.displacement
         position = field.position
         if not same:
-            px = np.stack([reference.field.points], axis=0).reshape(-1, 2)
-            position = best.map(px).reshape(position.shape)
+            position = best.map(reference.field.points).reshape(position.shape)
         if surface is not None:
             position = surface.within(position, self._grid_centre_mm)
         # The errors are those of calibrated displacements, as offline.
@@ -55,11 +63,6 @@ class CorrectedField:
         self._measure = fields.measure
         self._moves = surface is not None
 
-    @property
-    def centre_mm(self) -> Float:
-        """The camera's centre in the axes of the surface, shape (3,)."""
-        return self._surface.to_axes(self._grid_centre_mm)
-
     def take(self) -> None:
         """Compute the places of the points of a frame along the surface of the reference."""
         after_mm = self._fields.after_mm
@@ -67,28 +70,34 @@ class CorrectedField:
             after_mm, _ = self._map.at(self._fields.after_px)
         self.after_mm = self._surface.within(after_mm, self._grid_centre_mm) if self._moves else after_mm
 
-    def vector(self, plane: Plane, bend: Bend) -> Float:
-        """Return the displacements (n, 2) within the surface if it has moved to a plane and is bent."""
+    def vector(self, values: Float) -> Float:
+        """Return the displacements (n, 2) within the surface if it moved as these values (9,) tell."""
         after_mm, centre_mm = self.after_mm, self.centre_mm
+        plane, bend = Plane(*values[:3].tolist()), Bend(values[3:])
         moved = plane.within(after_mm, centre_mm) - bend.displacement(after_mm, centre_mm)
         return np.asarray(moved - self.before_mm)
 
-    def field(self, plane: Plane, bend: Bend, errors: SharedErrors, more: Float) -> GaugeField:
-        """Return the corrected field of the frame.
+    def field(self, values: Float, errors: SharedErrors, more: Float) -> GaugeField:
+        """Return the corrected field of the frame for a motion with these values (9,).
 
         `more`, shape (3, 3): covariance of errors of exx, eyy, exy in addition to those of the correction.
         """
-        found = GaugeField(
-            self._displacement, errors.noise + more, errors.corrected, self._measure, errors.mounting
-        )
-        self._fields.write_corrected(found, self.vector(plane, bend))
+        noise = errors.noise + more
+        found = GaugeField(self._displacement, noise, errors.corrected, self._measure, errors.mounting)
+        self._fields.write_corrected(found, self.vector(values))
         return found
 
-    def effect(self, values: Float) -> Float:
-        """Return the mean strains exx, eyy, exy, shape (3,), for plane and bend with these values (9,)."""
-        vector = self.vector(Plane(*values[:3].tolist()), Bend(values[3:]))
+    def by_values(self, values: Float) -> Float:
+        """Return the derivatives (3, 9) of the mean strains exx, eyy, exy by the values (9,) of the motion.
+
+        They are NaN if fewer than three points have a displacement.
+        """
         use = self._fields.valid
-        if np.count_nonzero(use) < 3:
-            return np.full(3, np.nan)
-        mean = strain_of_gradient(slopes_of(self.before_mm[use], vector[use]), None, int(use.sum()), self._measure)
-        return np.array([mean.exx, mean.eyy, mean.exy])
+        if np.count_nonzero(use) < _POINTS_OF_A_PLANE:
+            return np.full((3, len(values)), np.nan)
+        before_mm, steps = self.before_mm[use], np.diag(_STEPS)
+        tried = [values, *(values + step for step in steps)]
+        gradients = [slopes_of(before_mm, self.vector(each)[use]) for each in tried]
+        by_gradient = strain_by_gradient(gradients[0], self._measure)
+        changes = [(each - gradients[0]).ravel() for each in gradients[1:]]
+        return np.asarray(by_gradient @ np.column_stack(changes) / _STEPS)

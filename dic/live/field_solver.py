@@ -16,7 +16,8 @@ from dic.live.motion import FieldMotion
 from dic.live.setup import LiveSetup
 from dic.live.sought import LostPlaces, Sought
 from dic.out_of_plane.correct import correct
-from dic.out_of_plane.correction import Correction, stated
+from dic.out_of_plane.correction import stated
+from dic.out_of_plane.motion import Motion
 from dic.strain.measurement import Measurement, measure
 
 _STEP = 2
@@ -67,19 +68,14 @@ class FieldSolver:
         CorrelationError
             If the frame does not show the reference's pattern.
         GaugeError
-            If the set-up has no calibration, or no motion to correct for.
+            If the set-up has no calibration.
         """
-        calibration, motion = self.setup.calibration, self.setup.motion
-        if calibration is None or motion is None:
-            raise GaugeError(
-                "live gauges",
-                "correct for motion out of the plane",
-                "a calibration, and a motion",
-                "neither" if calibration is None and motion is None else "only one of them",
-                'give calibration=… and motion=dic.Motion("tension")',
-            )
+        calibration = self.setup.calibration
+        if calibration is None:
+            remedy = "calibrate the camera with an image of the grid, and give calibration=…"
+            raise GaugeError("live gauges", "solve the field", "a calibration", "none", remedy)
         measured = self.measured(image)
-        correction: Correction = correct([measured], calibration, motion).images[0]
+        correction = correct([measured], calibration, self.setup.motion or Motion()).images[0]
         return FieldMotion.of(stated(measured, correction), correction, calibration, time_s)
 
     def seek(self, image: NDArray[Any], lost: LostPlaces) -> Sought:

@@ -1,17 +1,19 @@
 """The motion of a specimen out of the grid's plane, as a whole field gave it, and how it goes on since then."""
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
-from dic.gauges.field import GaugeField, fields_of
+from dic.gauges.field import fields_of
 from dic.out_of_plane.correction import Correction, points_of
 from dic.out_of_plane.plane import Plane, moved_out_of_plane
 from dic.out_of_plane.uncertainty import Points
 from dic.strain.measurement import Measurement
 from dic.typing import Float
+
+VALUES = 9
+"""Number of values of a motion: two slopes, the shift, and the six terms of the bend."""
 
 _LEAST_S = 1e-3
 """Least time between two fields that is used, so that a repeated time gives no infinite rate."""
@@ -88,6 +90,8 @@ class FieldMotion:
     bend : Bend
         Its curvature since the reference.
     errors : SharedErrors
+    centre_mm : ndarray, shape (3,), or None
+        The camera's centre in the axes of the surface, if the field tells it better than the calibration.
     declined : str
         The reason why the field could not be corrected; "" if it was. Calibrated strain has its errors.
     """
@@ -96,33 +100,40 @@ class FieldMotion:
     plane: Plane
     bend: Bend
     errors: SharedErrors
+    centre_mm: Float | None = None
     declined: str = ""
 
     @classmethod
     def of(
-        cls, measurement: Measurement, correction: Correction, calibration: Calibration, time_s: float
+        cls,
+        measurement: Measurement,
+        correction: Correction,
+        calibration: Calibration,
+        time_s: float,
+        points: Points | None = None,
     ) -> "FieldMotion":
-        """Return the motion of a field that one camera measured and corrected.
+        """Return the motion of a field of one camera that was corrected.
 
         `measurement`: the measurement with all its errors; see `dic.out_of_plane.correction.stated`.
+        `points`: the points with which it was corrected, in the axes of the surface. Default: those of a
+        correction by one camera.
         """
         fields = fields_of(measurement, correction, calibration)
         unknown = np.full((3, 3), np.nan)
         if "corrected" not in fields or correction.after is None:
             errors = SharedErrors(fields["calibrated"].shared, unknown, unknown, np.zeros((3, 0)))
-            return cls(time_s, Plane(), Bend(), errors, correction.declined or "it is not corrected")
-        points = points_of(measurement, calibration)
-        return cls.of_points(time_s, points, correction, _errors(fields))
-
-    @classmethod
-    def of_points(
-        cls, time_s: float, points: Points, correction: Correction, errors: SharedErrors
-    ) -> "FieldMotion":
-        """Return the motion that was subtracted from the displacements of a field's points."""
-        plane, centre_mm = correction.after or Plane(), points.centre_mm
-        plain = moved_out_of_plane(replace(points.displacement, noise=None), centre_mm, Plane(), plane)
+            why = correction.declined or "it is not corrected"
+            return cls(time_s, Plane(), Bend(), errors, declined=why)
+        points = points or points_of(measurement, calibration)
+        plane, displacement = correction.after, replace(points.displacement, noise=None)
+        plain = moved_out_of_plane(displacement, points.centre_mm, Plane(), plane)
         rest = (plain.vector - correction.displacement.vector)[points.use]
-        return cls(time_s, plane, Bend.of(rest, points.after_mm, centre_mm), errors)
+        bend = Bend.of(rest, points.after_mm, points.centre_mm)
+        calibrated, corrected = fields["calibrated"], fields["corrected"]
+        errors = SharedErrors(
+            calibrated.shared, corrected.shared, corrected.common_noise, corrected.mounting
+        )
+        return cls(time_s, plane, bend, errors, points.centre_mm)
 
     @property
     def values(self) -> Float:
@@ -131,51 +142,50 @@ class FieldMotion:
         return np.array([plane.slope_x, plane.slope_y, plane.shift_mm, *self.bend.terms])
 
 
-def _errors(fields: Mapping[str, GaugeField]) -> SharedErrors:
-    calibrated, corrected = fields["calibrated"], fields["corrected"]
-    return SharedErrors(
-        calibrated.shared, corrected.shared, corrected.common_noise, corrected.mounting
-    )
-
-
 class MotionTrack:
     """The motions of the fields so far, and the motion now that is expected from them.
 
     The last motion holds, or goes on as between the last two, whichever has been closer to the next one. How
     far it was off, per second, tells the error by the age of the motion.
 
-    `effect`: function that returns the mean strains (3,) of the present frame, corrected for the motion with
-    the given values (9,). `start_s`: time of the reference.
+    `start_s`: time of the reference, in which there was no motion.
     """
 
     def __init__(self, start_s: float) -> None:
-        self._times_s, self._values = [start_s], [np.zeros(9)]
+        self._times_s, self._values = [start_s], [np.zeros(VALUES)]
         self._errors: dict[str, Float] = {}
+        self.by_values = np.full((3, VALUES), np.nan)
+        """Derivatives of the mean strains exx, eyy, exy of the gauges' points by the values of the motion."""
         self.last: FieldMotion | None = None
 
-    def take(self, motion: FieldMotion, effect: Callable[[Float], Float]) -> None:
-        """Take the motion of a field. One that was not corrected, or is older than the last, changes nothing."""
+    def take(self, motion: FieldMotion, by_values: Float) -> None:
+        """Take the motion of a field. One that was not corrected, or is older than the last, changes nothing.
+
+        `by_values`, shape (3, 9): derivatives of the strains at present; NaN if they are not known.
+        """
+        if np.isfinite(by_values).all():
+            self.by_values = by_values
         if motion.declined or (self.last is not None and motion.time_s <= self._times_s[-1]):
             return
         passed_s = max(motion.time_s - self._times_s[-1], _LEAST_S)
-        true = effect(motion.values)
         for name in ("held", "continued"):
-            off = (effect(self._expected(name, motion.time_s)) - true) / passed_s
-            known = self._errors.get(name)
-            # Without enough points of the gauges, the effect is not known.
-            if np.isfinite(off).all():
-                square = np.outer(off, off)
-                self._errors[name] = square if known is None else _KEPT * known + (1.0 - _KEPT) * square
+            off = (self._expected(name, motion.time_s) - motion.values) / passed_s
+            square, known = np.outer(off, off), self._errors.get(name)
+            self._errors[name] = square if known is None else _KEPT * known + (1.0 - _KEPT) * square
         self.last = motion
         self._times_s = [self._times_s[-1], motion.time_s]
         self._values = [self._values[-1], motion.values]
 
-    def at(self, time_s: float) -> tuple[Plane, Bend, Float]:
-        """Return plane and bend that are expected now, and the covariance (3, 3) of the strain by their age."""
-        name = min(self._errors, key=lambda each: float(np.trace(self._errors[each])), default="held")
-        values, unknown = self._expected(name, time_s), np.full((3, 3), np.nan)
-        plane = Plane(*values[:3].tolist())
-        return plane, Bend(values[3:]), self._errors.get(name, unknown) * self.age_s(time_s) ** 2
+    def at(self, time_s: float) -> tuple[Float, Float]:
+        """Return the values (9,) that are expected now, and the covariance (9, 9) of their errors by age."""
+        to_strain = np.nan_to_num(self.by_values)
+        name = min(
+            self._errors,
+            key=lambda each: float(np.trace(to_strain @ self._errors[each] @ to_strain.T)),
+            default="held",
+        )
+        unknown = np.full((VALUES, VALUES), np.nan)
+        return self._expected(name, time_s), self._errors.get(name, unknown) * self.age_s(time_s) ** 2
 
     def age_s(self, time_s: float) -> float:
         """Return the age of the last motion."""
