@@ -169,9 +169,8 @@ class _Places:
         weights = self._weights
         used = (self.sums != 0.0).any(axis=1)[:, :, None, None]
         factors = np.where(used, noise.factors[self.rows, self.columns], 0.0)
-        parts = (np.swapaxes(weights, 2, 3) @ factors).reshape(count, most, 12)
-        shared = (known @ parts).reshape(count, most, 6, 2)
-        parts = parts.reshape(count, most, 6, 2)
+        parts = np.swapaxes(weights, 2, 3) @ factors
+        shared = (known @ parts.reshape(count, most, 12)).reshape(count, most, 6, 2)
         covariance = np.einsum("pmqa,pmra->pqr", parts, shared)
         if noise.bias is not None:
             bias = np.where(used, noise.bias[self.rows, self.columns], 0.0)
@@ -183,4 +182,4 @@ class _Places:
     def _weights(self) -> Float:
         """Weights of the displacements in the six sums, shape (places, m, 2, 6)."""
         count, most = self.rows.shape
-        return np.einsum("ik,pjm->pmikj", np.eye(2), self.sums).reshape(count, most, 2, 6)
+        return np.asarray(np.einsum("ik,pjm->pmikj", np.eye(2), self.sums).reshape(count, most, 2, 6))

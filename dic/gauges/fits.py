@@ -135,7 +135,7 @@ class PreparedFit:
         """Weights, shape (n, 2, 6), of the displacements in u and v at the gauge's place, and in the elements
         xx, xy, yx, yy of the gradient.
         """
-        return np.einsum("ik,jn->nikj", np.eye(2), self.sums).reshape(-1, 2, 6)
+        return np.asarray(np.einsum("ik,jn->nikj", np.eye(2), self.sums).reshape(-1, 2, 6))
 
 
 class _FitValues(Mapping[str, float]):
@@ -167,9 +167,7 @@ class _FitValues(Mapping[str, float]):
     def _known(self) -> dict[str, float]:
         moved, gradient, covariance, points = self._fit
         of_gradient = None if covariance is None else covariance[_OF_GRADIENT]
-        mean = with_shared(
-            strain_of_gradient(gradient, of_gradient, points, self._measure), self._shared
-        )
+        mean = with_shared(strain_of_gradient(gradient, of_gradient, points, self._measure), self._shared)
         stds = np.full(2, np.nan) if covariance is None else np.sqrt(np.diag(covariance)[MOVED])
         values = {
             "u": float(moved[0]),

@@ -31,12 +31,11 @@ def covariance_at_points(
     if known is None and len(rows) > _FEW:
         return _by_transforms(rows, columns, weights, noise)
     overlap = correlations(rows, columns, noise) if known is None else known
-    # Products of matrices, because of few points their sums by `einsum` would take several times as long.
+    # For few points, `einsum` would take several times as long as products of matrices.
     count, sums = len(rows), weights.shape[2]
     to_sums = np.swapaxes(weights, 1, 2)
-    parts = (to_sums @ noise.factors[rows, columns]).reshape(count, 2 * sums)
-    shared = (overlap @ parts).reshape(count, sums, 2)
-    parts = parts.reshape(count, sums, 2)
+    parts = to_sums @ noise.factors[rows, columns]
+    shared = (overlap @ parts.reshape(count, 2 * sums)).reshape(count, sums, 2)
     covariance = np.tensordot(parts, shared, axes=((0, 2), (0, 2)))
     if noise.bias is not None:
         bias = (to_sums @ noise.bias[rows, columns]).sum(axis=0)

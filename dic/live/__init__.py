@@ -1,4 +1,4 @@
-"""Gauges while a test runs: the strain of a few points in each frame, its standard deviation, and its validity."""
+"""Gauges while a test runs: the strain in each frame, its standard deviation, and whether it is valid."""
 
 from lazy_loader import attach_stub
 

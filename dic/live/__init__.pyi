@@ -2,7 +2,10 @@ from .camera import (
     LiveCamera as LiveCamera,
     MotionNow as MotionNow,
 )
-from .field_solver import FieldSolver as FieldSolver
+from .field_solver import (
+    FieldSolver as FieldSolver,
+    PairSolver as PairSolver,
+)
 from .image import (
     LiveGauge as LiveGauge,
     LiveImage as LiveImage,
@@ -12,6 +15,10 @@ from .motion import (
     Bend as Bend,
     FieldMotion as FieldMotion,
     SharedErrors as SharedErrors,
+)
+from .pair import (
+    LivePair as LivePair,
+    surface_of as surface_of,
 )
 from .reasons import Reason as Reason
 from .settings import LiveSettings as LiveSettings

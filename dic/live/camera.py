@@ -35,8 +35,10 @@ class MotionNow:
     """Shape (9,). Slopes and shift of the plane, and terms of the bend; see `FieldMotion.values`."""
     errors: SharedErrors | None = None
     """Errors of the strains; None if the motion is not known."""
+    covariance: Float = field(default_factory=lambda: np.zeros((VALUES, VALUES)))
+    """Shape (9, 9). Errors of the values, by the age of the motion and by noise."""
     more: Float = field(default_factory=lambda: np.zeros((3, 3)))
-    """Shape (3, 3). Covariance of further errors of exx, eyy, exy, such as by the age of the motion."""
+    """Shape (3, 3). Covariance of errors of exx, eyy, exy that these errors cause."""
     age_s: float = float("nan")
     reason: Reason = Reason.NONE
     """Why corrected strain is not valid."""
@@ -154,7 +156,7 @@ class LiveCamera:
         return self._last
 
     def take(self, motion: FieldMotion) -> None:
-        """Take the motion out of the plane that a whole field has shown; the next frames are corrected for it.
+        """Take the motion out of the plane that a whole field has shown, for the next frames.
 
         Raises
         ------
@@ -190,7 +192,7 @@ class LiveCamera:
             reason = Reason.DECLINED
         values, covariance = track.at(time_s)
         more = track.by_values @ covariance @ track.by_values.T
-        return MotionNow(values, track.last.errors, more, age_s, reason)
+        return MotionNow(values, track.last.errors, covariance, more, age_s, reason)
 
     @property
     def lost(self) -> LostPlaces:
@@ -200,13 +202,7 @@ class LiveCamera:
 
     def accept(self, sought: Sought) -> None:
         """Let the next frame start from points that a search has found, if they are lost still."""
-        at, lost = self.points.points, ~self.tracker.known
-        places = {
-            (row, column): k
-            for k, (row, column) in enumerate(
-                zip(self.points.rows[at].tolist(), self.points.columns[at].tolist(), strict=True)
-            )
-        }
+        places, lost = self.points.numbers, ~self.tracker.known
         pairs = zip(sought.rows.tolist(), sought.columns.tolist(), strict=True)
         found = [(places[place], j) for j, place in enumerate(pairs) if place in places]
         found = [(k, j) for k, j in found if lost[k]]

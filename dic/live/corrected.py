@@ -25,8 +25,8 @@ _STEPS = np.array([1e-5, 1e-5, 1e-3, *[1e-6] * 3, *[1e-5] * 2, 1e-3])
 class CorrectedField:
     """The corrected field of one camera.
 
-    `reference`: the measurement of the reference with itself. `calibration`: calibration of the camera, with a
-    pinhole model. `surface`: plane of the surface in the reference; displacements are along this plane.
+    `reference`: the measurement of the reference with itself. `calibration`: calibration of the camera, with
+    a pinhole model. `surface`: plane of the surface in the reference; displacements are along this plane.
     `centre_mm`, shape (3,): the camera's centre in the grid's axes, if it is known better than from the
     calibration.
 

@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from dic.correlation.field import Field
 from dic.errors import GaugeError
 from dic.live.motion import FieldMotion
-from dic.live.setup import LiveSetup
+from dic.live.setup import LiveSetup, calibrations_of
 from dic.live.sought import LostPlaces, Sought
 from dic.out_of_plane.correct import correct
 from dic.out_of_plane.correction import stated
 from dic.out_of_plane.motion import Motion
+from dic.out_of_plane.reference_surface import ReferenceSurface
+from dic.out_of_plane.two_cameras import solve_with_two_cameras, step_of
 from dic.strain.measurement import Measurement, measure
 
 _STEP = 2
@@ -83,3 +85,61 @@ class FieldSolver:
         found = self.setup.correlator.seek(np.array(image), np.stack(lost, axis=1))
         rows, columns = found.indices.T
         return Sought(rows, columns, found.solution.warps, found.start)
+
+
+class PairSolver:
+    """Measure whole fields of two cameras, and correct them together.
+
+    Parameters
+    ----------
+    first, second : LiveSetup
+        Those of the cameras' live gauges, in the order of `LivePair`.
+    surface : ReferenceSurface, optional
+        Place of the surface in the reference, from `surface_of`.
+    coarser : int
+        As for `FieldSolver`.
+
+    Attributes
+    ----------
+    solvers : tuple of FieldSolver
+        The solvers of the two cameras, for example to seek lost points.
+    """
+
+    def __init__(
+        self,
+        first: LiveSetup,
+        second: LiveSetup,
+        surface: ReferenceSurface | None = None,
+        coarser: int = _STEP,
+    ) -> None:
+        self.solvers = FieldSolver(first, coarser), FieldSolver(second, coarser)
+        self._calibrations, self._surface = calibrations_of(first, second), surface
+
+    def __repr__(self) -> str:
+        return f"PairSolver({self.solvers[0]}, {self.solvers[1]})"
+
+    def solve(
+        self, images: tuple[NDArray[Any], NDArray[Any]], time_s: float
+    ) -> tuple[FieldMotion, FieldMotion]:
+        """Return the motion out of the plane that both frames together show, for `LivePair.take`.
+
+        Raises
+        ------
+        CorrelationError
+            If a frame does not show the reference's pattern.
+        """
+        (first, second), calibrations = self.solvers, self._calibrations
+        both = first.measured(images[0]), second.measured(images[1])
+        joint = solve_with_two_cameras(both, calibrations, self._surface)
+        found = []
+        for k, (measured, calibration) in enumerate(zip(both, calibrations, strict=True)):
+            if isinstance(joint, str):
+                unknown = correct([measured], calibration, Motion()).images[0]
+                unknown = replace(unknown, declined=joint)
+                found.append(FieldMotion.of(stated(measured, unknown), unknown, calibration, time_s))
+                continue
+            correction = step_of(both, joint).corrections[k]
+            pairs = joint.system.pairs
+            seen = (pairs.first, pairs.second)[k], joint.system.centres_mm[k]
+            found.append(FieldMotion.of(stated(measured, correction), correction, calibration, time_s, seen))
+        return found[0], found[1]

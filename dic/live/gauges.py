@@ -1,6 +1,7 @@
 """Reads one gauge in the fields of each frame, and judges its value."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dic.correlation.status import Status
 from dic.gauges.declared import Gauge, Placed, Prepared
@@ -9,7 +10,7 @@ from dic.gauges.reading import Profile, Reading
 from dic.live.points import GaugePoints
 from dic.live.reasons import Reason
 from dic.live.settings import LiveSettings
-from dic.typing import Float, Indices, Mask
+from dic.typing import Indices, Mask
 
 _KEPT = 4
 """Number of sets of points for which the sums of a gauge are kept."""
@@ -26,17 +27,10 @@ class FollowedGauge:
 
     def __init__(self, gauge: Gauge, placed: Placed, points: GaugePoints, settings: LiveSettings) -> None:
         self.gauge, self._placed, self._settings = gauge, placed, settings
-        at = points.points
-        number = {
-            (row, column): k
-            for k, (row, column) in enumerate(
-                zip(points.rows[at].tolist(), points.columns[at].tolist(), strict=True)
-            )
-        }
         places = set(zip(*(each.tolist() for each in placed.points()), strict=True))
-        self.numbers: Indices = np.array(sorted(number[place] for place in places))
+        self.numbers: Indices = np.array(sorted(points.numbers[place] for place in places))
         starts = np.array([tile.nodes.start for tile in points.tiles])
-        self.tiles = np.unique(np.searchsorted(starts, at[self.numbers], side="right") - 1)
+        self.tiles = np.unique(np.searchsorted(starts, points.points[self.numbers], side="right") - 1)
         self._prepared: dict[tuple[str, bytes], Prepared] = {}
         self._jumps = _Jumps(settings)
 
@@ -54,7 +48,7 @@ class FollowedGauge:
         self._prepared = {key: each for key, each in self._prepared.items() if key[0] != kind}
 
     def objection(
-        self, valid: Mask, status: Float, reading: Reading | Profile, time_s: float
+        self, valid: Mask, status: NDArray[np.int8], reading: Reading | Profile, time_s: float
     ) -> tuple[Reason, str]:
         """Return why the raw value of a frame is not valid, and figures; `Reason.NONE` and "" if it is.
 
@@ -63,13 +57,13 @@ class FollowedGauge:
         own = valid[self.numbers]
         share = np.count_nonzero(own) / len(own)
         if share < self._settings.least_share or reading.reason:
-            return _loss(status[self.numbers][~own], share), f"{np.count_nonzero(own)} of {len(own)} points"
+            return _loss(status[self.numbers][~own]), f"{np.count_nonzero(own)} of {len(own)} points"
         if isinstance(reading, Reading):
             return self._jumps.objection(reading, time_s)
         return Reason.NONE, ""
 
 
-def _loss(status: Indices, share: float) -> Reason:
+def _loss(status: NDArray[np.int8]) -> Reason:
     """Return the reason that most of the lost points have."""
     if not status.size:
         return Reason.POINTS_LOST

@@ -92,7 +92,8 @@ class LiveImage:
     def __repr__(self) -> str:
         values = {name: gauge.value() for name, gauge in self.gauges.items()}
         texts = (
-            f"{name} {1e6 * v.strain:z.0f} ± {1e6 * v.std:.0f} µε" + (f" ({v.reason.value})" if v.reason else "")
+            f"{name} {1e6 * v.strain:z.0f} ± {1e6 * v.std:.0f} µε"
+            + (f" ({v.reason.value})" if v.reason else "")
             for name, v in values.items()
         )
         return f"LiveImage({self.time_s:.3f} s, {', '.join(texts)})"

@@ -1,4 +1,4 @@
-"""The motion of a specimen out of the grid's plane, as a whole field gave it, and how it goes on since then."""
+"""The motion of a specimen out of the grid's plane, as a whole field gave it, and how it goes on."""
 
 from dataclasses import dataclass, field, replace
 
@@ -17,6 +17,9 @@ VALUES = 9
 
 _LEAST_S = 1e-3
 """Least time between two fields that is used, so that a repeated time gives no infinite rate."""
+
+_RANK = 1e-9
+"""Terms of a bend that cause less than this share of the largest displacement are left out."""
 
 _KEPT = 0.5
 """Weight of the earlier errors of a prediction in their mean."""
@@ -38,11 +41,16 @@ class Bend:
     def of(cls, displacement_mm: Float, after_mm: Float, centre_mm: Float) -> "Bend":
         """Fit the bend to the displacements (n, 2) that it causes at calibrated places (n, 2)."""
         design = _terms(after_mm)[:, None, :] * _ray(after_mm, centre_mm)[:, :, None]
-        return cls(np.linalg.lstsq(design.reshape(-1, 6), displacement_mm.ravel(), rcond=1e-9)[0])
+        found = np.linalg.lstsq(design.reshape(-1, 6), displacement_mm.ravel(), rcond=_RANK)[0]
+        return cls(np.asarray(found, np.float64))
+
+    def heights(self, mm: Float) -> Float:
+        """Return the heights above the plane, mm, shape (n,), at places (n, 2)."""
+        return np.asarray(_terms(mm) @ self.terms)
 
     def displacement(self, after_mm: Float, centre_mm: Float) -> Float:
         """Return the displacements (n, 2) that a camera sees at calibrated places (n, 2)."""
-        return np.asarray((_terms(after_mm) @ self.terms)[:, None] * _ray(after_mm, centre_mm))
+        return np.asarray(self.heights(after_mm)[:, None] * _ray(after_mm, centre_mm))
 
 
 def _terms(mm: Float) -> Float:
@@ -110,13 +118,13 @@ class FieldMotion:
         correction: Correction,
         calibration: Calibration,
         time_s: float,
-        points: Points | None = None,
+        seen: tuple[Points, Float] | None = None,
     ) -> "FieldMotion":
         """Return the motion of a field of one camera that was corrected.
 
         `measurement`: the measurement with all its errors; see `dic.out_of_plane.correction.stated`.
-        `points`: the points with which it was corrected, in the axes of the surface. Default: those of a
-        correction by one camera.
+        `seen`: the points with which it was corrected, and the camera's centre, shape (3,), in the axes of
+        the surface. Default: those of a correction by one camera.
         """
         fields = fields_of(measurement, correction, calibration)
         unknown = np.full((3, 3), np.nan)
@@ -124,16 +132,16 @@ class FieldMotion:
             errors = SharedErrors(fields["calibrated"].shared, unknown, unknown, np.zeros((3, 0)))
             why = correction.declined or "it is not corrected"
             return cls(time_s, Plane(), Bend(), errors, declined=why)
-        points = points or points_of(measurement, calibration)
-        plane, displacement = correction.after, replace(points.displacement, noise=None)
-        plain = moved_out_of_plane(displacement, points.centre_mm, Plane(), plane)
+        if seen is None:
+            points = points_of(measurement, calibration)
+            seen = points, points.centre_mm
+        (points, centre_mm), plane = seen, correction.after
+        plain = moved_out_of_plane(replace(points.displacement, noise=None), centre_mm, Plane(), plane)
         rest = (plain.vector - correction.displacement.vector)[points.use]
-        bend = Bend.of(rest, points.after_mm, points.centre_mm)
+        bend = Bend.of(rest, points.after_mm, centre_mm)
         calibrated, corrected = fields["calibrated"], fields["corrected"]
-        errors = SharedErrors(
-            calibrated.shared, corrected.shared, corrected.common_noise, corrected.mounting
-        )
-        return cls(time_s, plane, bend, errors, points.centre_mm)
+        errors = SharedErrors(calibrated.shared, corrected.shared, corrected.common_noise, corrected.mounting)
+        return cls(time_s, plane, bend, errors, centre_mm)
 
     @property
     def values(self) -> Float:

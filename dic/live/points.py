@@ -128,10 +128,11 @@ class GaugePoints:
         for tile in tiles:
             right = np.searchsorted(grid.x, tile.part.left + reference.settings.radius_px)
             down = np.searchsorted(grid.y, tile.part.top + reference.settings.radius_px)
-            block = np.indices(tile.shape).reshape(2, -1) + [[down], [right]]
-            of_nodes[:, tile.nodes] = block
+            in_block = np.indices(tile.shape).reshape(2, -1)
+            of_nodes[:, tile.nodes] = in_block + np.array([[down], [right]])
             used[tile.nodes.start + tile.own] = True
-        return cls(tuple(tiles), *of_nodes, grid.x[of_nodes[1]], grid.y[of_nodes[0]], used)
+        rows, columns = of_nodes
+        return cls(tuple(tiles), rows, columns, grid.x[columns], grid.y[rows], used)
 
     @cached_property
     def points(self) -> Indices:
@@ -139,15 +140,18 @@ class GaugePoints:
         return np.flatnonzero(self.used)
 
     @cached_property
+    def numbers(self) -> dict[tuple[int, int], int]:
+        """The number among `points` of each point, by its row and column in the offline measurement."""
+        rows, columns = self.rows[self.points].tolist(), self.columns[self.points].tolist()
+        return {place: k for k, place in enumerate(zip(rows, columns, strict=True))}
+
+    @cached_property
     def neighbours(self) -> tuple[Indices, Mask]:
         """For each of `points`, the numbers (n, 8) among them of its neighbours in the grid, and which exist.
 
         A neighbour that does not exist has the number of the point itself.
         """
-        at = {
-            (int(row), int(column)): k
-            for k, (row, column) in enumerate(zip(self.rows[self.points], self.columns[self.points], strict=True))
-        }
+        at = self.numbers
         number = np.array(
             [
                 [at.get((row + down, column + right), k) for down, right in _NEIGHBOURS]

@@ -17,6 +17,7 @@ class Reason(Enum):
     NO_VALUE = "the gauge has no value of this kind"
     NO_MOTION = "the motion out of the plane is not known yet"
     DECLINED = "the field could not be corrected for motion out of the plane"
+    CAMERAS_DISAGREE = "the two cameras do not show the same motion: was a camera moved?"
     OLD = "the motion out of the plane was solved too long ago"
 
     def __bool__(self) -> bool:

@@ -96,3 +96,17 @@ class LiveSetup:
         for placed in self.placed.placed:
             needed[placed.points()] = True
         return needed
+
+
+def calibrations_of(first: LiveSetup, second: LiveSetup) -> tuple[Calibration, Calibration]:
+    """Return the calibrations of both cameras; raise a GaugeError if one has no pinhole model."""
+    one, other = first.calibration, second.calibration
+    if one is None or other is None or one.pinhole is None or other.pinhole is None:
+        raise GaugeError(
+            "live gauges of two cameras",
+            "correct for motion out of the plane",
+            "calibrations with a pinhole model",
+            "a camera without one",
+            "calibrate both cameras with the same grid",
+        )
+    return one, other

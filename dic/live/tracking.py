@@ -15,7 +15,8 @@ from dic.correlation.consistency import is_plausible, predicts
 from dic.correlation.prepared_reference import PreparedReference
 from dic.correlation.solver import method_of
 from dic.correlation.status import Status
-from dic.live.points import GaugePoints, Tile
+from dic.live.followed_tile import FollowedTile
+from dic.live.points import GaugePoints
 from dic.live.settings import LiveSettings
 from dic.live.windows import windows
 from dic.typing import Float, Indices, Mask
@@ -25,9 +26,6 @@ _PROBES = 5
 
 _LONGEST_WAIT = 32
 """A point that fails again and again is tried at least once in this number of frames."""
-
-_LARGEST = 6.0
-"""Largest window of a tile, as a multiple of that in the reference; a larger one follows from wrong warps."""
 
 _MEMORY = 0.8
 """Weight of the earlier frames in the mean errors of both predictions."""
@@ -45,29 +43,31 @@ class Tracker:
     """
 
     def __init__(
-        self, reference: PreparedReference, points: GaugePoints, shape: tuple[int, ...], settings: LiveSettings
+        self,
+        reference: PreparedReference,
+        points: GaugePoints,
+        shape: tuple[int, ...],
+        settings: LiveSettings,
     ) -> None:
         self.points, self._settings, self._shape = points, settings, shape
         own, parameters, count = reference.settings, reference.settings.parameters, len(points.used)
-        self._subset_px, self._radius = own.subset_px, own.radius_px
+        self._radius = own.radius_px
         method = method_of(own, reference.smoothing.taps)
-        self._method = method._replace(
-            max_iterations=min(settings.most_iterations, method.max_iterations)
-        )
+        self._method = method._replace(max_iterations=min(settings.most_iterations, method.max_iterations))
         self._solution = kernel.Solution.empty((count,), parameters)
         self.warps, self.std = self._solution.warps, self._solution.std
         self.status, self.zncc = self._solution.status, self._solution.zncc
         self._tiles = [
-            _FollowedTile(tile, self._solution, kernel.PartMemory(own.order, reference.mean, reference.smoothing.taps))
+            FollowedTile(
+                tile, self._solution, kernel.PartMemory(own.order, reference.mean, reference.smoothing.taps)
+            )
             for tile in points.tiles
         ]
         number = points.points
         self._at = number
         self._x, self._y = points.x[number], points.y[number]
         self._starts = np.searchsorted(number, [tile.nodes.start for tile in points.tiles])
-        self._tile_of = np.repeat(
-            np.arange(len(points.tiles)), np.diff(np.append(self._starts, len(number)))
-        )
+        self._tile_of = np.repeat(np.arange(len(points.tiles)), np.diff(np.append(self._starts, len(number))))
         self._neighbours, self._exists = points.neighbours
         self._apart = np.stack(
             [self._x[:, None] - self._x[self._neighbours], self._y[:, None] - self._y[self._neighbours]]
@@ -87,7 +87,7 @@ class Tracker:
     def probes(self, tile: int) -> Indices:
         """Return the numbers, among `points.points`, of the points of a tile that stand for it."""
         own = np.flatnonzero(self._tile_of == tile)
-        return own[np.unique(np.linspace(0, len(own) - 1, _PROBES).round().astype(int))]
+        return np.asarray(own[np.unique(np.linspace(0, len(own) - 1, _PROBES).round().astype(int))])
 
     def follow(self, image: NDArray[Any], ratio: float = 1.0) -> None:
         """Find the points in the next frame.
@@ -107,18 +107,19 @@ class Tracker:
         for number, tile in enumerate(self._tiles):
             chosen = None if everything else due[self._starts[number] :][: len(tile.tile.points)]
             if chosen is None or chosen.any():
-                tile.lay(image, self.windows[number], _LARGEST)
+                tile.lay(image, self.windows[number])
                 tile.solve(self._method, chosen)
         known = self._consistent()
         failed = due & ~known
         if failed.any():
             known = self._tried_again(failed, known)
-        self._learn(known, was_known, guess, due, ratio)
+        self._learn(known, was_known, due, ratio)
 
     def place(self, numbers: Indices, warps: Float) -> None:
         """Let the next frame start from these warps (n, 6 or 12) at points with these numbers."""
         self.warps[self._at[numbers], : warps.shape[1]] = warps
         self.warps[self._at[numbers], warps.shape[1] :] = 0.0
+        self._before[numbers] = self.warps[self._at[numbers]]
         self._step[numbers], self._misses[numbers], self._wait[numbers] = 0.0, 0, 0
 
     def place_tile(self, tile: int, number: int, warp: Float) -> None:
@@ -139,7 +140,7 @@ class Tracker:
         for tile in self.lost_tiles:
             due[self._tile_of == tile] = False
             due[self.probes(int(tile))] = True
-        return due
+        return np.asarray(due)
 
     def _consistent(self) -> Mask:
         """Return which points have converged, with displacements that a neighbour predicts."""
@@ -174,7 +175,7 @@ class Tracker:
             tile.solve(self._method, again[self._starts[number] :][: len(tile.tile.points)])
         return self._consistent()
 
-    def _learn(self, known: Mask, was_known: Mask, guess: Float, due: Mask, ratio: float) -> None:
+    def _learn(self, known: Mask, was_known: Mask, due: Mask, ratio: float) -> None:
         """Keep what the next frame needs: the last steps, which prediction was closer, and what was lost."""
         both, warps = known & was_known, self.warps[self._at]
         step = warps - self._before
@@ -202,73 +203,3 @@ class Tracker:
         # A tile that is found again is tried as a whole.
         self._wait[lost & np.isin(self._tile_of, found)] = 0
         self._step, self._before, self.known = step, warps, known
-
-
-class _FollowedTile:
-    """A tile with the memory for its part of the frames, and views of its results."""
-
-    def __init__(self, tile: Tile, solution: kernel.Solution, memory: kernel.PartMemory) -> None:
-        self.tile, self._memory = tile, memory
-        own = solution.part(tile.nodes)
-        self._solution = kernel.Solution(
-            own.warps.reshape(*tile.shape, -1),
-            own.std.reshape(*tile.shape, 6),
-            own.status.reshape(tile.shape),
-            own.zncc.reshape(tile.shape),
-            own.iterations.reshape(tile.shape),
-        )
-        self._x, self._y = tile.grid.x.copy(), tile.grid.y.copy()
-        self._grid = kernel.KernelGrid(self._x, self._y, tile.grid.pixels)
-        self._deformed: kernel.Deformed | None = None
-        self._window = tile.part
-
-    def lay(self, image: NDArray[Any], window: kernel.Part, largest: float) -> None:
-        """Interpolate the window of a frame. A window without pixels, or a far too large one, is not."""
-        self._deformed, self._window = None, window
-        room = min(window.bottom - window.top, window.right - window.left)
-        if room > 2 * kernel.EDGE_PX and window.pixels < largest * self.tile.part.pixels + 1e5:
-            self._deformed = self._memory.lay(image, window)
-
-    def solve(self, method: kernel.Method, chosen: Mask | None) -> None:
-        """Correlate the `chosen` points, or all, from their warps; the others keep what they have."""
-        tile, solution, window = self.tile, self._solution, self._window
-        whole = tile.whole if chosen is None else tile.whole & chosen
-        seeds = tile.points if whole.all() else tile.points[whole]
-        if self._deformed is None:
-            own = tile.points if chosen is None else tile.points[chosen]
-            solution.status[own[:, 0], own[:, 1]] = Status.OUT_OF_VIEW
-            return
-        # The kernel rounds warps to float32. So its coordinates are such that the displacements are small.
-        row, column = tile.points[len(tile.points) // 2]
-        u, v = (round(float(solution.warps[row, column, k])) for k in _MOVED)
-        right, down = tile.part.left + u - window.left, tile.part.top + v - window.top
-        np.add(tile.grid.x, right, out=self._x)
-        np.add(tile.grid.y, down, out=self._y)
-        solution.warps[..., 0] -= u
-        solution.warps[..., 3] -= v
-        if len(seeds):
-            image = _moved(tile.image, right, down)
-            kernel.correlate_seeds(image, self._deformed, method, self._grid, seeds, solution, tile.prepared)
-        if tile.cut:
-            self._solve_cut(method, chosen, right, down)
-        solution.warps[..., 0] += u
-        solution.warps[..., 3] += v
-
-    def _solve_cut(self, method: kernel.Method, chosen: Mask | None, right: int, down: int) -> None:
-        if self._deformed is None:
-            return
-        numbers = np.flatnonzero(~self.tile.whole)
-        for number, point in zip(numbers, self.tile.cut, strict=True):
-            if chosen is not None and not chosen[number]:
-                continue
-            (row, column), image = point.place, _moved(point.image, right, down)
-            grid = kernel.KernelGrid(point.grid.x + right, point.grid.y + down, point.grid.pixels)
-            block = slice(row, row + 1), slice(column, column + 1)
-            own = kernel.Solution(*(each[block].copy() for each in self._solution))
-            kernel.correlate_seeds(image, self._deformed, method, grid, np.zeros((1, 2), np.int64), own, point.prepared)
-            self._solution.put(block, own)
-
-
-def _moved(image: kernel.KernelReference, right: int, down: int) -> kernel.KernelReference:
-    """Return a reference whose coordinates are larger by some pixels."""
-    return image._replace(origin=image.origin - down * image.pitch - right)

@@ -87,39 +87,54 @@ def correct_with_two_cameras(
     specimen's surface in the reference. Default: the grid's plane.
     """
 
-    def declined(reason: str) -> TwoCameraStep:
-        first, second = (Correction.refused("two cameras", m, reason) for m in measurements)
-        return TwoCameraStep((first, second), declined=reason)
+    joint = solve_with_two_cameras(measurements, calibrations, surface)
+    if isinstance(joint, str):
+        first, second = (Correction.refused("two cameras", m, joint) for m in measurements)
+        return TwoCameraStep((first, second), declined=joint)
+    return step_of(measurements, joint)
 
+
+def solve_with_two_cameras(
+    measurements: tuple[Measurement, Measurement],
+    calibrations: tuple[Calibration, Calibration],
+    surface: ReferenceSurface | None = None,
+) -> JointSolution | str:
+    """Return the joint solution of `correct_with_two_cameras`, or the reason why there is none."""
     if any(calibration.pinhole is None for calibration in calibrations):
-        return declined("a calibration knows no camera centre")
+        return "a calibration knows no camera centre"
     if surface is not None and surface.contradicted:
-        return declined(surface.problem)
-    one, other = of_one_grid(calibrations)
-    if surface is not None and surface.moved is not None:
-        other = surface.moved.camera
+        return surface.problem
+    one, other = seen_calibrations(calibrations, surface)
     first, second = _points(measurements, (one, other), surface)
     if min(len(first.before_mm), len(second.before_mm)) < _FEWEST_PAIRS:
-        return declined(f"a camera has fewer than {_FEWEST_PAIRS} points")
+        return f"a camera has fewer than {_FEWEST_PAIRS} points"
     pairs = Pairs.of(first, second, measurements[1].field)
     if len(pairs.chosen) < _FEWEST_PAIRS:
-        return declined(f"the cameras share {len(pairs.chosen)} points, at least {_FEWEST_PAIRS} are needed")
+        return f"the cameras share {len(pairs.chosen)} points, at least {_FEWEST_PAIRS} are needed"
     if not (first.determine(1) and second.determine(1)):
-        return declined("the points lie on one line")
+        return "the points lie on one line"
     objection = _too_close(pairs, (first.centre_mm, second.centre_mm))
     if objection is not None:
-        return declined(objection)
+        return objection
     system = JointSystem.of(pairs)
     objection = drift_reason(system) if surface is not None and surface.plane is not None else None
     if objection is not None:
-        return declined(objection)
+        return objection
     joint = system.solve()
     if surface is not None and surface.moved is not None:
         joint = replace(joint, covariance=joint.covariance + surface.moved.covariance(joint.estimates))
     objection = _disagreement(pairs, joint, calibrations[0].mm_per_px)
     if objection is not None:
-        objection = lens_reason((one, other), _apart_px(pairs, calibrations[0].mm_per_px)) or objection
-    return declined(objection) if objection is not None else _step(measurements, joint)
+        return lens_reason((one, other), _apart_px(pairs, calibrations[0].mm_per_px)) or objection
+    return joint
+
+
+def seen_calibrations(
+    calibrations: tuple[Calibration, Calibration], surface: ReferenceSurface | None
+) -> tuple[Calibration, Calibration]:
+    """Return the calibrations as both cameras together, and the surface in the reference, show them."""
+    one, other = of_one_grid(calibrations)
+    return (one, other) if surface is None or surface.moved is None else (one, surface.moved.camera)
 
 
 def _points(
@@ -182,7 +197,7 @@ def _noise_mm(points: Points) -> float:
     return float(np.sqrt((noise.factors[points.use] ** 2).sum(axis=(1, 2)).mean() / 2))
 
 
-def _step(measurements: tuple[Measurement, Measurement], joint: JointSolution) -> TwoCameraStep:
+def step_of(measurements: tuple[Measurement, Measurement], joint: JointSolution) -> TwoCameraStep:
     """Return the corrections of both cameras, the mean strain and the heights of one step."""
     system, estimates, covariance = joint.system, joint.estimates, joint.covariance
     heights, plane = Heights.of(system.pairs.seen, system.centres_mm), Plane(*map(float, estimates[8:]))

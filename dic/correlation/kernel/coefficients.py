@@ -67,7 +67,7 @@ def filter_rows(
     mean: float,
     factor: float,
     plane: Grey,
-    at: tuple[int, int],
+    begins: tuple[int, int],
     line: Flat,
 ) -> None:
     """Write coefficients, less `mean` and times `factor`, into some rows of the plane, from its row `top` on.
@@ -77,12 +77,12 @@ def filter_rows(
 
     `taps`: the middle tap of the symmetric filter, and those on one side of it; their number less one is a
     multiple of three. `down`, `across`: for each row and column that the filter reaches, from the first row
-    and column of the whole plane on, its place in `grey`. `at`: the row `top`, and the number of columns that
-    the filter reaches before the first column of `grey`. `line` is scratch memory for a row with the columns
-    on either side.
+    and column of the whole plane on, its place in `grey`. `begins`: the row `top`, and the number of columns
+    that the filter reaches before the first column of `grey`. `line` is scratch memory for a row with the
+    columns on either side.
     """
     reach, mean32, factor32 = len(taps) - 1, np.float32(mean), np.float32(factor)
-    (top, left), width, wide = at, grey.shape[1], plane.shape[1]
+    (top, left), width, wide = begins, grey.shape[1], plane.shape[1]
     middle = line[left : left + width]
     for row in range(len(plane)):
         at = top + row + reach

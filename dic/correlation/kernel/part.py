@@ -39,12 +39,13 @@ class Part(NamedTuple):
     def within(self, shape: tuple[int, ...]) -> "Part":
         """Return what lies inside an image of this height and width."""
         height, width = shape
-        return Part(max(0, self.top), min(height, self.bottom), max(0, self.left), min(width, self.right))
+        top, left = min(max(0, self.top), height), min(max(0, self.left), width)
+        return Part(top, max(top, min(height, self.bottom)), left, max(left, min(width, self.right)))
 
     @property
     def pixels(self) -> int:
         """Number of pixels."""
-        return max(0, self.bottom - self.top) * max(0, self.right - self.left)
+        return (self.bottom - self.top) * (self.right - self.left)
 
 
 def part_of_reference(reference: KernelReference, part: Part) -> KernelReference:
