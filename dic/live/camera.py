@@ -219,7 +219,9 @@ class LiveCamera:
             return fields, {}
         if motion.errors is not None:
             fields["corrected"] = self.corrected.field(motion.values, motion.errors, motion.more)
-        return fields, {"corrected": motion.reason} if motion.reason else {}
+        # Before a second field it is not known how fast the motion goes on.
+        reason = motion.reason or (Reason.NONE if np.isfinite(motion.more).all() else Reason.NO_MOTION)
+        return fields, {"corrected": reason} if reason else {}
 
     def _require_frame(self, image: NDArray[Any]) -> None:
         good = isinstance(image, np.ndarray) and image.shape == self._shape and image.dtype.kind in "uif"

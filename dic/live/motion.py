@@ -15,8 +15,8 @@ from dic.typing import Float
 VALUES = 9
 """Number of values of a motion: two slopes, the shift, and the six terms of the bend."""
 
-_LEAST_S = 1e-3
-"""Least time between two fields that is used, so that a repeated time gives no infinite rate."""
+_LEAST_S = 0.05
+"""Least time between two fields from which a rate is computed."""
 
 _RANK = 1e-9
 """Terms of a bend that cause less than this share of the largest displacement are left out."""
@@ -175,8 +175,8 @@ class MotionTrack:
             self.by_values = by_values
         if motion.declined or (self.last is not None and motion.time_s <= self._times_s[-1]):
             return
-        passed_s = max(motion.time_s - self._times_s[-1], _LEAST_S)
-        for name in ("held", "continued"):
+        passed_s = motion.time_s - self._times_s[-1]
+        for name in ("held", "continued") if passed_s > _LEAST_S else ():
             off = (self._expected(name, motion.time_s) - motion.values) / passed_s
             square, known = np.outer(off, off), self._errors.get(name)
             self._errors[name] = square if known is None else _KEPT * known + (1.0 - _KEPT) * square

@@ -119,7 +119,7 @@ class LivePair:
         if not found.agrees:
             return replace(expected, reason=Reason.CAMERAS_DISAGREE)
         values, covariance = expected.values.copy(), expected.covariance.copy()
-        of_field = covariance[:3, :3]
+        of_field = expected.covariance[:3, :3]
         values[:3], covariance[:3, :3] = found.values, found.covariance
         if np.isfinite(of_field).all():
             gain = of_field @ np.linalg.inv(of_field + found.covariance)

@@ -26,7 +26,7 @@ _GAIN = 1.0
 """Largest sum of the squared weights of these points; a larger one is an extrapolation."""
 
 _AGREE, _AGREE_PX = 4.0, 0.01
-"""Largest disagreement of the cameras across the parallax, rms: a multiple of the noise, and px in addition."""
+"""Largest rms disagreement of the cameras across the parallax: a multiple of the noise, and px besides."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +62,12 @@ class GaugePairs:
         here, there = (each.before_mm for each in corrected)
         tree = cKDTree(there)
         apart = np.asarray(tree.query(there, k=2)[0])[:, 1] if len(there) > 1 else np.full(1, np.nan)
-        distance, near = tree.query(here, k=min(_MOST, len(there)))
+        found = tree.query(here, k=min(_MOST, len(there)))
+        distance, near = (np.asarray(each).reshape(len(here), -1) for each in found)
         close = distance <= _REACH * float(np.median(apart))
         chosen, partner = [], []
         for k, point in enumerate(here):
-            own = np.atleast_1d(near[k])[np.atleast_1d(close[k])]
+            own = near[k][close[k]]
             if len(own) < 3 or lie_on_one_line(there[own]):
                 continue
             weights = sums_at(there[own], point)[0]
