@@ -36,7 +36,8 @@ def covariance_at_points(
     to_sums = np.swapaxes(weights, 1, 2)
     parts = to_sums @ noise.factors[rows, columns]
     shared = (overlap @ parts.reshape(count, 2 * sums)).reshape(count, sums, 2)
-    covariance = np.tensordot(parts, shared, axes=((0, 2), (0, 2)))
+    one, other = (np.swapaxes(each, 0, 1).reshape(sums, 2 * count) for each in (parts, shared))
+    covariance = one @ other.T
     if noise.bias is not None:
         bias = (to_sums @ noise.bias[rows, columns]).sum(axis=0)
         covariance += bias @ bias.T

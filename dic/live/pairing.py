@@ -83,8 +83,10 @@ class GaugePairs:
             for f, noise in zip(fields, noises, strict=True)
             if noise is not None
         )
-        rows = np.array(partner[::stride]).reshape(-1, len(there))
-        return cls(np.array(chosen[::stride], np.int64), rows, (first, second))
+        rows, some = np.array(partner[::stride]).reshape(-1, len(there)), np.array(chosen[::stride], np.int64)
+        if lie_on_one_line(here[some]):
+            rows, some = rows[:0], some[:0]
+        return cls(some, rows, (first, second))
 
     def plane(
         self,
@@ -106,7 +108,7 @@ class GaugePairs:
         whole = bool(use.all())
         chosen, partner = (each if whole else each[use] for each in (self.chosen, self.partner))
         start = first.before_mm[chosen]
-        if lie_on_one_line(start):
+        if not whole and lie_on_one_line(start):
             return None
         moved = np.where(fields[1].valid[:, None], second.after_mm - second.before_mm, 0.0)
         share = np.full(len(chosen), 1.0 / len(chosen))

@@ -149,14 +149,11 @@ class GaugePoints:
     def neighbours(self) -> tuple[Indices, Mask]:
         """For each of `points`, the numbers (n, 8) among them of its neighbours in the grid, and which exist.
 
-        A neighbour that does not exist has the number of the point itself.
+        A neighbour that does not exist has the number of the point itself. Those that exist come first.
         """
         at = self.numbers
-        number = np.array(
-            [
-                [at.get((row + down, column + right), k) for down, right in _NEIGHBOURS]
-                for (row, column), k in at.items()
-            ],
-            np.int64,
-        ).reshape(len(at), len(_NEIGHBOURS))
+        number = np.empty((len(at), len(_NEIGHBOURS)), np.int64)
+        for (row, column), k in at.items():
+            around = [at.get((row + down, column + right), k) for down, right in _NEIGHBOURS]
+            number[k] = sorted(around, key=lambda each: each == k)
         return number, number != np.arange(len(at))[:, None]

@@ -149,6 +149,10 @@ class Tracker:
         planes = np.ascontiguousarray(self.warps[at, :6].T)
         with np.errstate(invalid="ignore", over="ignore"):
             known &= is_plausible(planes)
+            # Nearly always, one neighbour of each point is enough.
+            first = self._neighbours[:, 0]
+            if known.all() and predicts(planes[:, first], planes, *self._apart[:, :, 0]).all():
+                return np.asarray(known)
             around = self._exists & known[self._neighbours]
             confirmed = predicts(planes[:, self._neighbours], planes[:, :, None], *self._apart)
         # A point without neighbours is compared with nothing.
