@@ -72,11 +72,12 @@ class LiveCamera:
         self.fields = LiveFields(at_rest, prepared, self.points, setup.calibration)
         image = StoredImage(np.asarray(setup.reference), prepared.smoothing.taps)
         self._lost = LostPoints(prepared, image, self.tracker, setup.live.search_px)
-        self._checks = FrameChecks(setup.reference, [tile.part for tile in self.points.tiles])
         self._gauges = [
-            FollowedGauge(gauge, placed, self.points, setup.live)
+            FollowedGauge(gauge, placed, self.points, prepared.settings.radius_px, setup.live)
             for gauge, placed in zip(setup.gauges, setup.placed.placed, strict=True)
         ]
+        groups = [numbers for gauge in self._gauges for numbers in gauge.groups]
+        self._checks = FrameChecks(setup.reference, self.tracker, groups)
         self.corrected: CorrectedField | None = None
         if setup.calibration is not None and setup.calibration.pinhole is not None:
             self.corrected = CorrectedField(self.fields, at_rest, setup.calibration)
@@ -139,18 +140,17 @@ class LiveCamera:
             return LiveImage(time_s, again, reason)
         motion = motion or self.motion_now(time_s)
         fields, unusable = self._fields(motion)
-        tracker, windows = self.tracker, self.tracker.windows
-        bright = self._checks.more_saturated(image, windows) > self.setup.live.most_saturated
-        status = tracker.status[self.points.points]
+        bright = iter(self._checks.more_saturated(image) > self.setup.live.most_saturated)
+        status = self.tracker.status[self.points.points]
         valid, gauges = self.fields.valid, {}
         for gauge in self._gauges:
             readings = {kind: gauge.read(kind, field, valid) for kind, field in fields.items()}
             why, figures = gauge.objection(valid, status, readings["raw"], time_s)
-            if bright[gauge.tiles].any():
+            if sum(next(bright) for _ in gauge.groups):
                 why, figures = Reason.SATURATED, ""
             name = gauge.gauge.name
             gauges[name] = LiveGauge(name, readings, why, unusable, figures)
-        self._checks.keep(image, windows)
+        self._checks.keep(image)
         lost = self._lost.search(image)
         self._last = LiveImage(time_s, gauges, Reason.NONE, motion.age_s, lost)
         return self._last

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.correlation.kernel import Part
-from dic.typing import Float
+from dic.live.tracking import Tracker
+from dic.typing import Float, Indices
 
 _SAMPLE_PX = 32
 """Width of the squares whose pixels are compared with those of the last frame."""
@@ -19,11 +20,15 @@ _EIGHT_BIT = 255
 class FrameChecks:
     """Compare each frame with the last one, and count saturated pixels.
 
-    `reference`: the reference image. `parts`: the parts of the reference that show the points of each tile.
+    `reference`: the reference image. `tracker`: the points as they are followed. `groups`: numbers of the
+    points, patch by patch, that saturated pixels disturb together.
     """
 
-    def __init__(self, reference: NDArray[Any], parts: Sequence[Part]) -> None:
-        self._reference, self._parts = reference, parts
+    def __init__(self, reference: NDArray[Any], tracker: Tracker, groups: Sequence[Indices]) -> None:
+        self._reference, self._tracker = reference, tracker
+        self._numbers = np.concatenate(groups)
+        self._starts = np.cumsum([0, *(len(own) for own in groups)])[:-1]
+        self._at_rest = self._parts(reference.shape)
         self._level: int | None = None
         self._usual: Float | None = None
         self._last: list[tuple[Part, NDArray[Any]]] = []
@@ -38,22 +43,27 @@ class FrameChecks:
             for part, grey in self._last
         )
 
-    def keep(self, image: NDArray[Any], windows: Sequence[Part]) -> None:
-        """Keep a square of each window for the comparison with the next frame."""
+    def keep(self, image: NDArray[Any]) -> None:
+        """Keep a square of each tile for the comparison with the next frame."""
         self._last = []
-        for window in windows:
+        for window in self._tracker.windows:
             y, x = (window.top + window.bottom) // 2, (window.left + window.right) // 2
             half = _SAMPLE_PX // 2
             part = Part(y - half, y + half, x - half, x + half).within(image.shape)
             if part.pixels:
                 self._last.append((part, image[part.top : part.bottom, part.left : part.right].copy()))
 
-    def more_saturated(self, image: NDArray[Any], windows: Sequence[Part]) -> Float:
-        """Return by how much the share of saturated pixels has grown since the reference, in each window."""
+    def more_saturated(self, image: NDArray[Any]) -> Float:
+        """Return by how much the share of saturated pixels has grown since the reference, in each patch."""
         if self._usual is None:
             self._level = saturation_level(image.dtype, float(self._reference.max()))
-            self._usual = _shares(self._reference, self._parts, self._level)
-        return _shares(image, windows, self._level) - self._usual
+            self._usual = _shares(self._reference, self._at_rest, self._level)
+        return _shares(image, self._parts(image.shape), self._level) - self._usual
+
+    def _parts(self, shape: tuple[int, ...]) -> list[Part]:
+        """Return the part of the frame that shows each patch."""
+        parts = self._tracker.windows_of(self._numbers, self._starts)
+        return [part.within(shape) for part in parts]
 
 
 def saturation_level(kind: np.dtype[Any], greatest: float) -> int | None:

@@ -10,6 +10,7 @@ from dic.gauges.reading import Profile, Reading
 from dic.live.points import GaugePoints
 from dic.live.reasons import Reason
 from dic.live.settings import LiveSettings
+from dic.live.tiles import tiles_of
 from dic.typing import Indices, Mask
 
 _KEPT = 4
@@ -23,14 +24,21 @@ class FollowedGauge:
     """A gauge, its points, and the sums that its readings need.
 
     `gauge`, `placed`: the gauge and its points. `points`: the points of all gauges of the camera.
+    `radius_px`: number of pixels of a subset on either side of its point.
+
+    `numbers`: numbers of the gauge's points among those of the camera.
     """
 
-    def __init__(self, gauge: Gauge, placed: Placed, points: GaugePoints, settings: LiveSettings) -> None:
+    def __init__(
+        self, gauge: Gauge, placed: Placed, points: GaugePoints, radius_px: int, settings: LiveSettings
+    ) -> None:
         self.gauge, self._placed, self._settings = gauge, placed, settings
         places = set(zip(*(each.tolist() for each in placed.points()), strict=True))
         self.numbers: Indices = np.array(sorted(points.numbers[place] for place in places))
-        starts = np.array([tile.nodes.start for tile in points.tiles])
-        self.tiles = np.unique(np.searchsorted(starts, points.points[self.numbers], side="right") - 1)
+        at = points.points[self.numbers]
+        groups = tiles_of(np.stack([points.x[at], points.y[at]], axis=1), radius_px, 0)
+        self.groups = [self.numbers[own] for own in groups]
+        """The points of each patch of the gauge, numbered as `numbers`."""
         self._prepared: dict[tuple[str, bytes], Prepared] = {}
         self._jumps = _Jumps(settings)
 

@@ -89,6 +89,14 @@ class Tracker:
         own = np.flatnonzero(self._tile_of == tile)
         return np.asarray(own[np.unique(np.linspace(0, len(own) - 1, _PROBES).round().astype(int))])
 
+    def windows_of(self, numbers: Indices, starts: Indices) -> list[kernel.Part]:
+        """Return the parts of the last frame that show groups of points; they may reach beyond the image.
+
+        `numbers`: numbers of the points among `points.points`, group by group. `starts`: the first of each.
+        """
+        warps = self.warps[self._at[numbers]]
+        return windows(self._x[numbers], self._y[numbers], warps, self._radius, 0, starts)
+
     def follow(self, image: NDArray[Any], ratio: float = 1.0) -> None:
         """Find the points in the next frame.
 
@@ -161,23 +169,27 @@ class Tracker:
         return np.asarray(known & consistent)
 
     def _tried_again(self, failed: Mask, known: Mask) -> Mask:
-        """Try the points that failed from a neighbour that did not, once more; return the known points."""
-        around = self._exists & known[self._neighbours]
-        again = failed & around.any(axis=1)
-        if not again.any():
-            return known
-        some = np.flatnonzero(again)
-        which = around[some].argmax(axis=1)
-        other = self._at[self._neighbours[some, which]]
-        dx, dy = self._apart[0][some, which], self._apart[1][some, which]
-        start = self.warps[other].copy()
-        start[:, 0] += start[:, 1] * dx + start[:, 2] * dy
-        start[:, 3] += start[:, 4] * dx + start[:, 5] * dy
-        self.warps[self._at[some]] = start
-        for number in np.unique(self._tile_of[some]):
-            tile = self._tiles[number]
-            tile.solve(self._method, again[self._starts[number] :][: len(tile.tile.points)])
-        return self._consistent()
+        """Try the points that failed from the nearest point that did not, once more; return the known points.
+
+        Points of tiles in which all points failed are not tried again.
+        """
+        again = np.zeros_like(failed)
+        for tile in np.unique(self._tile_of[failed]):
+            own = self._tile_of == tile
+            some, others = np.flatnonzero(own & failed), np.flatnonzero(own & known)
+            if not others.size:
+                continue
+            dx, dy = (at[some][:, None] - at[others] for at in (self._x, self._y))
+            nearest = (dx * dx + dy * dy).argmin(axis=1)
+            start = self.warps[self._at[others[nearest]]]
+            dx, dy = (each[np.arange(len(some)), nearest] for each in (dx, dy))
+            start[:, 0] += start[:, 1] * dx + start[:, 2] * dy
+            start[:, 3] += start[:, 4] * dx + start[:, 5] * dy
+            self.warps[self._at[some]] = start
+            again[some] = True
+            chosen = again[self._starts[tile] :][: len(self._tiles[tile].tile.points)]
+            self._tiles[tile].solve(self._method, chosen)
+        return self._consistent() if again.any() else known
 
     def _learn(self, known: Mask, was_known: Mask, due: Mask, ratio: float) -> None:
         """Keep what the next frame needs: the last steps, which prediction was closer, and what was lost."""
@@ -202,7 +214,7 @@ class Tracker:
         self._misses[known] = self._wait[known] = 0
         missed = due & lost
         self._misses[missed] += 1
-        self._wait[missed] = np.minimum(2 ** np.minimum(self._misses[missed], 10), _LONGEST_WAIT)
+        self._wait[missed] = np.minimum(2 ** np.minimum(self._misses[missed] - 1, 10), _LONGEST_WAIT)
         found = np.unique(self._tile_of[known & ~was_known])
         # A tile that is found again is tried as a whole.
         self._wait[lost & np.isin(self._tile_of, found)] = 0
