@@ -81,6 +81,8 @@ class LiveCamera:
         self.corrected: CorrectedField | None = None
         if setup.calibration is not None and setup.calibration.pinhole is not None:
             self.corrected = CorrectedField(self.fields, at_rest, setup.calibration)
+        if setup.at_rest_errors is not None:
+            self.fields.share(setup.at_rest_errors)
         self.track: MotionTrack | None = None
         self._motion: FieldMotion | None = None
         self._is_new = False

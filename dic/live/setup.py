@@ -1,7 +1,7 @@
 """What a live measurement of one camera begins with, and what is prepared from it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,10 +16,12 @@ from dic.gauges.declared import Gauge
 from dic.gauges.placed import PlacedGauges
 from dic.live.fields import reference_field
 from dic.live.settings import LiveSettings
+from dic.out_of_plane.correct import correct
+from dic.out_of_plane.correction import stated
 from dic.out_of_plane.motion import Motion
 from dic.strain.measurement import Measurement, measure
 from dic.strain.settings import StrainSettings
-from dic.typing import Mask, PathLike
+from dic.typing import Float, Mask, PathLike
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,18 @@ class LiveSetup:
         correlator = self.correlator
         field = reference_field(correlator.prepared, correlator.region)
         return measure(field, self.calibration, self.strain, label="reference")
+
+    @property
+    def at_rest_errors(self) -> Float | None:
+        """Covariance (3, 3) of errors of calibrated exx, eyy, exy that all points share, before any motion.
+
+        None without a calibration.
+        """
+        if self.calibration is None:
+            return None
+        free = Motion() if self.motion is None else replace(self.motion, kind="free")
+        unknown = correct([self.at_rest], self.calibration, free).images[0]
+        return stated(self.at_rest, unknown).shared
 
     @cached_property
     def placed(self) -> PlacedGauges:
