@@ -11,6 +11,7 @@ from . import (
     exports as exports,
     gauges as gauges,
     image as image,
+    live as live,
     out_of_plane as out_of_plane,
     pictures as pictures,
     pipeline as pipeline,

@@ -72,10 +72,11 @@ class PlacedCut:
         """Return displacement and strain at each place of the cut, in one displacement field."""
         return self.prepared(field.displacement).read(field)
 
-    def prepared(self, displacement: Displacement) -> "PreparedCut":
+    def prepared(self, displacement: Displacement, *, often: bool = False) -> "PreparedCut":
         """Return the cut with those of its points that have a displacement.
 
         It can be read in all fields of the same reference that have the same points and the same positions.
+        `often`: as for other gauges; a cut is prepared in the same way in both cases.
         """
         valid = self.member & displacement.valid[self.rows, self.columns]
         counts, declared = valid.sum(axis=1), self.member.sum(axis=1)

@@ -41,9 +41,9 @@ class Placed(Protocol):
     def read(self, field: "GaugeField") -> "Reading | Profile":
         """Return the gauge's reading in one displacement field."""
 
-    def prepared(self, displacement: "Displacement") -> "Prepared":
+    def prepared(self, displacement: "Displacement", *, often: bool = False) -> "Prepared":
         """Return the gauge with those of its points that have a displacement, for all fields with the same
-        points and positions.
+        points and positions; `often` if it will be read many times.
         """
 
 

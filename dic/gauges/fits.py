@@ -64,10 +64,11 @@ class PlacedFit:
         """Return the gauge's reading in one displacement field."""
         return self.prepared(field.displacement).read(field)
 
-    def prepared(self, displacement: Displacement) -> "PreparedFit":
+    def prepared(self, displacement: Displacement, *, often: bool = False) -> "PreparedFit":
         """Return the fit to those of the gauge's points that have a displacement.
 
         It can be read in all fields of the same reference that have the same points and the same positions.
+        `often`: True if it will be read many times.
         """
         valid = displacement.valid[self.rows, self.columns]
         rows, columns = self.rows[valid], self.columns[valid]
@@ -77,7 +78,7 @@ class PlacedFit:
             return PreparedFit(self, rows, columns, np.zeros((3, len(rows))), reason=reason)
         at = self.place @ displacement.position[self.rows, self.columns]
         length, known = float(np.ptp(position @ self.direction)), None
-        known = kept_correlations(rows, columns, displacement.noise)
+        known = kept_correlations(rows, columns, displacement.noise, often=often)
         return PreparedFit(self, rows, columns, sums_at(position, at), length, known)
 
 

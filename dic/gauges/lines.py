@@ -79,10 +79,11 @@ class PlacedLines:
         """
         return self.prepared(field.displacement).read(field)
 
-    def prepared(self, displacement: Displacement) -> "PreparedLines":
+    def prepared(self, displacement: Displacement, *, often: bool = False) -> "PreparedLines":
         """Return the extensometer with those of its points that have a displacement.
 
         It can be read in all fields of the same reference that have the same points and the same positions.
+        `often`: True if it will be read many times.
         """
         valid = displacement.valid[self.rows, self.columns]
         counts = (self.patches & valid[self.members]).sum(axis=2)
@@ -101,7 +102,7 @@ class PlacedLines:
         before = mean @ np.where(valid[:, None], position, 0.0)
         used = (mean != 0.0).any(axis=0)
         rows, columns = self.rows[used], self.columns[used]
-        known = kept_correlations(rows, columns, displacement.noise)
+        known = kept_correlations(rows, columns, displacement.noise, often=often)
         return PreparedLines(read, rows, columns, mean[:, used], before, known)
 
     def _sums(self, side: int, good: Mask, valid: Mask, position: Float) -> Float:

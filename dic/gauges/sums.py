@@ -16,6 +16,8 @@ from dic.typing import Float, Indices
 
 _FEW = 300
 """Up to this number of points, the matrix of all correlations is faster than Fourier transforms."""
+_FEW_OFTEN = 1000
+"""The same, if the matrix is computed once and used many times."""
 
 
 def covariance_at_points(
@@ -44,9 +46,13 @@ def covariance_at_points(
     return np.asarray(covariance)
 
 
-def kept_correlations(rows: Indices, columns: Indices, noise: Noise | None) -> Float | None:
-    """Return the `correlations` of a gauge's points, to be used again; None for many or unknown ones."""
-    return None if noise is None or len(rows) > _FEW else correlations(rows, columns, noise)
+def kept_correlations(rows: Indices, columns: Indices, noise: Noise | None, *, often: bool) -> Float | None:
+    """Return the `correlations` of a gauge's points, to be used again; None for many or unknown ones.
+
+    `often`: True if they will be used many times, so that more points are worth it.
+    """
+    most = _FEW_OFTEN if often else _FEW
+    return None if noise is None or len(rows) > most else correlations(rows, columns, noise)
 
 
 def correlations(rows: Indices, columns: Indices, noise: Noise) -> Float:

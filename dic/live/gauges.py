@@ -48,7 +48,7 @@ class FollowedGauge:
         if key not in self._prepared:
             while len(self._prepared) >= 3 * _KEPT:
                 del self._prepared[next(iter(self._prepared))]
-            self._prepared[key] = self._placed.prepared(field.displacement)
+            self._prepared[key] = self._placed.prepared(field.displacement, often=True)
         return self._prepared[key].read(field)
 
     def forget(self, kind: str) -> None:

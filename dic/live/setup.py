@@ -1,7 +1,7 @@
 """What a live measurement of one camera begins with, and what is prepared from it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -67,6 +67,10 @@ class LiveSetup:
         if self.motion is not None and self.motion.kind != "tension":
             remedy = "give the motion tension, or none"
             raise GaugeError("live gauges", "correct", "the motion tension", self.motion.kind, remedy)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Another process prepares the reference for itself.
+        return {item.name: getattr(self, item.name) for item in fields(self)}
 
     def __repr__(self) -> str:
         height, width = self.reference.shape

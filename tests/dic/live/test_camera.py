@@ -1,5 +1,6 @@
 """Live gauges of one camera give what the offline measurement gives for the same frames."""
 
+import pickle
 import tracemalloc
 from dataclasses import replace
 
@@ -109,6 +110,19 @@ def test_a_frame_needs_memory_for_the_gauges_only():
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < SIDE_PX**2 / 2
+
+
+def test_what_other_processes_need_can_be_sent_to_them():
+    seen = RenderedCamera()
+    setup = seen.setup()
+    image = LiveCamera(setup).measure(seen.frame(F=stretched(1e-3)), 0.0)
+    sent = pickle.dumps(setup)
+    # The prepared reference stays.
+    assert len(sent) < 3 * setup.reference.nbytes
+    assert LiveCamera(pickle.loads(sent)).points.tiles[0].part == LiveCamera(setup).points.tiles[0].part
+    received = pickle.loads(pickle.dumps(image))
+    assert received["area"].value() == image["area"].value()
+    assert received["area"].readings["raw"].values["exx"] == image["area"].readings["raw"].values["exx"]
 
 
 def test_a_wrong_frame_is_refused_with_one_sentence():
