@@ -17,7 +17,7 @@ from tests.dic.live.rendered_frames import SIDE_PX, RenderedCamera, offline, str
 LIMIT = 1e-6
 
 
-def compare(setup, frames, kinds):
+def check_equal(setup, frames, kinds):
     """Assert that the live readings of all frames equal the offline ones."""
     camera = LiveCamera(setup)
     for k, frame in enumerate(frames):
@@ -44,7 +44,7 @@ def test_every_kind_of_gauge_reads_as_offline_raw_and_calibrated():
     seen = RenderedCamera(tilt_deg=30.0)
     setup = seen.setup()
     frames = [seen.frame(F=stretched(2e-3 * k), shift_mm=(0.01 * k, 0.02 * k)) for k in range(5)]
-    compare(setup, frames, ("raw", "calibrated"))
+    check_equal(setup, frames, ("raw", "calibrated"))
 
 
 @pytest.mark.parametrize(("shape", "order", "smoothing"), [("affine", 3, 0.0), ("affine", 5, 0.6)])
@@ -56,7 +56,7 @@ def test_other_settings_of_the_correlation_hold_live_too(shape, order, smoothing
         StrainGauge(name="area", centre=(200, 200), size=(60, 60)),
     )
     frames = [seen.frame(F=stretched(3e-3 * k), shift_mm=(0.02 * k, 0.0)) for k in range(3)]
-    compare(seen.setup(gauges, calibrated=False), frames, ("raw",))
+    check_equal(seen.setup(gauges, calibrated=False), frames, ("raw",))
 
 
 def test_subsets_that_a_crack_cuts_read_as_offline():
@@ -73,7 +73,7 @@ def test_subsets_that_a_crack_cuts_read_as_offline():
         clip=True,
     )
     assert any(tile.cut for tile in LiveCamera(setup).points.tiles)
-    compare(setup, [seen.frame(F=stretched(2e-3 * k)) for k in range(3)], ("raw",))
+    check_equal(setup, [seen.frame(F=stretched(2e-3 * k)) for k in range(3)], ("raw",))
 
 
 def test_points_are_followed_to_the_edge_of_the_image():
