@@ -271,6 +271,7 @@ def verify(run_file: Path, json_path: Path | None, force: bool) -> None:
         f"channels.{name}: {channel.samples} samples, {channel.lost} lost, {channel.outside} out of range"
         for name, channel in found.channels.items()
     ]
+    lines += [f"{name}: {text}" for name, timing in found.timing.items() for text in timing.sentences]
     lines += [f"digest: {found.digest}"]
     lines += [f"not good: {problem}" for problem in found.problems]
     _finish(lines, asdict(found) | {"path": str(found.path)}, json_path, good=not found.problems)

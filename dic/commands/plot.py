@@ -73,7 +73,12 @@ size_options = use("size", PlotSettings)
 @plot.command()
 @click.argument("results", type=PATH)
 @click.argument("gauges_file", type=PATH, metavar="[GAUGES]", required=False)
-@click.option("--against", default="image", show_default=True, help="Axis: image (its number), time or load.")
+@click.option(
+    "--against",
+    default="image",
+    show_default=True,
+    help="Axis: image (its number), time, load, or a channel of a run, such as channels.oven.",
+)
 @click.option(
     "--quantity",
     default="strain",
@@ -94,7 +99,7 @@ def gauges(
     picture: PlotOutputs,
     size: Chosen[PlotSettings],
 ) -> None:
-    """Draw gauges in one picture, against the number of the image, time or load.
+    """Draw gauges in one picture, against the number of the image, time, load or a channel of a run.
 
     RESULTS is a result file of `dic correlate` or `dic process`. GAUGES is the TOML file of `dic gauges`. The
     bands are 95 % intervals. Lines have gaps where there is no reading.

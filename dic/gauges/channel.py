@@ -43,16 +43,28 @@ class GaugeChannel:
         """Return the value at each image as a strain. Raise `GaugeError` for a unit of another quantity."""
         return self._factor() * self.values(known)
 
+    def strain_std(self, known: Sequence[Mapping[str, Any]]) -> Float:
+        """Return the standard deviation of the strain at each image; NaN where it is not known."""
+        return self._factor() * _column(known, self.std_column)
+
+    @property
+    def is_strain(self) -> bool:
+        """True if the unit is one of strain."""
+        return self._unit in STRAIN
+
     def lag(self, known: Sequence[Mapping[str, Any]]) -> Float:
         """Return the change of the strain by the errors of time that all images share; 0 if unknown."""
         return np.nan_to_num(self._factor() * _column(known, self.lag_column))
 
+    @property
+    def _unit(self) -> str:
+        return self.unit.replace("\u03bc", "µ")
+
     def _factor(self) -> float:
-        unit = self.unit.replace("\u03bc", "µ")
-        if unit not in STRAIN:
+        if not self.is_strain:
             expected, remedy = f"a channel in one of {', '.join(STRAIN)}", "name a gauge, or another channel"
             raise GaugeError(self.name, "take its strain", expected, f"one in {self.unit}", remedy)
-        return STRAIN[unit]
+        return STRAIN[self._unit]
 
 
 def gauge_channels(steps: Sequence[RunStep]) -> dict[str, GaugeChannel]:

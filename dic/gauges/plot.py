@@ -1,4 +1,4 @@
-"""A picture of gauges against time, load or the number of the image, with their uncertainty."""
+"""A picture of gauges against time, load, a channel or the number of the image, with their uncertainty."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from dic.errors import GaugeError, require_kind
+from dic.gauges.channel import MEASURED
 from dic.gauges.reading import Reading
 from dic.gauges.series import KINDS, GaugeImage, GaugeSeries
 from dic.pictures.plots import (
@@ -68,7 +69,8 @@ def plot_gauges(
 ) -> list[str]:
     """Write a picture of the readings of all gauges, except line cuts, with 95 % intervals as bands.
 
-    An image without a reading leaves a gap in the line.
+    An image without a reading leaves a gap in the line. Beside strains of gauges, channels of strain are
+    drawn.
 
     Parameters
     ----------
@@ -77,7 +79,8 @@ def plot_gauges(
     path : path
         The ending gives the format: .png, .pdf or .svg.
     against : str
-        "image", "time" or "load". Images are numbered from 1 in the order of the series of a camera.
+        "image", "time", "load", or a channel of a run such as "channels.oven". Images are numbered from 1 in
+        the order of the series of a camera.
     quantity : str
         "strain" (engineering strain along the gauge); "extension" of extensometers; "exx", "eyy", "exy",
         "e1", "e2", "u" or "v" of areas and points.
@@ -153,13 +156,14 @@ def _known_lines(series: GaugeSeries, against: str, quantity: str, kinds: Sequen
 
 
 def _lines(series: GaugeSeries, against: str, quantity: str, kinds: tuple[str, ...]) -> Iterator[_Line]:
-    for what, value, known in (("against", against, AGAINST), ("quantity", quantity, NAMES)):
+    axes = [*AGAINST, *series.channels]
+    for what, value, known in (("against", against, axes), ("quantity", quantity, list(NAMES))):
         if value not in known:
             expected, remedy = f"one of {', '.join(known)}", f"give {next(iter(known))}"
             raise refused(series, f"choose {what}", expected, repr(value), remedy)
     for gauge in series.gauges:
         for camera, images in cameras_of(series).items():
-            x = _places(images, against)
+            x = _places(series, images, against)
             for kind in kinds:
                 readings = [image.readings.get(gauge.name, {}).get(kind) for image in images]
                 given = [one for one in readings if isinstance(one, Reading)]
@@ -171,11 +175,25 @@ def _lines(series: GaugeSeries, against: str, quantity: str, kinds: tuple[str, .
                     for name in (quantity, f"{quantity}_std")
                 )
                 yield _Line(gauge.name, camera, kind, x, values, std, given[0].unit)
+    if quantity == "strain":
+        yield from _of_channels(series, against)
 
 
-def _places(images: Sequence[GaugeImage], against: str) -> Float:
+def _of_channels(series: GaugeSeries, against: str) -> Iterator[_Line]:
+    """Yield a line for each channel of strain, at the images of the first camera."""
+    images = next(iter(cameras_of(series).values()))
+    known, x = [image.known for image in images], _places(series, images, against)
+    for name, channel in series.channels.items():
+        if channel.is_strain:
+            values, std = channel.strain(known), channel.strain_std(known)
+            yield _Line(name, "", MEASURED, x, values, std, channel.unit)
+
+
+def _places(series: GaugeSeries, images: Sequence[GaugeImage], against: str) -> Float:
     if against == "image":
         return np.arange(1.0, len(images) + 1)
+    if against in series.channels:
+        return series.channels[against].values([image.known for image in images])
     return np.array([float(image.known.get(_KEYS[against], np.nan)) for image in images])
 
 
@@ -191,7 +209,7 @@ def _require_content(series: GaugeSeries, lines: list[_Line], against: str, quan
         remedy = {
             "time": "draw against image, or give the machine's record with --record and --time",
             "load": "give the machine's record with --record and --load",
-        }[against]
+        }.get(against, "draw against image")
         raise refused(series, f"draw against {against}", f"images with a {against}", "none", remedy)
     if quantity in _LENGTHS:
         require_one_unit(series, quantity, (line.unit for line in lines))
@@ -204,7 +222,7 @@ def _draw(
     unit, scale = lines[0].unit, 1.0
     if quantity in _STRAINS:
         unit, scale = strain_unit(np.concatenate([line.values for line in lines]))
-    label, divisor = AGAINST[against], 1.0
+    label, divisor = AGAINST.get(against) or _channel_label(series, against), 1.0
     if against == "load":
         loads = np.concatenate([line.x for line in lines])
         divisor = _IN_KN if np.nanmax(np.abs(loads)) >= _IN_KN else 1.0
@@ -220,7 +238,7 @@ def _draw(
             # Two cameras often measure the same, so the markers of one must not hide those of the other.
             "markersize": 3.0 + 2.0 * order,
             "fillstyle": "none" if order else "full",
-            "linestyle": DASHES[line.kind] if several else "-",
+            "linestyle": DASHES.get(line.kind, "-") if several else "-",
         }
         text = ", ".join(part for part in (line.gauge, line.camera, line.kind) if part)
         draw_banded(axis, line.x / divisor, line.values * scale, line.std * scale, text, style)
@@ -229,6 +247,10 @@ def _draw(
         axis.xaxis.get_major_locator().set_params(integer=True)
     legend_below(figure, _note(lines, series, against))
     return figure
+
+
+def _channel_label(series: GaugeSeries, against: str) -> str:
+    return ", ".join(filter(None, (against, series.channels[against].unit)))
 
 
 def _note(lines: list[_Line], series: GaugeSeries, against: str) -> str:

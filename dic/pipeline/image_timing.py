@@ -15,7 +15,9 @@ TOLERANCE_S, TOLERANCE_SHARE = 0.5, 0.5
 """An image is late by more than the smaller one of both, if the protocol states no tolerance: a time, and a
 share of the interval that was asked for."""
 _EVEN = 0.02
-"""Due times have a fixed interval if they differ from its multiples by at most this share of it."""
+"""Due times have a fixed interval if they differ from its multiples by at most this share of it, and most of
+them follow each other at once.
+"""
 
 
 @dataclass(frozen=True)
@@ -125,4 +127,5 @@ def _interval_s(due_s: Float, number: Indices) -> float | None:
         return None
     shortest = float(steps.min())
     multiples = steps / shortest
-    return shortest if (np.abs(multiples - np.round(multiples)) <= _EVEN).all() else None
+    even = (np.abs(multiples - np.round(multiples)) <= _EVEN).all() and round(np.median(multiples)) == 1
+    return shortest if even else None

@@ -149,7 +149,7 @@ def _of_channel(run: Run, k: int) -> Reading:
 
 def _head(step: RunStep, readings: Sequence[Reading]) -> tuple[int, str, list[str]]:
     """Return the number, the target and the device readings of a step as text for a table row."""
-    target = f"{step.target:.6g}{_UNITS.get(step.kind, '')}"
+    target = f"{step.target:.6g}{_UNITS.get(step.kind, '')}" if isfinite(step.target) else ""
     return step.index, target, [each.text(step) for each in readings]
 
 

@@ -48,14 +48,16 @@ class ExposedSteps:
     remarks: list[str]
 
 
-def steps_at_exposure(run: RunFile) -> dict[str, ExposedSteps]:
+def steps_at_exposure(run: RunFile, *, readings: bool = True) -> dict[str, ExposedSteps]:
     """Return the steps of a run with the readings at the middle of each camera's exposures, by the camera.
+
+    Without `readings`, only the times are those of the exposures, and no record of a device is read.
 
     If the record of a device does not cover the exposures of a step, its reading after settling is kept, with
     a standard deviation that follows from the changes of the record beside it. The value of another signal is
     then NaN.
     """
-    earlier = steps_at_exposure(run.earlier) if isinstance(run, JoinedRun) else {}
+    earlier = steps_at_exposure(run.earlier, readings=readings) if isinstance(run, JoinedRun) else {}
     own = run.own_steps if isinstance(run, JoinedRun) else run.steps
     steps = [step for step in own if step.kind != "grid"]
     exposures = {camera: _exposures(run, camera, steps) for camera in run.cameras}
@@ -63,7 +65,7 @@ def steps_at_exposure(run: RunFile) -> dict[str, ExposedSteps]:
     at = np.concatenate([each.middle_s for each in exposures.values()])
     lengths = np.concatenate([each.length_s for each in exposures.values()])
     ends = np.cumsum([len(each.middle_s) for each in exposures.values()])[:-1]
-    for source in _sources(run):
+    for source in _sources(run) if readings else ():
         known = estimate(source.record, at, lengths)
         parts = zip(*(np.split(values, ends) for values in vars(known).values()), strict=True)
         for of_camera, values in zip(found.values(), parts, strict=True):

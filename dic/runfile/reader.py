@@ -213,12 +213,15 @@ class RunFile:
         box, "interlocks/door" and "channels/box". A table that the run does not have gives an empty dict.
         With `names`, only these columns are read, if they exist.
         """
-        group = self._file["entry"].get(table)
-        if group is None:
-            return {}
-        columns = {name: data for name, data in group.items() if data.ndim == 1}
-        rows = min(len(data) for data in columns.values())
-        return {name: data[:rows] for name, data in columns.items() if not names or name in names}
+        try:
+            group = self._file["entry"].get(table)
+            if group is None:
+                return {}
+            columns = {name: data for name, data in group.items() if data.ndim == 1}
+            rows = min(len(data) for data in columns.values())
+            return {name: data[:rows] for name, data in columns.items() if not names or name in names}
+        except _UNREADABLE as error:
+            raise self._damaged(f"a damaged table {table}") from error
 
     def image_shape(self, camera: str) -> tuple[int, int]:
         """Return height and width of a camera's images in px."""

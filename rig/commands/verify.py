@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
+from dic.pipeline.image_timing import ImageTiming
+from dic.runfile.at_exposure import steps_at_exposure
 from dic.runfile.lock import is_recorded
 from dic.runfile.reader import RunFile, RunInfo
 from dic.runfile.schema import Moment
@@ -60,6 +62,8 @@ class Verification:
     channels : dict of str to ChannelCheck
     overwritten : int
         Number of finished steps whose images were overwritten by later ones, as the protocol asks for.
+    timing : dict of str to ImageTiming
+        How well the images of each camera kept the times at which they were due.
     """
 
     path: Path
@@ -73,6 +77,7 @@ class Verification:
     interlocks: dict[str, InterlockCheck] = field(default_factory=dict)
     channels: dict[str, ChannelCheck] = field(default_factory=dict)
     overwritten: int = 0
+    timing: dict[str, ImageTiming] = field(default_factory=dict)
 
 
 def verify_run(path: str | Path) -> Verification:
@@ -100,6 +105,7 @@ def verify_run(path: str | Path) -> Verification:
         interlocks = {name: _check_interlock(run, name, problems) for name in run.interlocks}
         channels = check_channels(run, problems)
         problems += _missing_interlocks(run) + missing_channels(run) + _missing_settings(run)
+        timing = _timing(run, problems)
         matches = run.digest_matches()
         if matches is False:
             problems.append("the digest of the file is wrong: something was changed after the run")
@@ -116,7 +122,17 @@ def verify_run(path: str | Path) -> Verification:
             interlocks,
             channels,
             run.overwritten,
+            timing,
         )
+
+
+def _timing(run: RunFile, problems: list[str]) -> dict[str, ImageTiming]:
+    """Return how well the images of each camera kept their times; append late and missing ones."""
+    steps = steps_at_exposure(run, readings=False)
+    found = {name: ImageTiming.of(own.steps, run.info.definition) for name, own in steps.items()}
+    timings = {name: timing for name, timing in found.items() if timing is not None}
+    problems += [f"{name}: {timing.text}" for name, timing in timings.items() if timing.is_late]
+    return timings
 
 
 def _check_order(run: RunFile, kinds: Sequence[str], expected: Sequence[str]) -> list[str]:

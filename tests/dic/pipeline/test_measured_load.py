@@ -11,7 +11,7 @@ import pytest
 from dic import material_properties
 from dic.derived import gauge_curve
 from dic.errors import GaugeError
-from dic.gauges import GaugeImage, GaugeSeries, PointGauge, Reading
+from dic.gauges import GaugeImage, GaugeSeries, PointGauge, Reading, plot_gauges
 from dic.gauges.channel import gauge_channels
 from dic.properties import PropertySettings
 from dic.runfile.at_exposure import steps_at_exposure
@@ -69,6 +69,11 @@ def test_the_strain_of_a_clip_on_extensometer_stands_beside_the_gauges(tmp_path)
         e_gpa = found.values["E_gpa"]
         assert abs(e_gpa.value - test.e_gpa) < 3.5 * e_gpa.std
     assert by_clip.values["E_gpa"].std < by_images.values["E_gpa"].std
+    assert plot_gauges(series, tmp_path / "both.svg", against="load") == []
+    drawn = (tmp_path / "both.svg").read_text()
+    assert "channels.clip, measured" in drawn
+    assert plot_gauges(series, tmp_path / "by_clip.svg", against="channels.clip") == []
+    assert "channels.clip, %" in (tmp_path / "by_clip.svg").read_text()
     series = series_of(tmp_path / "r.h5", test, 1, lambda e: ChannelValue("oven", "°C", 23.0))
     with pytest.raises(
         GaugeError, match=r"channels.oven: take its strain: expected a channel in one of 1, mm/mm"

@@ -81,3 +81,24 @@ def test_channels_of_the_rig_file_that_are_not_in_the_run_are_missing(tmp_path):
     rig.configuration = '[channels.second]\ndriver = "modbus-channels"\n'
     assert rig.engine().run().is_good
     assert verify_run(rig.path).problems == ["channels.second: its samples are missing"]
+
+
+def test_late_and_missing_images_are_problems(tmp_path):
+    good = beside(tmp_path)
+    assert good.engine().run().is_good
+    timing = verify_run(good.path).timing["on_axis"]
+    assert (timing.images, timing.late, timing.missing) == (21, 0, 0)
+    assert timing.asked_interval_s == 0.5
+    (tmp_path / "x").mkdir()
+    slow = beside(tmp_path / "x")
+    for camera in slow.cameras.values():
+        camera.on_grab = lambda count, frame: (
+            slow.clock.sleep(1.18),
+            replace(frame, received_s=slow.clock.now_s()),
+        )[1]
+    outcome = slow.engine().run()
+    assert not outcome.is_good
+    found = verify_run(slow.path)
+    assert found.timing["on_axis"].reached_interval_s == pytest.approx(outcome.timing.reached_s, abs=0.05)
+    assert found.timing["on_axis"].missing > 5
+    assert any("on_axis: images asked every 0.5 s" in problem for problem in found.problems)
