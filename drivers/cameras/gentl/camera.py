@@ -7,7 +7,7 @@ from typing import Any
 from drivers.cameras.filming import OPENING_S, refuse_simulated_time
 from drivers.cameras.genicam.camera import GenicamCamera
 from drivers.cameras.gentl.device import Device, GentlError
-from drivers.cameras.gentl.find import FINDER, INSTALL, chosen, none_of
+from drivers.cameras.gentl.find import FINDER, chosen, none_of, remedy
 from drivers.cameras.gentl.producers import Listed, loaded, producers
 from drivers.cameras.gentl.session import GentlSession
 from drivers.cameras.gentl.settings import GentlSettings
@@ -98,12 +98,11 @@ def open_camera(settings: GentlSettings, context: OpenContext) -> GentlCamera:
                 sources.append(loaded(path))
                 opened.callback(sources[-1].release)
         except ImportError as error:
-            raise DeviceError(
-                name, "load Harvesters", "the packages harvesters and genicam", str(error), INSTALL
-            ) from error
+            expected = "the packages harvesters and genicam"
+            raise DeviceError(name, "load Harvesters", expected, str(error), remedy(error)) from error
         except (OSError, GentlError) as error:
-            remedy = "give the .cti file of the camera's maker as cti, or install the maker's software"
-            raise DeviceError(name, "load producer", "a GenTL producer", str(error), remedy) from error
+            advice = "give the .cti file of the camera's maker as cti, or install the maker's software"
+            raise DeviceError(name, "load producer", "a GenTL producer", str(error), advice) from error
         opened.pop_all()
     return GentlCamera(settings, context, sources)
 

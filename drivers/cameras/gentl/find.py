@@ -1,5 +1,6 @@
 """Choose a camera by what its producer tells about it, and search for cameras with all known producers."""
 
+import sys
 from collections.abc import Sequence
 
 from drivers.cameras.gentl.device import GentlError
@@ -8,6 +9,14 @@ from drivers.errors import DeviceFault, LinkLost
 from drivers.registry import Finder, Found
 
 INSTALL = "pip install 'offaxis[gentl]'"
+
+
+def remedy(error: ImportError) -> str:
+    """Return what to install, such as Python's shared library, which a system's own Python may lack."""
+    if "libpython" in str(error):
+        library = f"libpython{sys.version_info.major}.{sys.version_info.minor}"
+        return f"install Python's shared library, on Debian and Ubuntu: sudo apt install {library}"
+    return INSTALL
 
 
 def chosen(name: str, listed: Sequence[Listed], device: str) -> Listed | None:
@@ -57,7 +66,7 @@ def gentl_cameras() -> list[Found]:
                 what = f"{each.vendor} {each.model} {each.serial} ({each.kind})"
                 found.setdefault(what, Found(what, {"camera": each.serial or each.id, "cti": path}))
     except ImportError as error:
-        raise OSError(f"no search without Harvesters ({error}); {INSTALL}") from error
+        raise OSError(f"no search without Harvesters ({error}); {remedy(error)}") from error
     except GentlError as error:
         raise OSError(f"no search: {error}") from error
     return list(found.values())

@@ -5,7 +5,7 @@ import sys
 import pytest
 
 from drivers.cameras.gentl.camera import open_camera
-from drivers.cameras.gentl.find import gentl_cameras
+from drivers.cameras.gentl.find import gentl_cameras, remedy
 from drivers.cameras.gentl.producers import producers
 from drivers.clock import SystemClock, VirtualClock
 from drivers.errors import DeviceError, DeviceFault
@@ -43,8 +43,13 @@ def test_without_the_packages_a_machine_says_what_to_install(tmp_path, monkeypat
         open_camera(settings(), OpenContext("camera", SystemClock()))
 
 
+def test_a_missing_shared_library_of_python_is_named():
+    error = ImportError("libpython3.11.so.1.0: cannot open shared object file: No such file or directory")
+    assert remedy(error).endswith(f"apt install libpython3.{sys.version_info.minor}")
+
+
 def test_a_file_that_is_no_producer_is_told(tmp_path):
-    pytest.importorskip("harvesters", reason="pip install 'offaxis[gentl]'")
+    pytest.importorskip("harvesters.core", reason="pip install 'offaxis[gentl]'", exc_type=ImportError)
     (tmp_path / "maker.cti").write_text("not a library")
     with pytest.raises(DeviceError, match=r"load producer: expected a GenTL producer, got .*too short"):
         open_camera(settings(cti=str(tmp_path)), OpenContext("camera", SystemClock()))
