@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from typing import Any
 
 from dic.calibration.calibration import Calibration
 from dic.calibration.grid_making import GridAccuracy
@@ -55,6 +56,31 @@ class GridImages:
             images = {camera: run.image(camera, step) for camera in run.cameras}
             made = GridAccuracy(**run.grid_making)
             return cls(images, target_of_run(run), made, str(run.path))
+
+    @classmethod
+    def of_target(
+        cls,
+        images: Mapping[str, ImageLike],
+        kind: str,
+        counts: tuple[int, int],
+        values: Mapping[str, Any],
+        making: Mapping[str, Any],
+    ) -> "GridImages":
+        """Return images of a target that is described as in a run file.
+
+        Parameters
+        ----------
+        images : mapping of str to image
+        kind : str
+            "lines" or another kind of `dic.targets.TARGETS`.
+        counts : tuple of int
+            Numbers of lines, squares or dots along X and Y.
+        values : mapping of str to float or str
+            The pitch `pitch_mm`, and the further lengths and names of the kind.
+        making : mapping of str to float or str
+            Settings of `dic.calibration.GridAccuracy`.
+        """
+        return cls(images, TARGETS[kind].of(counts, values), GridAccuracy(**making))
 
     def calibrations(self) -> dict[str, Calibration]:
         """Calibrate all cameras, as those of a run file are calibrated; each is that of the grid's lines.
