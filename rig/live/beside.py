@@ -148,7 +148,6 @@ class LiveProcess:
                 os.close(self._wake)
                 os.close(self._woken)
                 self._wake = -1
-        self._failed = self._failed or "closed"
         for ring in self._rings.values():
             ring.close()
         self._control.memory.close()

@@ -44,6 +44,7 @@ class FieldLink:
         self._given = FieldsGiven(self._memory.descriptor, len(content), frames)
         self._clock = SystemClock()
         self._starts = 0
+        self._asked_s: float | None = None
         self._start()
 
     @property
@@ -96,7 +97,7 @@ class FieldLink:
         descriptors = [self._given.setups, *(descriptor for _, descriptor in self._given.rings.values())]
         self._started = Started(_MODULE, descriptors, new_group=False)
         self._inbox, self._outbox = Inbox(os.dup(self._started.back)), Outbox(self._started.to)
-        self._asked_s: float | None = self._clock.now_s()
+        self._asked_s = self._clock.now_s()
         self._outbox.send(self._given, _SEND_S)
 
     def _again(self, *, hangs: bool) -> None:

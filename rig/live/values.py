@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Frame
-
-SIGNAL_PREFIX = "gauge."
-"""The signal of a live gauge is called by this prefix and the name of the gauge."""
+from rig.protocol.live_table import SIGNAL_PREFIX as SIGNAL_PREFIX
 
 CAUSES = (
     "", "not_measured", "repeated", "saturated", "outside", "low_correlation", "points_lost", "jump",

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from dic.gauges import Gauge
     from dic.live import LiveSettings
 
-PREFIX = "gauge."
-"""Other tables name a live gauge by this prefix and its name."""
+SIGNAL_PREFIX = "gauge."
+"""The signal of a live gauge is called by this prefix and the name of the gauge, also in other tables."""
 
 FOLDER = "folder"
 """Key of pydantic's context: the folder of the protocol's file, to which paths in the table are relative."""
