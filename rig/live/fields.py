@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
 Images = Mapping[str, NDArray[Any]]
 READY = "ready"
+_FIRST_S = 0.1
+"""Time from the first frame to the first one of which a field is solved."""
+
 LATE = "the frame was replaced by newer ones"
 
 
@@ -89,7 +92,7 @@ class FieldTasks:
             if name not in (setups.pair or ()) and setup.motion is not None
         ]
         self.groups: list[tuple[str, ...]] = [*pair, *alone]
-        self._began_s = float("-inf")
+        self._began_s: float | None = None
         self._searched = False
 
     def next(
@@ -105,6 +108,9 @@ class FieldTasks:
             name = next(iter(lost))
             return FieldTask({name: numbers[name]}, time_s, lost[name])
         self._searched = False
+        if self._began_s is None:
+            # A field of the very first frame would not tell how the motion goes on.
+            self._began_s = now_s + min(_FIRST_S - self._every_s, 0.0)
         if now_s - self._began_s < self._every_s:
             return None
         group = next((each for each in self.groups if numbers.keys() >= set(each)), None)

@@ -47,6 +47,8 @@ class Measuring:
             first, second = setups.pair
             self._pair = LivePair(self._cameras[first], self._cameras[second], setups.surface)
         self._gauges = [gauge.name for gauge in next(iter(setups.cameras.values())).gauges]
+        self.images: Mapping[str, LiveImage] = {}
+        """All readings in the frames that were measured last, by camera."""
         self.field_problem = ""
         """Why the last field could not be solved; empty if it was."""
 
@@ -64,6 +66,7 @@ class Measuring:
             images |= dict(zip(pair, both, strict=True))
         for name in frames.keys() - images.keys():
             images[name] = self._cameras[name].measure(frames[name].image, time_s)
+        self.images = images
         if self._chosen is None and images.keys() == self._cameras.keys():
             self._chosen = self._most_certain(images)
         return LiveReading(
