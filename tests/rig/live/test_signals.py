@@ -1,6 +1,7 @@
 """Live gauges as signals of a reading, and as samples of the run file."""
 
 import numpy as np
+
 from dic.runfile.reader import RunFile
 from rig.commands.verify_channels import check_channels
 from rig.live.signals import (
