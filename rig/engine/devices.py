@@ -10,6 +10,7 @@ from drivers.interfaces import (
     AsksQuestions,
     Camera,
     CameraInfo,
+    ChangesSpeed,
     Frame,
     InterlockState,
     LoadFrame,
@@ -211,6 +212,17 @@ class Devices:
             frame.do(f"go to {target:g} N", lambda: frame.driver.go_to_load(target, rate))
         else:
             frame.do(f"go to {target:g} mm", lambda: frame.driver.go_to_displacement(target, rate))
+
+    @property
+    def changes_speed(self) -> bool:
+        """True if the speed of the load frame can be changed while it moves to a displacement."""
+        return self.load_frame is not None and callable(getattr(self.load_frame.driver, "change_speed", None))
+
+    def change_speed(self, speed_mm_s: float) -> None:
+        """Change the speed of a motion to a displacement, which goes on. Check `changes_speed` before."""
+        assert self.load_frame is not None
+        driver = cast(ChangesSpeed, self.load_frame.driver)
+        self.load_frame.do(f"change speed to {speed_mm_s:g} mm/s", lambda: driver.change_speed(speed_mm_s))
 
     def stop(self) -> None:
         """Hold the load frame and stop the stage, for a pause of the run."""

@@ -61,7 +61,8 @@ class Shots:
         self._images.begin_numbers_anew()
         for name, camera in self._images.cameras.items():
             timeout_s = run.protocol.images.timeout_s
-            self._feeds[name] = feed_of(camera, run.clock, timeout_s, timing.tolerance_s)
+            tolerance_s = timing.tolerance_s
+            self._feeds[name] = feed_of(camera, run.clock, timeout_s, tolerance_s, run.live.offer)
         self._ready_s = run.clock.now_s()
 
     @property

@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 
 from drivers.interfaces import Frame
 
-SIGNAL_PREFIX = "gauge."
-"""The signal of a live gauge is called by this prefix and the name of the gauge."""
-
 
 @dataclass(frozen=True)
 class GaugeValue:

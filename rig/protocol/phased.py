@@ -46,7 +46,8 @@ class PhasesProtocol(BaseProtocol):
     @cached_property
     def _draft(self) -> Draft:
         tare_max_n = None if self.start is None else self.start.tare_max_n
-        return Draft(self.phases, self.settle, self.limits, tare_max_n, Beginning.of(self.images))
+        area_mm2 = self.sample.thickness_mm * self.sample.width_mm
+        return Draft(self.phases, self.settle, self.limits, tare_max_n, Beginning.of(self.images), area_mm2)
 
     @property
     def course(self) -> Course:
