@@ -8,6 +8,9 @@ from rig.protocol.acquisition_tables import Level
 from rig.protocol.criteria import LoadDropCriterion
 from rig.protocol.step import PhaseEvent, RigReading
 
+_LONGER = 3.0
+"""A motion may take this many times its planned time."""
+
 
 @dataclass(frozen=True)
 class SpeedBounds:
@@ -172,8 +175,8 @@ class PullPlan:
     stages : sequence of PullStage
     fails_at_target : bool
         True if the run ends when the displacement is reached before the last stage has ended.
-    longest_s : float
-        The motion must end within this time in s.
+    planned_s : float
+        The time in s in which the slowest stage alone would reach the displacement, and the loads of others.
     """
 
     where: str
@@ -181,7 +184,12 @@ class PullPlan:
     tolerance_mm: float
     stages: Sequence[PullStage] = field(default_factory=tuple)
     fails_at_target: bool = False
-    longest_s: float = math.inf
+    planned_s: float = math.nan
+
+    @property
+    def longest_s(self) -> float:
+        """The motion must end within this time in s."""
+        return _LONGER * self.planned_s
 
     @property
     def gauges(self) -> set[str]:

@@ -17,8 +17,6 @@ _FASTER, _SLOWER = 10.0, 0.02
 range a soft machine takes up most of the motion, so the crosshead must be faster than the specimen needs."""
 _RAMP_S = 1.0
 """In this time in s the speed may change by strain rate times parallel length."""
-_LONGER = 3.0
-"""A motion may take this many times the time in which the slowest stage alone would reach the target."""
 
 
 class StageUntil(Settings):
@@ -141,7 +139,7 @@ class Pull(Phase):
             move.tolerance,
             tuple(compiled),
             last is not None and last.if_never == "fail",
-            self._longest_s(compiled),
+            self._planned_s(compiled),
         )
         draft.gauges |= plan.gauges | set(self.images.gauges)
         draft.signals |= plan.signals | set(self.images.signals)
@@ -198,8 +196,8 @@ class Pull(Phase):
             None if until.load_drop is None else draft.drop(until.load_drop, sense),
         )
 
-    def _longest_s(self, stages: list[PullStage]) -> float:
+    def _planned_s(self, stages: list[PullStage]) -> float:
         speeds_mm_s = [stage.speed_mm_s for stage in stages if not stage.is_of_load]
         loads_s = sum(abs(stage.load_n) / stage.rate_n_s for stage in stages if stage.is_of_load)
         slowest_mm_s = min(speeds_mm_s, default=math.inf)
-        return _LONGER * (abs(self.displacement_mm) / slowest_mm_s + loads_s)
+        return abs(self.displacement_mm) / slowest_mm_s + loads_s
