@@ -155,6 +155,9 @@ class LoadFrameState:
         The machine's sample counter. If the counter does not increase, the values are stale.
     faults : tuple of str
         Names of the active faults, trips and limits. The tuple is empty if none is active.
+    speed_mm_s : float
+        Speed in mm/s, without a sign, to which the machine says its present motion to a displacement is set.
+        NaN if the machine does not report this speed.
     """
 
     load_n: float
@@ -165,6 +168,7 @@ class LoadFrameState:
     sample: int
     faults: tuple[str, ...]
     time_s: float
+    speed_mm_s: float = math.nan
 
 
 @dataclass(frozen=True)

@@ -170,7 +170,7 @@ class MachineDrive:
             run.devices.go_to("load", stage.load_n, stage.rate_n_s)
             return
         speed_mm_s = stage.speed_mm_s if self._control is None else self._control.speed_mm_s
-        if was_moving and run.devices.changes_speed:
+        if was_moving and run.devices.can_change_speed:
             self._change(speed_mm_s)
         else:
             run.devices.go_to("displacement", self._plan.displacement_mm, speed_mm_s)
@@ -315,7 +315,7 @@ class MachineDrive:
 
     def _require_change_of_speed(self) -> None:
         run = self._run
-        if run.devices.changes_speed or all(stage.strain_rate is None for stage in self._plan.stages):
+        if run.devices.can_change_speed or all(stage.strain_rate is None for stage in self._plan.stages):
             return
         raise DeviceFault(
             "load_frame",
