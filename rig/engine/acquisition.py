@@ -178,7 +178,6 @@ class AcquisitionRun:
                     shots.ask(due_s, reading)
                 else:
                     self.timing.paused += 1
-                    run.pauses.left_out(1)
                 due_s = None
             self._record(step, shots.poll())
             if ended or (due_s == math.inf and not shots.waits):
