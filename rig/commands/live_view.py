@@ -62,9 +62,7 @@ class RunView:
         return ", ".join(filter(None, [values, *gauges, frames_line(live)]))
 
 
-def gauge_lines(
-    live: LiveNow, reading: RigReading | None, *, marked: bool = True
-) -> list[tuple[str, bool]]:
+def gauge_lines(live: LiveNow, reading: RigReading | None, *, marked: bool = True) -> list[tuple[str, bool]]:
     """Return a line with the newest value of each gauge, and whether the value is not valid.
 
     With `marked`, each of several gauges has the mark of its curve.

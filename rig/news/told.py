@@ -36,7 +36,7 @@ class ToldRun:
     Attributes
     ----------
     status : EngineStatus
-    title, run_file : str
+    run_id, title, run_file : str
     utc : datetime or None
         The time of the heartbeat; None over HTTP.
     age_s : float
@@ -54,6 +54,7 @@ class ToldRun:
     """
 
     status: EngineStatus
+    run_id: str = ""
     title: str = ""
     run_file: str = ""
     utc: datetime | None = None
@@ -91,6 +92,7 @@ def _told(table: dict[str, Any]) -> ToldRun:
     utc = table.get("utc")
     return ToldRun(
         status_of(table),
+        run_id=str(table.get("run", "")),
         title=str(table.get("title", "")),
         run_file=str(table.get("run_file", "")),
         utc=None if utc is None else datetime.fromisoformat(utc),
