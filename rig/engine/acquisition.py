@@ -28,6 +28,7 @@ _LAST_IMAGES_S = 2.0
 of an image."""
 _GAUGES_S = 10.0
 """Before a motion, valid strains of live gauges are waited for, added to the timeout of an image."""
+_SHOW_EVERY_S = 0.25
 _PAUSE_LEAST_S = 1e-3
 _PLACE = "between two images"
 """Where a run may be paused, for the record."""
@@ -52,6 +53,7 @@ class AcquisitionRun:
         self._written = WrittenSteps(run, filed)
         self._warnings = SeldomWarnings(run.clock, lambda sentence: run.log("warning", sentence))
         self._asked: AskedDues | None = None
+        self._shown_s = -math.inf
         self._runs = self._end_requested = False
         self.timing = Timing()
         self.next_index = 0
@@ -99,6 +101,7 @@ class AcquisitionRun:
             raise
         finally:
             self._runs, run.observers = False, []
+            run.news.publish(live=None)
         shots.close()
         self._written.finish()
         self._warnings.finish()
@@ -180,6 +183,7 @@ class AcquisitionRun:
                     self.timing.paused += 1
                 due_s = None
             self._record(step, shots.poll())
+            self._show(shots)
             if ended or (due_s == math.inf and not shots.waits):
                 self._drive.end()
                 run.log("info", f"images end: {ended or 'all are taken'}")
@@ -247,3 +251,12 @@ class AcquisitionRun:
     def _publish(self, waits_for: str = "") -> None:
         now = self.timing.now(waits_for, on_request=self._asked is not None)
         self._run.news.publish(acquisition=now)
+
+    def _show(self, shots: Shots) -> None:
+        """Publish what people see of the live gauges, a few times in a second."""
+        run, timing = self._run, self.timing
+        if not run.live.is_measuring or run.clock.now_s() - self._shown_s < _SHOW_EVERY_S:
+            return
+        self._shown_s = run.clock.now_s()
+        interval_s = timing.now("", on_request=False).reached_s
+        run.news.publish(live=run.live.now(timing.taken, 1.0 / interval_s, shots.lost))

@@ -44,6 +44,10 @@ class Feed(Protocol):
     most_open: int
 
     @property
+    def lost(self) -> int:
+        """Number of frames of the stream that are lost so far."""
+
+    @property
     def is_ready(self) -> bool:
         """False until the stream of the camera has delivered its first frame."""
 
@@ -87,6 +91,7 @@ class GrabFeed:
 
     most_open = 1
     is_ready = True
+    lost = 0
 
     def __init__(self, camera: CalledCamera, timeout_s: float, tap: Tap) -> None:
         self._camera, self._timeout_s, self._tap = camera, timeout_s, tap
@@ -155,6 +160,11 @@ class StreamFeed:
     def is_ready(self) -> bool:
         """True if there is a frame."""
         return bool(self._frames)
+
+    @property
+    def lost(self) -> int:
+        """Number of frames that are lost so far."""
+        return sum(loss.count for loss in self._stream.report().losses)
 
     def ask(self, due_s: float) -> None:
         """Ask for the frame nearest to a time."""

@@ -102,6 +102,11 @@ class Shots:
                 self._timing.miss()
         return finished
 
+    @property
+    def lost(self) -> int:
+        """Number of frames that the open streams have lost so far."""
+        return sum(feed.lost for feed in self._feeds.values())
+
     def drop(self) -> None:
         """Count the images that are still asked for as missing."""
         for _ in self._open:
