@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from drivers.errors import DeviceFault
 from rig.engine.context import RunContext
 from rig.engine.drive import Drive, NoDrive, drive_of
 from rig.engine.filing import record_frame
@@ -141,6 +142,14 @@ class AcquisitionRun:
     def _wait_for_gauges(self, pull: PullPlan, shots: Shots) -> None:
         """Wait until the gauges that a motion needs have valid strains."""
         run = self._run
+        if not shots.are_streams:
+            raise DeviceFault(
+                "cameras",
+                pull.where,
+                "cameras that stream, for strains that a motion needs",
+                "a camera that only takes images when it is asked",
+                "use a driver with streams, or stages without strain",
+            )
         waited_s = run.protocol.images.timeout_s + _GAUGES_S
         end_s = run.clock.now_s() + waited_s
         while any(map(run.live.not_valid, pull.gauges)) and run.clock.now_s() < end_s:

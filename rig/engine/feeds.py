@@ -39,9 +39,12 @@ class Feed(Protocol):
     ----------
     most_open : int
         Number of images that may be asked for and not delivered yet.
+    is_stream : bool
+        True if the camera delivers frames that nobody asked for.
     """
 
     most_open: int
+    is_stream: bool
 
     @property
     def lost(self) -> int:
@@ -90,6 +93,7 @@ class GrabFeed:
     """A camera without a stream, which begins each image when it is asked for it."""
 
     most_open = 1
+    is_stream = False
     is_ready = True
     lost = 0
 
@@ -135,6 +139,7 @@ class StreamFeed:
     """A camera that delivers all its frames, from which the nearest one is taken for each time."""
 
     most_open = _OPEN_MOST
+    is_stream = True
 
     def __init__(
         self, camera: CalledCamera, clock: Clock, timeout_s: float, tolerance_s: float, tap: Tap

@@ -103,6 +103,11 @@ class Shots:
         return finished
 
     @property
+    def are_streams(self) -> bool:
+        """True if all cameras deliver frames that nobody asked for."""
+        return all(feed.is_stream for feed in self._feeds.values())
+
+    @property
     def lost(self) -> int:
         """Number of frames that the open streams have lost so far."""
         return sum(feed.lost for feed in self._feeds.values())

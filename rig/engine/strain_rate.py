@@ -30,6 +30,7 @@ _SAMPLES_LEAST = 5
 _LEAD_S = 1.0
 """The wanted strain leads or trails the strain by at most what the rate gives in this time in s. This bounds
 the error that builds up while the speed is at a bound (anti-windup)."""
+_REACHED = 0.9
 _SOFT = 0.02
 """A tangent stiffness below this share of the highest one means yielding."""
 _UNIFORM = (0.4, 3.0)
@@ -71,6 +72,7 @@ class StrainRateControl:
         self._gain_mm = 1.0 / kept.parallel_length_mm
         self._points: deque[Point] = deque()
         self._wanted = math.nan
+        self._is_reached = False
         self._stiffest_n_mm = 0.0
         self._highest_n = -math.inf
         self._loads_n: deque[float] = deque(maxlen=3)
@@ -86,6 +88,7 @@ class StrainRateControl:
         """Begin anew after the machine was held; what was measured about the gain stays."""
         self._points.clear()
         self._wanted = math.nan
+        self._is_reached = False
         self._highest_n = -math.inf
         self._loads_n.clear()
         self.speed_mm_s = min(self.speed_mm_s, self._kept.crosshead_mm_s)
@@ -118,7 +121,12 @@ class StrainRateControl:
         bounds = kept.bounds
         speed_mm_s = min(max(rate_s / self._gain_mm, bounds.least_mm_s), bounds.greatest_mm_s)
         # It may always become slower at once: only a rise can overload the specimen.
-        self.speed_mm_s = min(speed_mm_s, self.speed_mm_s + bounds.acceleration_mm_s2 * elapsed_s)
+        allowed_mm_s = self.speed_mm_s + bounds.acceleration_mm_s2 * elapsed_s
+        self.speed_mm_s = min(speed_mm_s, allowed_mm_s)
+        self._is_reached = self._is_reached or self._gain_mm * self.speed_mm_s >= _REACHED * kept.rate_s
+        if not self._is_reached:
+            # What is missing at the beginning is not caught up by a higher rate.
+            self._wanted = strain
 
     def _yield_in_bands(self) -> None:
         self.is_discontinuous = True
@@ -144,10 +152,12 @@ class StrainRateControl:
         least_mm = kept.rate_s / kept.bounds.greatest_mm_s
         most_mm = kept.rate_s / kept.bounds.least_mm_s
         self._gain_mm = min(max(gain_mm, low_mm, least_mm), high_mm, most_mm)
+        if not self._is_enough(0):
+            return False
         self._stiffest_n_mm = max(self._stiffest_n_mm, stiffness_n_mm)
         uniform = gain_mm * kept.parallel_length_mm
-        is_whole = self._is_enough(0) and stiffness_n_mm < _SOFT * self._stiffest_n_mm
-        return is_whole and not _UNIFORM[0] < uniform < _UNIFORM[1]
+        is_soft = stiffness_n_mm < _SOFT * self._stiffest_n_mm
+        return is_soft and not _UNIFORM[0] < uniform < _UNIFORM[1]
 
     def _slopes(self, first: int) -> tuple[float, float]:
         """Return the slopes of strain and of load over displacement; NaN where nothing has moved."""
