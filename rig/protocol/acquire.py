@@ -15,6 +15,7 @@ from rig.protocol.course import Beginning, Course, CoursePart, Positions
 from rig.protocol.dues import Dues
 from rig.protocol.grid import Grid, GridTable
 from rig.protocol.images import Images
+from rig.protocol.live_table import LiveTable
 from rig.protocol.pull_stages import PullPlan
 from rig.protocol.step import Execute, ProtocolStep, RigReading
 from rig.protocol.tables import Sample, Settle
@@ -52,6 +53,7 @@ class AcquireProtocol(BaseProtocol):
         default=True, description="reference images before the test; false takes the first image instead"
     )
     settle: Settle = Settle(dwell_s=0.1, timeout_s=30.0, poll_s=0.02)
+    live: LiveTable | None = None
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> "AcquireProtocol":
