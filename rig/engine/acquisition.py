@@ -114,7 +114,7 @@ class AcquisitionRun:
     def _wait_for_beginning(self, acquisition: Acquisition, shots: Shots) -> float:
         run, begin = self._run, acquisition.schedule.begin
         self._wait_for_streams(shots)
-        if acquisition.pull is not None and acquisition.pull.gauges:
+        if acquisition.pull is not None and acquisition.pull.gauges | run.live.limited:
             self._wait_for_gauges(acquisition.pull, shots)
         if begin is None:
             return run.clock.now_s()
@@ -142,6 +142,7 @@ class AcquisitionRun:
     def _wait_for_gauges(self, pull: PullPlan, shots: Shots) -> None:
         """Wait until the gauges that a motion needs have valid strains."""
         run = self._run
+        gauges = pull.gauges | run.live.limited
         if not shots.are_streams:
             raise DeviceFault(
                 "cameras",
@@ -152,11 +153,11 @@ class AcquisitionRun:
             )
         waited_s = run.protocol.images.timeout_s + _GAUGES_S
         end_s = run.clock.now_s() + waited_s
-        while any(map(run.live.not_valid, pull.gauges)) and run.clock.now_s() < end_s:
+        while any(map(run.live.not_valid, gauges)) and run.clock.now_s() < end_s:
             run.read()
             shots.poll()
             run.calls.pause(run.settle.poll_s)
-        run.live.require_valid(pull.gauges, pull.where, waited_s)
+        run.live.require_valid(gauges, pull.where, waited_s)
 
     def _pause(self, shots: Shots) -> None:
         """Take no images while the run is paused. A machine that takes no commands goes on."""

@@ -17,7 +17,7 @@ from rig.engine.watch import Watch
 from rig.errors import Aborted
 from rig.limits.run_limits import limits_on
 from rig.live.values import LiveMeasurement
-from rig.protocol.protocol import Protocol
+from rig.protocol.protocol import Protocol, live_table_of
 from rig.protocol.step import PhaseEvent, RigReading
 from rig.protocol.tables import Settle
 from rig.recorder import Recorder
@@ -79,7 +79,9 @@ class RunContext:
         self.pulses = Pulses(rig, self.calls)
         self.channels = RunChannels(rig.channels, rig.clock, recorder.samples)
         sample = protocol.sample
-        self.live = LiveGauges(live, rig.clock, sample.thickness_mm * sample.width_mm)
+        area_mm2 = sample.thickness_mm * sample.width_mm
+        table = live_table_of(protocol)
+        self.live = LiveGauges(live, table, rig.clock, area_mm2, recorder.samples)
         measured = MeasuredChannels(self._read_signals, rig.measured)
         self.monitor = Monitor(self.devices, self.calls, rig.clock, recorder, self.watch, measured)
         self.pauses = Pauses(self)

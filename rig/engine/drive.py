@@ -92,13 +92,18 @@ class MachineDrive:
     def poll_s(self) -> float:
         """Longest time in s between two readings."""
         poll_s = self._run.watch.poll_s(self._run.settle.poll_s)
-        if not self._stage.gauges:
+        if not self._gauges:
             return poll_s
         return min(poll_s, self._run.live.interval_s / _POLLS_PER_FRAME)
 
     @property
     def _stage(self) -> PullStage:
         return self._plan.stages[self._number]
+
+    @property
+    def _gauges(self) -> set[str]:
+        """The gauges without which nothing may move now."""
+        return self._stage.gauges | self._run.live.limited
 
     def begin(self) -> None:
         """Command the first stage."""
@@ -228,7 +233,7 @@ class MachineDrive:
 
     def _invalid_gauge(self) -> tuple[str, str] | None:
         """Return a gauge that the stage needs and that is not valid, and why; None if all are valid."""
-        for gauge in sorted(self._stage.gauges):
+        for gauge in sorted(self._gauges):
             if reason := self._run.live.not_valid(gauge):
                 return gauge, reason
         return None

@@ -2,7 +2,8 @@
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -12,9 +13,11 @@ from drivers.interfaces import Frame
 from rig.engine.calls import Calls, Deadline
 from rig.errors import GaugeNotValid
 from rig.live.curve import Curves
+from rig.live.signals import RECORDED, LiveSamples, signal_readings
 from rig.live.values import LiveMeasurement, LiveNow, LiveReading
+from rig.protocol.live_table import LiveTable
 from rig.protocol.step import RigReading
-from rig.samples import GAUGE_PREFIX, SignalReading
+from rig.samples import GAUGE_PREFIX, SignalReading, TimedSamples
 
 _PREPARING = Deadline(300.0, "declare fewer gauges, or a smaller region for the correction")
 _RECENT = 50
@@ -27,8 +30,9 @@ _RATE_OVER_S = 3.0
 class LiveGauges:
     """Gives frames to the measurement of the live gauges, and keeps what it has found.
 
-    `measurement` is None in a run without live gauges. `offer` may be called from any thread, the other
-    methods by the engine's thread.
+    `measurement` is None in a run without live gauges, which `table` declares. `record` is called with the
+    samples of the gauges, for the run file. `offer` may be called from any thread, the other methods by the
+    engine's thread.
 
     Attributes
     ----------
@@ -37,7 +41,17 @@ class LiveGauges:
         True if the newest reading came with the last call of `read`.
     """
 
-    def __init__(self, measurement: LiveMeasurement | None, clock: Clock, area_mm2: float) -> None:
+    def __init__(
+        self,
+        measurement: LiveMeasurement | None,
+        table: LiveTable | None,
+        clock: Clock,
+        area_mm2: float,
+        record: Callable[[str, TimedSamples], None],
+    ) -> None:
+        self._table = table
+        self._samples = None if table is None else LiveSamples(table)
+        self._record = record
         self.newest: LiveReading | None = None
         self.is_new = False
         self._measurement, self._clock = measurement, clock
@@ -80,6 +94,14 @@ class LiveGauges:
         self._measurement.offer(camera, frame)
 
     @property
+    def limited(self) -> set[str]:
+        """The gauges whose strain is limited, so that nothing moves without a valid value of them."""
+        table = self._table
+        if table is None or (table.strain_max is None and table.strain_min is None):
+            return set()
+        return set(table.names)
+
+    @property
     def interval_s(self) -> float:
         """Median time between two frames of the slowest camera, in s."""
         found = [np.median(np.diff(list(each))) for each in self._middles_s.values() if len(each) > 1]
@@ -98,17 +120,15 @@ class LiveGauges:
         self.is_new = bool(found)
         for reading in found:
             self._see(reading)
-        signals: dict[str, SignalReading] = {}
-        for gauge in self.newest.gauges if self.newest is not None else ():
-            valid = [(each.time_s, value.strain) for each in found if (value := each.gauges[gauge]).valid]
-            name = f"{GAUGE_PREFIX}{gauge}"
-            if valid:
-                times_s, strains = np.array(valid, dtype=np.float64).T
-                signals[name] = SignalReading(strains, times_s, unit="1")
-                self._last[name] = SignalReading(strains[-1:], times_s[-1:], is_new=False, unit="1")
-            elif name in self._last:
-                signals[name] = self._last[name]
-        return signals
+        assert self._table is not None
+        assert self._samples is not None
+        if (samples := self._samples.of(found)) is not None:
+            self._record(RECORDED, samples)
+        signals = signal_readings(self._table, found)
+        old, self._last = self._last, dict(self._last)
+        for name, new in signals.items():
+            self._last[name] = replace(new, values=new.values[-1:], time_s=new.time_s[-1:], is_new=False)
+        return old | signals
 
     def strains(self, gauge: str, reading: RigReading) -> list[tuple[float, float]]:
         """Return the new valid strains of a gauge in a reading, with their times."""

@@ -15,7 +15,7 @@ from rig.protocol.course import Beginning, Course, CoursePart, Positions
 from rig.protocol.dues import Dues
 from rig.protocol.grid import Grid, GridTable
 from rig.protocol.images import Images
-from rig.protocol.live_table import LiveTable
+from rig.protocol.live_table import LiveTable, unknown_gauges
 from rig.protocol.pull_stages import PullPlan
 from rig.protocol.step import Execute, ProtocolStep, RigReading
 from rig.protocol.tables import Sample, Settle
@@ -61,6 +61,10 @@ class AcquireProtocol(BaseProtocol):
             raise ValueError("end.duration_s is before the first of acquire.times_s; make it longer")
         if self.acquire.logarithmic is not None and self.end.duration_s is None and self.end.images is None:
             raise ValueError("end.duration_s or end.images is expected with acquire.logarithmic; add it")
+        if mistakes := unknown_gauges(self.live, {*self.acquire.gauges, *self.end.gauges}):
+            raise ValueError("; ".join(mistakes))
+        if self.live is not None and not self.reference:
+            raise ValueError("reference images are expected with the table live; remove reference = false")
         return self
 
     @property

@@ -220,6 +220,11 @@ class End(Settings):
         return [table.signal for table in (self.reaches, self.drop) if table and table.is_of_channel]
 
     @property
+    def gauges(self) -> list[str]:
+        """The live gauges that the table names."""
+        return [table.gauge for table in (self.reaches, self.drop) if table and table.gauge]
+
+    @property
     def text(self) -> str:
         """What ends the images, in words."""
         drop = self.drop

@@ -56,6 +56,9 @@ class LiveTable(Settings):
         default=0.5, ge=0.05, le=60.0, description="time between the starts of two solved fields"
     )
 
+    strain_max: float | None = Field(default=None, gt=0.0, description="largest strain of any gauge")
+    strain_min: float | None = Field(default=None, lt=0.0, description="smallest strain of any gauge")
+
     subset_px: int | None = None
     step_px: int | None = None
     shape: str | None = None
@@ -167,6 +170,16 @@ class LiveTable(Settings):
 
     def _given(self, names: tuple[str, ...]) -> dict[str, Any]:
         return {name: value for name in names if (value := getattr(self, name)) is not None}
+
+
+def unknown_gauges(table: LiveTable | None, gauges: Collection[str]) -> list[str]:
+    """Return one sentence for each name that other tables use and no live gauge has."""
+    known = [] if table is None else table.names
+    choice = ", ".join(known) or "there is none"
+    return [
+        f"a gauge of the table [live] is expected ({choice}), got {name!r}; declare it"
+        for name in sorted(set(gauges) - set(known))
+    ]
 
 
 def _folder_of(info: ValidationInfo) -> Path | None:

@@ -11,7 +11,7 @@ from rig.protocol.base import BaseProtocol
 from rig.protocol.conditions import Conditions
 from rig.protocol.course import Beginning, Course
 from rig.protocol.draft import Draft, Phase
-from rig.protocol.live_table import LiveTable
+from rig.protocol.live_table import LiveTable, unknown_gauges
 from rig.protocol.phases import PHASES
 from rig.protocol.plausible import Plausible
 from rig.protocol.tables import Limits, PhasesSettle
@@ -41,7 +41,10 @@ class PhasesProtocol(BaseProtocol):
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> "PhasesProtocol":
-        if mistakes := self._draft.mistakes:
+        mistakes = self._draft.mistakes
+        if gauges := self._draft.gauges:
+            mistakes = [*mistakes, *unknown_gauges(self.live, gauges)]
+        if mistakes:
             raise ValueError("; ".join(mistakes))
         return self
 
