@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from drivers.settings import LONGEST_PATH, Settings
+from rig.samples import GAUGE_PREFIX
 
 if TYPE_CHECKING:
     import dic
     from dic.gauges import Gauge
     from dic.live import LiveSettings
 
-SIGNAL_PREFIX = "gauge."
+SIGNAL_PREFIX = GAUGE_PREFIX
 """The signal of a live gauge is called by this prefix and the name of the gauge, also in other tables."""
 
 FOLDER = "folder"
@@ -54,6 +55,9 @@ class LiveTable(Settings):
     field_every_s: float = Field(
         default=0.5, ge=0.05, le=60.0, description="time between the starts of two solved fields"
     )
+
+    strain_max: float | None = Field(default=None, gt=0.0, description="largest strain of any gauge")
+    strain_min: float | None = Field(default=None, lt=0.0, description="smallest strain of any gauge")
 
     subset_px: int | None = None
     step_px: int | None = None
@@ -166,6 +170,16 @@ class LiveTable(Settings):
 
     def _given(self, names: tuple[str, ...]) -> dict[str, Any]:
         return {name: value for name in names if (value := getattr(self, name)) is not None}
+
+
+def unknown_gauges(table: LiveTable | None, gauges: Collection[str]) -> list[str]:
+    """Return one sentence for each name that other tables use and no live gauge has."""
+    known = [] if table is None else table.names
+    choice = ", ".join(known) or "there is none"
+    return [
+        f"a gauge of the table [live] is expected ({choice}), got {name!r}; declare it"
+        for name in sorted(set(gauges) - set(known))
+    ]
 
 
 def _folder_of(info: ValidationInfo) -> Path | None:

@@ -12,7 +12,7 @@ from drivers.errors import ConfigurationError
 from drivers.settings import mistakes_in, read_toml_text
 from rig.protocol.acquire import AcquireProtocol
 from rig.protocol.base import KINDS
-from rig.protocol.live_table import FOLDER
+from rig.protocol.live_table import FOLDER, LiveTable
 from rig.protocol.phased import PhasesProtocol
 from rig.protocol.rotation import RotationProtocol
 from rig.protocol.tension import TensionProtocol
@@ -58,6 +58,11 @@ def parse_protocol(table: dict[str, Any], folder: Path | None = None) -> Protoco
     if kind not in KINDS:
         kind = next((name for name in ("phases", "rotation", "acquire") if name in table), "tension")
     return _MODELS[kind].model_validate(table, context={FOLDER: folder})
+
+
+def live_table_of(protocol: Protocol) -> LiveTable | None:
+    """Return the table `[live]` of a protocol, None without one."""
+    return protocol.live if isinstance(protocol, PhasesProtocol | AcquireProtocol) else None
 
 
 def recorded_protocol(definition: str, kinds: Sequence[str]) -> Protocol:

@@ -18,6 +18,7 @@ from simulators.closed_machine.modbus import AnalogueBoxServer, box_faults
 from simulators.closed_machine.settings import ClosedMachineSettings
 from simulators.interlock.module import InputModule, InputModuleServer
 from simulators.load_frame.device import LoadFrameDevice
+from simulators.load_frame.drive import DriveSettings
 from simulators.load_frame.faults import load_frame_faults
 from simulators.load_frame.layout import LAYOUTS
 from simulators.load_frame.load_cell import LoadCellSettings
@@ -61,6 +62,7 @@ class VirtualRigSettings(Settings):
     )
     misalignment: Misalignment = Misalignment()
     load_cell: LoadCellSettings = LoadCellSettings()
+    drive: DriveSettings = DriveSettings()
     specimen: SpecimenSettings = SpecimenSettings()
     closed_machine: ClosedMachineSettings | None = Field(
         default=None, description="a machine that takes no command pulls the specimen, not the load frame"
@@ -137,6 +139,7 @@ class VirtualRig:
         in_frame = specimen if self.closed_machine is None else SimulatedSpecimen(settings.specimen)
         self.load_frame = LoadFrameDevice(self.clock, in_frame, rng=np.random.default_rng(settings.seed))
         self.load_frame.mount_load_cell(settings.load_cell)
+        self.load_frame.fit_drive(settings.drive)
         self.interlocks = InputModule()
         self.scene = Scene(
             seed=settings.seed,
