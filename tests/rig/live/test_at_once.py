@@ -14,6 +14,8 @@ from rig.live.job import prepared
 from rig.live.measuring import Measuring, Shown
 from rig.live.opening import open_live
 from rig.live.pairing import Arrival
+from rig.live.signals import RECORDED, LiveSamples, channels_record
+from rig.live.values import GaugeValue, LiveReading
 from rig.protocol.live_table import LiveTable
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
@@ -51,7 +53,10 @@ def offline(rig, images, folder):
     """Return the readings of gauges by `dic process`, by the camera's name and the number of the image."""
     job = rig.job
     header = replace(HEADER, grid=job.grid, mounting=job.mounting)
-    recorder = Recorder(folder / "run.h5", header, rig.infos, load_frame=DeviceInfo("v", "m", "s"))
+    recorder = Recorder(
+        folder / "run.h5", header, rig.infos, load_frame=DeviceInfo("v", "m", "s"),
+        channels={RECORDED: channels_record(rig.table)},
+    )  # fmt: skip
     pictures = [("grid", rig.grids), ("reference", rig.references), *(("load", each) for each in images)]
     for index, (kind, shown) in enumerate(pictures):
         frames = {
@@ -60,6 +65,9 @@ def offline(rig, images, folder):
         }
         step = ProtocolStep(index, kind, 1000.0 if kind == "load" else np.nan)
         recorder.step(StepRecord(step, RigReading(float(index), 1000.0), frames)).result(20)
+    values = dict.fromkeys(rig.table.names, GaugeValue(2e-3, 1e-5, True, "", "raw", "aside"))
+    readings = [LiveReading(0.1 * k, 0.0, 0.1 * k, {}, values) for k in range(10 * len(pictures))]
+    recorder.samples(RECORDED, LiveSamples(rig.table).of(readings))
     recorder.close("completed", "", START)
     dic.process_run(
         folder / "run.h5", rig.table.correlation(), incremental="never", output=folder / "results.h5"
@@ -119,6 +127,16 @@ def test_corrected_strain_is_that_of_dic_process_within_its_standard_deviation(r
     assert len(off) >= 12
     assert np.mean(np.abs(off) <= 2.0) >= 0.93
     assert live_readings(rig, images) == readings
+
+
+def test_the_live_values_of_a_run_are_known_at_its_images(offline):
+    for images in offline.values():
+        known = {name: value for name, value in images[3].known.items() if "gauge" in name}
+        assert known["channel_gauge.axial"] == pytest.approx(2e-3)
+        each = [
+            f"channel_gauge.{gauge}{what}" for gauge in ("area", "axial") for what in ("", "_lag", "_std")
+        ]
+        assert sorted(known) == sorted(each)
 
 
 def test_an_earlier_run_calibrates_the_cameras_as_its_own_images_do(rig, offline, folder):
