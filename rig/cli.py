@@ -14,6 +14,7 @@ from rig import RigError
 from rig.commands.hand_commands import hold, jog, status, unload
 from rig.commands.output import JSON as _JSON, PATH as _PATH, NumberRange, finish as _finish, write as _write
 from rig.commands.queue_command import queue
+from rig.commands.watch_command import watch
 from rig.threads import (
     device_threads,
     drivers_exit_by_exception,
@@ -365,5 +366,5 @@ def demo(output: Path) -> None:
     say(f"open {made.report.resolve()}")
 
 
-for _command in (status, hold, unload, jog, queue):
+for _command in (status, hold, unload, jog, queue, watch):
     cli.add_command(_command)

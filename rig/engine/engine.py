@@ -25,6 +25,7 @@ from rig.engine.safety import SafeState
 from rig.engine.settings import SettingsRecord
 from rig.engine.status import EngineStatus, MeasuredAtRest, News, Outcome, State
 from rig.errors import Aborted, RigError
+from rig.live.values import LiveMeasurement
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
@@ -74,6 +75,8 @@ class Engine:
         Function that is called after each complete, valid reading of all devices, with True if a device may
         be moving. The engine's own thread calls the function, so the calls stop if the engine hangs. The
         function must return at once. If the function raises an exception, the run ends.
+    live : LiveMeasurement, optional
+        What measures the live gauges of the protocol. The engine closes it at the end of the run.
     on_question : callable, optional
         Called with an `OperatorAction` and a sentence of the operator's driver (or an empty text) before the
         operator is asked, on the thread that asks. The returned context manager is left after the answer.
@@ -109,10 +112,12 @@ class Engine:
         on_progress: Callable[[bool], None] = lambda _: None,
         on_question: OnQuestion = unannounced,
         earlier: Mapping[int, RigReading] | None = None,
+        live: LiveMeasurement | None = None,
     ) -> None:
         self.leaving_s = LEAVING_S
         self._earlier = dict(earlier or {})
         self._goes_on = bool(earlier)
+        self._next_index = 0
         self._records: list[StepRecord] = []
         # An acquisition may have a million images, whose records are in the run file.
         self._acquired: deque[StepRecord] = deque(maxlen=KEPT_RECORDS)
@@ -121,11 +126,11 @@ class Engine:
             State.IDLE, None, planned, 0, None, rig.simulated, before, load_is_measured=bool(rig.measured)
         )
         self._news = Announcements(recorder, rig.clock, status, on_status, on_step, on_news, self.abort)
-        self.context = RunContext(protocol, rig, recorder, self._news, on_progress, on_question)
+        self.context = RunContext(protocol, rig, recorder, self._news, on_progress, on_question, live)
         self._motion = RunMotion(self.context)
         self._preparation = Preparation(self.context, self._motion)
         self._images = StepImages(self.context, self._motion)
-        self._acquisition = AcquisitionRun(self.context, self._images, self._file)
+        self._acquisition = AcquisitionRun(self.context, self._images, self._motion, self._file)
         self._questions = Questions(self.context, self._motion)
         self._settings = SettingsRecord(self.context)
         self._safe_state = SafeState(rig)
@@ -242,12 +247,16 @@ class Engine:
         return self._questions.answer(word, who)
 
     def _execute(self, step: ProtocolStep) -> RigReading:
+        if step.index < self._next_index:
+            # An acquisition takes as many images as its test needs, and not as many as were planned.
+            step = replace(step, index=self._next_index)
         if step.acquisition is not None:
             self._enter(State.IMAGING, step)
-            return self._acquisition.take(step)
-        if step.index < self._acquisition.next_index:
-            # An acquisition takes as many images as its test needs, and not as many as were planned.
-            step = replace(step, index=self._acquisition.next_index)
+            reading = self._acquisition.take(step)
+            self._next_index = self._acquisition.next_index
+            return reading
+        if self._acquisition.next_index:
+            self._next_index = step.index + 1
         if step.passed:
             return self._leave_out(step)
         if step.index in self._earlier:
@@ -265,6 +274,7 @@ class Engine:
             if frames is None:
                 self._enter(State.IMAGING, step)
             frames = self._images.take(step, reading, frames or {})
+        self.context.live.keep(step.kind, self._images.newest)
         if frames is not None:
             self._finish(StepRecord(step, self._motion.reading, frames))
         elif not step.images:
@@ -310,6 +320,7 @@ class Engine:
             follow_channels(self.context, last_image_s)
         self._settings.at_end()
         end_channels(self.context)
+        self.context.live.close()
         for sentence in self.context.channels.new_losses(whole=True):
             self.context.log("warning", sentence)
         self.context.log("info", COMPLETED)
@@ -327,6 +338,7 @@ class Engine:
         if unsafe:
             reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(unsafe)}). {reason}"
         end_channels(run)
+        run.live.close()
         # Ignore an error, because the status of the run may be written even if settings and this event
         # cannot.
         with suppress(RigError):

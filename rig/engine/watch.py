@@ -64,6 +64,11 @@ class Watch:
         self._speed.begin(step)
         self._step = step
 
+    def change_speed(self, speed_mm_s: float) -> None:
+        """Note a new speed of the crosshead, before or after it was commanded during the present motion."""
+        self._table.check("speed", speed_mm_s, f"{self._step}, a change of speed")
+        self._speed.change(speed_mm_s)
+
     def tared(self) -> None:
         """Record that load and displacement were set to zero."""
         self._highest_n = 0.0
