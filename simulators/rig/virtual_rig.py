@@ -241,7 +241,20 @@ class VirtualRig:
             "thickness_strain": state.thickness_strain,
             "broken": state.broken,
             "grid_attached": self.scene.grid_attached,
+            **self._band_truth(),
             **self._program_truth(),
+        }
+
+    def _band_truth(self) -> dict[str, float | bool]:
+        """Return the true place of a Lüders band's front, and the strain of the middle of the specimen."""
+        specimen = self.scene.specimen
+        if (point := specimen.settings.yield_point) is None or point.band is None:
+            return {}
+        band = specimen.state.band
+        return {
+            "band_travels": band is not None,
+            "band_front_mm": specimen.front_mm(),
+            "middle_strain": specimen.state.axial_strain if band is None else band.strain_at(0.0),
         }
 
     def _program_truth(self) -> dict[str, float | bool]:
