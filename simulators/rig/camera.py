@@ -158,7 +158,16 @@ class SimulatedCamera:
         surface = self._scene.surface()
         after_s = self._clock.now_s()
         time_s = (before_s + after_s) / 2
-        self._plan.look(time_s, self._scene.specimen.state)
+        try:
+            self._plan.look(time_s, self._scene.specimen.state)
+        except ValueError as error:
+            raise DeviceFault(
+                self.info.serial,
+                "look for planned faults",
+                "faults that this rig can have",
+                str(error),
+                "correct [[simulation.faults]]",
+            ) from error
         return TimedLook(time_s, surface, (after_s - before_s) / math.sqrt(12.0))
 
     def _develop(self, start: Start, looks: list[TimedLook], readout_s: float) -> Exposure:

@@ -25,8 +25,8 @@ class PictureStore:
     folder: Path
 
     def load(self, camera: PinholeCamera, surface: Surface, margin_px: int) -> PreparedPicture | None:
-        """Return the picture of a surface, None if there is none. A damaged file counts as none."""
-        with suppress(FileNotFoundError, ValueError, EOFError):
+        """Return the picture of a surface, None if there is none, or none that can be read."""
+        with suppress(OSError, ValueError, EOFError):
             fine = np.load(self._path(camera, surface, margin_px), allow_pickle=False)
             if fine.shape == points_of(camera, margin_px) and fine.dtype == np.uint8:
                 return PreparedPicture(camera, surface, margin_px, fine)

@@ -82,6 +82,8 @@ class PlannedFaults:
     def __post_init__(self) -> None:
         self.begun: list[tuple[float, str]] = []
         self._lock = threading.Lock()
+        # The names of all cameras are known when the first one exposes.
+        self._checked = False
 
     def add(self, plan: FaultPlan) -> None:
         """Add a plan; raise `ValueError` if its device or camera does not exist."""
@@ -95,9 +97,15 @@ class PlannedFaults:
             self._require(plan)
 
     def look(self, now_s: float, state: SpecimenState) -> None:
-        """Switch on the faults that have begun by now. Both times are on the rig's clock."""
+        """Switch on the faults that have begun by now, a time on the rig's clock.
+
+        Raise `ValueError` if a plan names a device or a camera that does not exist.
+        """
         if not self.plans:
             return
+        if not self._checked:
+            self.check()
+            self._checked = True
         with self._lock:
             for plan in tuple(self.plans):
                 since_s = plan.begins(now_s, self.opened_s, state)
