@@ -20,7 +20,9 @@ class CameraLine:
     def __init__(self, camera: Callable[[], Camera]) -> None:
         self._camera = camera
         info = camera().info
-        self.info = DeviceInfo(info.vendor, f"output line of {info.model}", info.serial, info.simulated)
+        self.info = DeviceInfo(
+            info.vendor, f"output line of {info.model}", info.serial, simulated=info.simulated
+        )
 
     def pulse(self) -> None:
         """Begin a pulse. Raise `DeviceError` if it may not have been given."""

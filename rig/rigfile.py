@@ -285,7 +285,8 @@ def _read_triggers(
     tables: object, cameras: Mapping[str, DeviceEntry], mistakes: list[str]
 ) -> dict[str, TriggerEntry]:
     events: dict[str, TriggerEvent] = {}
-    devices, lines = {}, {}
+    devices: dict[str, dict[str, Any]] = {}
+    lines: dict[str, dict[str, Any]] = {}
     for name, table in tables.items() if isinstance(tables, dict) else ():
         if not isinstance(table, dict):
             continue
