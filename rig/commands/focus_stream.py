@@ -12,7 +12,7 @@ from drivers.clock import Clock
 from drivers.terminal.keys import Keys
 from rig import RigError
 from rig.commands.check import Image
-from rig.commands.focus_view import draw, sentence
+from rig.commands.focus_view import FocusPanel, sentence
 from rig.commands.focusing import Focus
 
 REFRESHES_PER_S = 4.0
@@ -56,7 +56,7 @@ class FocusStream:
         """Stream for some time, or until the key for the end or Ctrl-C is pressed."""
         keys = Keys().there
         live = bottom_lines(
-            lambda: draw(self._focus, self._clock.now_s(), self._note, keys=keys), REFRESHES_PER_S
+            lambda: FocusPanel(self._focus, self._clock.now_s(), self._note, keys), REFRESHES_PER_S
         )
         until_s = self._clock.now_s() + (math.inf if seconds is None else seconds)
         self._told_s = self._clock.now_s() - TOLD_EVERY_S + _FIRST_S

@@ -1,15 +1,22 @@
 """The figures of the cameras while a rig is set up, as lines of a terminal."""
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rig.commands.focus_figures import MIDDLE_PX, SlowFigures
 from rig.commands.focusing import CameraFocus, Focus, ImageFigures
+from rig.commands.live_view import broken_lines
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
+    from rich.console import Console, ConsoleOptions, RenderResult
+    from rich.table import Table
+    from rich.text import Text
 
-_BAR_WIDTH = 20
+_BAR_WIDTH = 40
+_FINDINGS = 2
+_BAD = "bold red"
+NO_IMAGE = "NO IMAGE"
 KEYS = "s: save images, r: forget the best, q: end"
 
 
@@ -57,7 +64,7 @@ def _speckles(quality: dict[str, Any]) -> str:
 
 def camera_lines(camera: CameraFocus, now_s: float | None = None) -> list[str]:
     """Return all that is known of a camera; first what is wrong with its images."""
-    lines = [f"NO IMAGE: {camera.trouble}"] if camera.trouble else []
+    lines = [f"{NO_IMAGE}: {camera.trouble}"] if camera.trouble else []
     if camera.figures is not None:
         lines += [sharpness_text(camera.figures), light_line(camera.figures)]
     if camera.slow is not None:
@@ -80,28 +87,52 @@ def problems(focus: Focus) -> list[str]:
     ]
 
 
-def draw(focus: Focus, now_s: float, note: str, *, keys: bool) -> "RenderableType":
-    """Return what stands at the bottom of a terminal, for Rich."""
-    from rich.console import Group
-    from rich.progress_bar import ProgressBar
-    from rich.table import Table
+@dataclass(frozen=True)
+class FocusPanel:
+    """What stands at the bottom of a terminal, for Rich.
+
+    Attributes
+    ----------
+    focus : Focus
+    now_s : float
+        The time on the computer's clock.
+    note : str
+        What the last key has done.
+    keys : bool
+        True if keys can be read.
+    """
+
+    focus: Focus
+    now_s: float
+    note: str
+    keys: bool
+
+    def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "RenderResult":
+        """Draw the lines of all cameras, each with a bar for the sharpness."""
+        for camera in self.focus.cameras:
+            yield _line(camera.camera_name, "bold")
+            if camera.figures is not None:
+                yield _bar(camera.figures)
+            for line in camera_lines(camera, self.now_s):
+                style = _BAD if line.startswith(NO_IMAGE) else ""
+                yield from (_line(f"  {part}", style) for part in broken_lines(line, options.max_width - 3))
+            for finding in [] if camera.slow is None else camera.slow.findings[:_FINDINGS]:
+                yield _line(f"  {finding}", "yellow")
+        below = f"Nothing moves. {KEYS}" if self.keys else "Nothing moves. Ctrl-C: end"
+        yield from (_line(line, "") for line in (self.note, below) if line)
+
+
+def _line(text: str, style: str) -> "Text":
     from rich.text import Text
 
-    drawn: list[RenderableType] = []
-    for camera in focus.cameras:
-        drawn.append(Text(camera.camera_name, "bold", no_wrap=True, overflow="ellipsis"))
-        figures = camera.figures
-        if figures is not None and figures.best > 0.0:
-            grid = Table.grid(padding=(0, 1))
-            bar = ProgressBar(1.0, figures.sharpness / figures.best, _BAR_WIDTH)
-            grid.add_row(" ", bar, Text(sharpness_text(figures), no_wrap=True, overflow="ellipsis"))
-            drawn.append(grid)
-        for line in camera_lines(camera, now_s):
-            if figures is None or line != sharpness_text(figures) or not figures.best > 0.0:
-                style = "bold red" if line.startswith("NO IMAGE") else ""
-                drawn.append(Text(f"  {line}", style, no_wrap=True, overflow="ellipsis"))
-        for finding in [] if camera.slow is None else camera.slow.findings[:2]:
-            drawn.append(Text(f"  {finding}", "yellow", no_wrap=True, overflow="ellipsis"))
-    below = f"Nothing moves. {KEYS}" if keys else "Nothing moves. Ctrl-C: end"
-    drawn += [Text(line, no_wrap=True, overflow="ellipsis") for line in (note, below) if line]
-    return Group(*drawn)
+    return Text(text, style, no_wrap=True, overflow="ellipsis")
+
+
+def _bar(figures: ImageFigures) -> "Table":
+    from rich.progress_bar import ProgressBar
+    from rich.table import Table
+
+    drawn = Table.grid(padding=(0, 1))
+    share = figures.sharpness / figures.best if figures.best > 0.0 else 0.0
+    drawn.add_row(" ", ProgressBar(1.0, share, _BAR_WIDTH))
+    return drawn

@@ -144,7 +144,7 @@ class Panel:
 
         columns = options.max_width
         every = [*self.view.lines(), *self.lines]
-        broken = [(part, bad) for line, bad in every for part in _broken(line, columns)]
+        broken = [(part, bad) for line, bad in every for part in broken_lines(line, columns)]
         # with room for broken lines, so that the plot seldom changes its height
         rows = min(PLOT_ROWS_MAX, console.height - max(len(broken), len(every) + 2) - 2)
         if self.view.status.live is not None and rows >= LEAST_ROWS:
@@ -174,5 +174,6 @@ def shows_braille(console: "Console") -> bool:
     return console.encoding.lower().startswith("utf") and os.environ.get("TERM", "") not in _PLAIN_TERMINALS
 
 
-def _broken(line: str, columns: int) -> list[str]:
+def broken_lines(line: str, columns: int) -> list[str]:
+    """Return a line as lines that a terminal with this width shows whole."""
     return textwrap.wrap(line, max(20, columns), subsequent_indent="  ", break_long_words=True)
