@@ -35,7 +35,9 @@ class SlowFigures:
     taken_s : float
         When the image was taken, on the computer's clock.
     quality : dict of str to any
-        The figures of `dic quality` in the middle of the image; empty for an image of the grid.
+        The figures of `dic quality`; empty for an image of the grid.
+    in_middle : bool
+        True if they are those of the middle of the image only.
     findings : list of str
         A sentence for each figure that is not good.
     grid : GridNow or None
@@ -48,6 +50,7 @@ class SlowFigures:
     findings: list[str] = field(default_factory=list)
     grid: GridNow | None = None
     no_grid: str = ""
+    in_middle: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figures as a table for JSON."""
@@ -69,8 +72,9 @@ def slow_figures(image: Image, bits: int, target: Target | None, taken_s: float)
         if isinstance(found, GridNow):
             return SlowFigures(taken_s, grid=found)
         no_grid = found
-    quality, findings = judge(middle_of(image), bits)
-    return SlowFigures(taken_s, quality, findings, no_grid=no_grid)
+    middle = middle_of(image)
+    quality, findings = judge(middle, bits)
+    return SlowFigures(taken_s, quality, findings, None, no_grid, middle.size < image.size)
 
 
 def middle_of(image: Image) -> Image:

@@ -48,7 +48,8 @@ def slow_lines(slow: SlowFigures, now_s: float | None) -> list[str]:
         residual = f"{grid.rms_px:.3f} px rms, {grid.max_px:.3f} px at most"
         lines.append(f"grid of {grid.points} points, residual {residual}{age}")
     if slow.quality:
-        lines.append(f"{_speckles(slow.quality)}{age}")
+        place = f"middle {MIDDLE_PX} px: " if slow.in_middle else ""
+        lines.append(f"{place}{_speckles(slow.quality)}{age}")
     if slow.no_grid:
         lines.append(f"no grid: {slow.no_grid}")
     return lines
@@ -59,7 +60,7 @@ def _speckles(quality: dict[str, Any]) -> str:
     parts = [f"speckles {x:.1f} x {y:.1f} px" if x is not None and y is not None else "no speckles"]
     named = (("contrast", "contrast", ""), ("noise", "noise", ""), ("blur_px", "blur", " px"))
     parts += [f"{name} {quality[key]:.3g}{unit}" for key, name, unit in named if quality.get(key) is not None]
-    return f"middle {MIDDLE_PX} px: {', '.join(parts)}"
+    return ", ".join(parts)
 
 
 def camera_lines(camera: CameraFocus, now_s: float | None = None) -> list[str]:

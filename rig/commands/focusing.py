@@ -67,6 +67,14 @@ class ImageFigures:
 class CameraFocus(DeviceThread):
     """Takes images with one camera and measures them, on a thread of its own or image by image.
 
+    Parameters
+    ----------
+    name : str
+    camera : Camera
+    rig : Rig
+    deadline_s : float, optional
+        Longest real time in s for an image. Default: `GRAB_S` and what a camera's driver gets in addition.
+
     Attributes
     ----------
     newest : Frame or None
@@ -82,7 +90,7 @@ class CameraFocus(DeviceThread):
         True if a call of the driver hangs, so that no more images are taken.
     """
 
-    def __init__(self, name: str, camera: Camera, rig: Rig) -> None:
+    def __init__(self, name: str, camera: Camera, rig: Rig, deadline_s: float | None = None) -> None:
         super().__init__(f"focus of {name}")
         self.camera_name, self._camera, self._rig = name, camera, rig
         self._checks = ImageChecks(camera.info, Images())
@@ -96,7 +104,7 @@ class CameraFocus(DeviceThread):
         self._best_is_known = False
         # a simulated camera computes while its clock stands still
         patience_s = 0.0 if isinstance(rig.clock, SystemClock) else PATIENCE_S
-        self._deadline_s = GRAB_S + CAMERA_MARGIN_S + patience_s
+        self._deadline_s = deadline_s or GRAB_S + CAMERA_MARGIN_S + patience_s
 
     def run(self) -> None:
         """Take images until `end` is called."""

@@ -152,6 +152,23 @@ def test_a_camera_that_fails_is_told_and_the_others_go_on():
     assert "NO IMAGE" not in sentence(focus, 0.0)
 
 
+def test_a_camera_that_hangs_is_given_up_and_not_closed():
+    released = threading.Event()
+
+    class Hanging(Pictures):
+        def grab(self, timeout_s: float) -> Frame:
+            released.wait(60.0)
+            return super().grab(timeout_s)
+
+    rig = rig_of(left=Hanging([speckles(0.5)]))
+    focus = CameraFocus("left", rig.cameras["left"], rig, deadline_s=0.05)
+    focus.run()  # it returns, because nothing can be expected of this camera any more
+    released.set()
+    assert focus.lost
+    assert "none: the call hangs" in focus.trouble
+    assert list(rig.lost) == ["cameras.left"]
+
+
 def test_a_stream_shows_new_images_beside_old_figures_and_ends_by_itself():
     cameras = {"left": Pictures([speckles(0.5)]), "right": Pictures([speckles(1.0)])}
     focus = Focus(Rig(SystemClock(), FakeOperator([]), cameras), None)
