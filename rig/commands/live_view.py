@@ -5,6 +5,7 @@ import os
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 from rig import EngineStatus, RigReading
@@ -164,8 +165,9 @@ class Panel:
         braille = shows_braille(console)
         for cells in plot(curves, min(columns - 1, _PLOT_COLUMNS_MAX), rows, titles, braille=braille):
             line = Text(no_wrap=True, overflow="crop")
-            for sign, curve in cells:
-                line.append(sign, _STYLES[curve % len(_STYLES)] if curve >= 0 else "")
+            for curve, same in groupby(cells, lambda cell: cell[1]):
+                style = _STYLES[curve % len(_STYLES)] if curve >= 0 else ""
+                line.append("".join(sign for sign, _ in same), style)
             yield line
 
 
