@@ -11,6 +11,7 @@ from dic.calibration.calibration import Calibration
 from dic.calibration.directions import most_different
 from dic.calibration.plate import behind
 from dic.correlation.settings import CorrelationSettings
+from dic.errors import CalibrationError
 from dic.gauges.declared import Gauge
 from dic.live.pair import surface_of
 from dic.live.settings import LiveSettings
@@ -100,6 +101,15 @@ class LiveSetups:
 def _setup(reference: NDArray[Any], lines: Calibration | None, how: LiveHow) -> LiveSetup:
     if lines is None:
         return LiveSetup(reference, how.gauges, correlation=how.correlation, live=how.live)
+    if lines.image_shape != reference.shape:
+        (height, width), (own_height, own_width) = lines.image_shape, reference.shape
+        raise CalibrationError(
+            lines.source or "images of the grid",
+            "apply calibration",
+            f"images of {own_width} × {own_height} px, as the reference",
+            f"{width} × {height} px",
+            "take both images with the same readout of the camera",
+        )
     calibration = behind(lines, how.plate_mm) if how.plate_mm else lines
     area = calibrated_area(lines, reference.shape)
     motion = None if calibration.pinhole is None else how.motion

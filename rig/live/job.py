@@ -1,6 +1,6 @@
 """What a live measurement is asked to do, and what it prepares from images of grid and specimen."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -59,8 +59,7 @@ def prepared(job: LiveJob, grids: Images, references: Images) -> "LiveSetups":
 
     table = job.table
     try:
-        of_grid = _grid_images(job, grids)
-        # An earlier run may have more cameras.
+        of_grid = _grid_images(job, grids, references.keys())
         lines = {} if of_grid is None else of_grid.calibrations()
         how = LiveHow(
             table.declared, table.correlation(), _motion(job), job.mounting.plate_mm or 0.0, table.live()
@@ -71,12 +70,18 @@ def prepared(job: LiveJob, grids: Images, references: Images) -> "LiveSetups":
         raise DeviceError(where, error.step, error.expected, error.got, error.remedy) from error
 
 
-def _grid_images(job: LiveJob, grids: Images) -> "GridImages | None":
+def _grid_images(job: LiveJob, grids: Images, references: Set[str]) -> "GridImages | None":
     """Return the images of the grid: those of the earlier run that the table names, or the given ones."""
     from dic.pipeline import GridImages
 
     if job.table.grid_run is not None:
-        return GridImages.of_run(job.table.grid_run)
+        earlier = GridImages.of_run(job.table.grid_run)
+        if missing := sorted(references - earlier.images.keys()):
+            remedy = "name a run that the same cameras recorded in live.grid_from"
+            known = f"a camera of {earlier.source}: {', '.join(earlier.images)}"
+            raise DeviceError(DEVICE, "take the grid from an earlier run", known, missing[0], remedy)
+        # An earlier run may have had more cameras.
+        return replace(earlier, images={name: earlier.images[name] for name in sorted(references)})
     if not grids:
         return None
     values = job.grid.model_dump()

@@ -15,6 +15,9 @@ from rig.samples import SignalReading, TimedSamples
 RECORDED = "live_gauges"
 """Name of the channel device of the run file that has the values of the live gauges."""
 
+LATENCY = "gauge_latency"
+"""Signal of the run file: time from the middle of the exposure to the moment when the values were known."""
+
 ALL, STD, CAUSE = "all", "std", "cause"
 _LEAST, _MOST = -1.0, 1e6
 
@@ -48,13 +51,14 @@ def channels_record(table: LiveTable) -> ChannelsRecord:
             Signal(f"{signal.name}.{STD}", "1", 0.0, _MOST),
             Signal(f"{signal.name}.{CAUSE}", "", 0.0, float(len(CAUSES))),
         ]
+    signals.append(Signal(LATENCY, "s", 0.0, _MOST))
     return ChannelsRecord(
         DeviceInfo("offaxis", "live gauges", ""), tuple(SignalRecord(each) for each in signals)
     )
 
 
 class LiveSamples:
-    """Turns readings into samples for the run file, and numbers them.
+    """Turns readings into samples for the run file, and numbers them. Their times are those of the exposures.
 
     Each gauge has four signals: ``gauge.NAME``, its strain where it is valid and NaN elsewhere;
     ``gauge.NAME.all``, its strain also where it is not valid, NaN if there is none; ``gauge.NAME.std``, the
@@ -71,7 +75,7 @@ class LiveSamples:
         self._next = 0
 
     def of(self, readings: Sequence[LiveReading]) -> TimedSamples | None:
-        """Return the samples of readings, None without any. Their own time is that when they were known."""
+        """Return the samples of readings, None without any."""
         if not readings:
             return None
         first, self._next = self._next, self._next + len(readings)
@@ -79,7 +83,7 @@ class LiveSamples:
             np.array([self._row(reading) for reading in readings], np.float64),
             np.array([reading.time_s for reading in readings]),
             np.array([reading.time_std_s for reading in readings]),
-            np.array([reading.known_s for reading in readings]),
+            np.full(len(readings), np.nan),
             first,
         )
 
@@ -89,7 +93,7 @@ class LiveSamples:
             value = reading.gauges[name]
             valid = value.strain if _valid(reading, name) else np.nan
             row += [valid, value.strain, value.std if np.isfinite(value.std) else np.nan, cause_number(value)]
-        return row
+        return [*row, max(0.0, reading.known_s - reading.time_s)]
 
 
 def _valid(reading: LiveReading, name: str) -> bool:
