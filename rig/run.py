@@ -126,8 +126,9 @@ def run_protocol(
                 on_question=on_question,
                 on_news=[told.add],
                 earlier=None if earlier is None else earlier.readings,
-                live=live,
             )
+            if live is not None:
+                engine.measure_gauges_with(live)
             told.connect(engine)
             news.on_begin(engine)
             with aborting_on_signals(engine), guardian.watched(engine.abort):

@@ -16,7 +16,8 @@ Points: TypeAlias = Sequence[tuple[float, float]]
 Cell: TypeAlias = tuple[str, int]
 """A character, and the number of its curve; -1 for axes, texts and empty places."""
 
-_BRAILLE = 0x2800
+_SIGNS = " " + "".join(chr(0x2800 + bits) for bits in range(1, 256))
+_PLAIN_SIGNS = " " + 255 * "*"
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 """The bits of the dots of a Braille character, by row and column (Unicode, Braille Patterns)."""
 _PARTS = 8.0
@@ -131,15 +132,11 @@ class _Canvas:
 
     def cells(self) -> list[list[Cell]]:
         """Return the characters of all rows."""
-        signs = [
-            [(self._sign(int(bits)), int(curve)) for bits, curve in zip(*row, strict=True)]
-            for row in zip(self._bits, self._curve, strict=True)
+        signs = _SIGNS if self._braille else _PLAIN_SIGNS
+        rows = [
+            [(signs[bits], curve) for bits, curve in zip(*row, strict=True)]
+            for row in zip(self._bits.tolist(), self._curve.tolist(), strict=True)
         ]
         for row, column, number in self._ends:
-            signs[row][column] = name_of_curve(number), number
-        return signs
-
-    def _sign(self, bits: int) -> str:
-        if not bits:
-            return " "
-        return chr(_BRAILLE + bits) if self._braille else "*"
+            rows[row][column] = name_of_curve(number), number
+        return rows

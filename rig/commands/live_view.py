@@ -5,6 +5,7 @@ import os
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 from rig import EngineStatus, RigReading
@@ -144,7 +145,7 @@ class Panel:
 
         columns = options.max_width
         every = [*self.view.lines(), *self.lines]
-        broken = [(part, bad) for line, bad in every for part in _broken(line, columns)]
+        broken = [(part, bad) for line, bad in every for part in broken_lines(line, columns)]
         # with room for broken lines, so that the plot seldom changes its height
         rows = min(PLOT_ROWS_MAX, console.height - max(len(broken), len(every) + 2) - 2)
         if self.view.status.live is not None and rows >= LEAST_ROWS:
@@ -164,8 +165,9 @@ class Panel:
         braille = shows_braille(console)
         for cells in plot(curves, min(columns - 1, _PLOT_COLUMNS_MAX), rows, titles, braille=braille):
             line = Text(no_wrap=True, overflow="crop")
-            for sign, curve in cells:
-                line.append(sign, _STYLES[curve % len(_STYLES)] if curve >= 0 else "")
+            for curve, same in groupby(cells, lambda cell: cell[1]):
+                style = _STYLES[curve % len(_STYLES)] if curve >= 0 else ""
+                line.append("".join(sign for sign, _ in same), style)
             yield line
 
 
@@ -174,5 +176,6 @@ def shows_braille(console: "Console") -> bool:
     return console.encoding.lower().startswith("utf") and os.environ.get("TERM", "") not in _PLAIN_TERMINALS
 
 
-def _broken(line: str, columns: int) -> list[str]:
+def broken_lines(line: str, columns: int) -> list[str]:
+    """Return a line as lines that a terminal with this width shows whole."""
     return textwrap.wrap(line, max(20, columns), subsequent_indent="  ", break_long_words=True)

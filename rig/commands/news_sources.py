@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
+from dic.files.reading import read_bytes, require_regular
 from drivers.clock import Clock
 from rig import RigError
 from rig.news.files import heartbeat_path
@@ -66,7 +67,7 @@ def find_heartbeat(path: Path) -> Path:
                 str(path), "a folder with a run", "one without a heartbeat file", "name the run file"
             )
         return found[-1]
-    beside = path if path.name.endswith(_ENDING) else heartbeat_path(path)
+    beside = path if path.suffix == ".json" else heartbeat_path(path)
     if beside.exists():
         return beside
     if not path.exists():
@@ -88,6 +89,7 @@ def find_heartbeat(path: Path) -> Path:
 
 def _is_hdf5(path: Path) -> bool:
     try:
+        require_regular(path)
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
             for place in (place for place in _BLOCKS if place < size):
@@ -116,8 +118,7 @@ class FileSource:
 
     def _seen(self) -> Seen:
         try:
-            with self._path.open("rb") as file:
-                content = file.read(MOST_BYTES + 1)
+            content = read_bytes(self._path, MOST_BYTES)
         except OSError as error:
             raise RigError(
                 self.name, "a file that can be read", error.strerror or str(error), "name the run file"

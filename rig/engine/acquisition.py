@@ -30,6 +30,8 @@ of an image."""
 _GAUGES_S = 10.0
 """Before a motion, valid strains of live gauges are waited for, added to the timeout of an image."""
 _SHOW_EVERY_S = 0.25
+_LAST_FRAMES_S = 1.0
+"""After the end, a frame that was exposed before it is waited for at most for this time in s."""
 _PAUSE_LEAST_S = 1e-3
 _PLACE = "between two images"
 """Where a run may be paused, for the record."""
@@ -82,7 +84,8 @@ class AcquisitionRun:
         acquisition, run = step.acquisition, self._run
         assert isinstance(acquisition, Acquisition)
         self.timing = Timing(acquisition.interval_s, acquisition.schedule.lateness_max_s, acquisition.planned)
-        shots = Shots(run, self._images, self.timing)
+        every_frame = acquisition.schedule.every_frame is not None
+        shots = Shots(run, self._images, self.timing, every_frame=every_frame)
         dues = acquisition.dues()
         self._drive = drive_of(run, step, acquisition.pull, self._motion.stand_still)
         run.live.prepare(run.calls)
@@ -96,7 +99,7 @@ class AcquisitionRun:
             self._drive.begin()
             reading = self._follow(step, dues, shots, begun_s)
             self._runs = False
-            self._finish(step, shots)
+            self._finish(step, shots, min(reading.time_s, begun_s + acquisition.duration_s))
         except BaseException:
             shots.leave()
             raise
@@ -174,6 +177,7 @@ class AcquisitionRun:
         assert isinstance(acquisition, Acquisition)
         ends = acquisition.end_of_signals()
         dues.begin(begun_s)
+        shots.begin(begun_s)
         run.observers = [dues.see, ends.see]
         due_s: float | None = None
         self._publish()
@@ -181,8 +185,10 @@ class AcquisitionRun:
             reading = run.read()
             ended = self._drive.see(reading) or self._ended(acquisition, ends.met, shots, begun_s)
             if not ended and run.pauses.asked(_PLACE):
-                self._finish(step, shots)
+                self._finish(step, shots, reading.time_s)
                 self._pause(shots)
+            if acquisition.schedule.every_frame:
+                shots.take_frames(reading, acquisition.images, begun_s + acquisition.duration_s)
             while self.timing.asked < acquisition.images and not self._end_requested:
                 due_s = dues.next_s() if due_s is None else due_s
                 if due_s is None or due_s > run.clock.now_s():
@@ -213,12 +219,17 @@ class AcquisitionRun:
         late_s = self._run.clock.now_s() - begun_s - acquisition.duration_s
         return f"{acquisition.duration_s:g} s are over" if late_s > 0.0 and not shots.waits else ""
 
-    def _finish(self, step: ProtocolStep, shots: Shots) -> None:
-        """Wait for the images that were asked for before the end."""
-        run = self._run
-        end_s = run.clock.now_s() + run.protocol.images.timeout_s + _LAST_IMAGES_S
-        while shots.waits and run.clock.now_s() < end_s:
-            run.read()
+    def _finish(self, step: ProtocolStep, shots: Shots, until_s: float) -> None:
+        """Wait for the images that were asked for before the end, and for the frames exposed until then."""
+        run, acquisition = self._run, step.acquisition
+        assert isinstance(acquisition, Acquisition)
+        now_s = run.clock.now_s()
+        end_s, frames_s = now_s + run.protocol.images.timeout_s + _LAST_IMAGES_S, now_s + _LAST_FRAMES_S
+        more = acquisition.schedule.every_frame is not None
+        while (shots.waits or more) and run.clock.now_s() < end_s:
+            reading = run.read()
+            more = more and not shots.take_frames(reading, acquisition.images, until_s)
+            more = more and run.clock.now_s() < frames_s and self.timing.asked < acquisition.images
             self._record(step, shots.poll())
             run.calls.pause(run.settle.poll_s)
         shots.drop()

@@ -16,7 +16,6 @@ from rig.engine.pulses import Pulses
 from rig.engine.watch import Watch
 from rig.errors import Aborted
 from rig.limits.run_limits import limits_on
-from rig.live.values import LiveMeasurement
 from rig.protocol.protocol import Protocol, live_table_of
 from rig.protocol.step import PhaseEvent, RigReading
 from rig.protocol.tables import Settle
@@ -66,7 +65,6 @@ class RunContext:
         news: Announcements,
         on_progress: Callable[[bool], None],
         on_question: OnQuestion,
-        live: LiveMeasurement | None = None,
     ) -> None:
         self.protocol, self.rig, self.recorder, self.news = protocol, rig, recorder, news
         self.clock = rig.clock
@@ -81,7 +79,7 @@ class RunContext:
         sample = protocol.sample
         area_mm2 = sample.thickness_mm * sample.width_mm
         table = live_table_of(protocol)
-        self.live = LiveGauges(live, table, rig.clock, area_mm2, recorder.samples)
+        self.live = LiveGauges(table, rig.clock, area_mm2, recorder.samples)
         measured = MeasuredChannels(self._read_signals, rig.measured)
         self.monitor = Monitor(self.devices, self.calls, rig.clock, recorder, self.watch, measured)
         self.pauses = Pauses(self)

@@ -75,8 +75,6 @@ class Engine:
         Function that is called after each complete, valid reading of all devices, with True if a device may
         be moving. The engine's own thread calls the function, so the calls stop if the engine hangs. The
         function must return at once. If the function raises an exception, the run ends.
-    live : LiveMeasurement, optional
-        What measures the live gauges of the protocol. The engine closes it at the end of the run.
     on_question : callable, optional
         Called with an `OperatorAction` and a sentence of the operator's driver (or an empty text) before the
         operator is asked, on the thread that asks. The returned context manager is left after the answer.
@@ -112,7 +110,6 @@ class Engine:
         on_progress: Callable[[bool], None] = lambda _: None,
         on_question: OnQuestion = unannounced,
         earlier: Mapping[int, RigReading] | None = None,
-        live: LiveMeasurement | None = None,
     ) -> None:
         self.leaving_s = LEAVING_S
         self._earlier = dict(earlier or {})
@@ -126,7 +123,7 @@ class Engine:
             State.IDLE, None, planned, 0, None, rig.simulated, before, load_is_measured=bool(rig.measured)
         )
         self._news = Announcements(recorder, rig.clock, status, on_status, on_step, on_news, self.abort)
-        self.context = RunContext(protocol, rig, recorder, self._news, on_progress, on_question, live)
+        self.context = RunContext(protocol, rig, recorder, self._news, on_progress, on_question)
         self._motion = RunMotion(self.context)
         self._preparation = Preparation(self.context, self._motion)
         self._images = StepImages(self.context, self._motion)
@@ -134,6 +131,10 @@ class Engine:
         self._questions = Questions(self.context, self._motion)
         self._settings = SettingsRecord(self.context)
         self._safe_state = SafeState(rig)
+
+    def measure_gauges_with(self, live: LiveMeasurement) -> None:
+        """Give what measures the live gauges of the protocol. The engine closes it at the end of the run."""
+        self.context.live.measurement = live
 
     @property
     def status(self) -> EngineStatus:

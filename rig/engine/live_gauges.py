@@ -30,12 +30,14 @@ _RATE_OVER_S = 3.0
 class LiveGauges:
     """Gives frames to the measurement of the live gauges, and keeps what it has found.
 
-    `measurement` is None in a run without live gauges, which `table` declares. `record` is called with the
+    `table` declares the gauges; it is None without them. `record` is called with the
     samples of the gauges, for the run file. `offer` may be called from any thread, the other methods by the
     engine's thread.
 
     Attributes
     ----------
+    measurement : LiveMeasurement or None
+        What measures the gauges; None in a run without them.
     newest : LiveReading or None
     is_new : bool
         True if the newest reading came with the last call of `read`.
@@ -43,7 +45,6 @@ class LiveGauges:
 
     def __init__(
         self,
-        measurement: LiveMeasurement | None,
         table: LiveTable | None,
         clock: Clock,
         area_mm2: float,
@@ -52,9 +53,10 @@ class LiveGauges:
         self._table = table
         self._samples = None if table is None else LiveSamples(table)
         self._record = record
+        self.measurement: LiveMeasurement | None = None
         self.newest: LiveReading | None = None
         self.is_new = False
-        self._measurement, self._clock = measurement, clock
+        self._clock = clock
         self._images: dict[str, dict[str, Frame]] = {"grid": {}, "reference": {}}
         self._prepared = False
         self._middles_s: dict[str, deque[float]] = {}
@@ -71,27 +73,27 @@ class LiveGauges:
 
     def keep(self, kind: str, frames: Mapping[str, Frame]) -> None:
         """Keep the images of the grid and of the reference, with which the measurement is prepared."""
-        if self._measurement is not None and kind in self._images:
+        if self.measurement is not None and kind in self._images:
             self._images[kind] = dict(frames)
 
     def prepare(self, calls: Calls) -> None:
         """Prepare the measurement, once in a run; this takes seconds, while the devices are read."""
-        if self._measurement is None or self._prepared:
+        if self.measurement is None or self._prepared:
             return
         grids, references = (
             {name: frame.image for name, frame in self._images[kind].items()}
             for kind in ("grid", "reference")
         )
-        prepare = partial(self._measurement.prepare, grids, references)
+        prepare = partial(self.measurement.prepare, grids, references)
         calls.finish(calls.begin("live gauges", "prepare", prepare, _PREPARING), watched=True)
         self._prepared = True
 
     def offer(self, camera: str, frame: Frame) -> None:
         """Give a frame that has arrived to the measurement. Any thread may call this."""
-        if self._measurement is None or not self._prepared:
+        if self.measurement is None or not self._prepared:
             return
         self._middles_s.setdefault(camera, deque(maxlen=_RECENT)).append(frame.middle[0])
-        self._measurement.offer(camera, frame)
+        self.measurement.offer(camera, frame)
 
     @property
     def limited(self) -> set[str]:
@@ -114,9 +116,9 @@ class LiveGauges:
 
     def read(self) -> dict[str, SignalReading]:
         """Take the new readings, and return the valid strains since the last call as signals."""
-        if self._measurement is None or not self._prepared:
+        if self.measurement is None or not self._prepared:
             return {}
-        found = self._measurement.take()
+        found = self.measurement.take()
         self.is_new = bool(found)
         for reading in found:
             self._see(reading)
@@ -148,7 +150,7 @@ class LiveGauges:
 
         A gauge may be used for two frame intervals after its last valid value.
         """
-        if self._measurement is not None and (failed := self._measurement.failed):
+        if self.measurement is not None and (failed := self.measurement.failed):
             return failed
         interval_s, valid_s = self.interval_s, self._valid_s.get(gauge, -math.inf)
         limit_s = _PERIODS * interval_s + min(_MARGIN_SHARE * interval_s, _MARGIN_S)
@@ -172,7 +174,7 @@ class LiveGauges:
 
     def now(self, recorded: int, frames_per_s: float, lost: int) -> LiveNow | None:
         """Return what people see, None without live gauges. The arguments are for `LiveNow`."""
-        if self._measurement is None or not self._prepared:
+        if self.measurement is None or not self._prepared:
             return None
         since_s = self._clock.now_s() - _RATE_OVER_S
         values_per_s = sum(known_s >= since_s for known_s in self._known_s) / _RATE_OVER_S
@@ -182,15 +184,15 @@ class LiveGauges:
             values_per_s,
             recorded,
             lost,
-            self._measurement.left_out,
+            self.measurement.left_out,
             self._curves.points,
             self._curves.unit,
         )
 
     def close(self) -> None:
         """End the measurement."""
-        if self._measurement is not None:
-            self._measurement.close()
+        if self.measurement is not None:
+            self.measurement.close()
 
     def _see(self, reading: LiveReading) -> None:
         self.newest = reading

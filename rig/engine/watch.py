@@ -136,6 +136,7 @@ class Watch:
                 )
 
     def _check_break(self, reading: RigReading, step: str, limits: Limits) -> None:
+        """Check that the specimen has not broken, unless a stage of a pull ends with a drop of the load."""
         if self._load_drop == "slow":
             # The specimen is in tension or in compression, as it was at the reading before.
             before_n = 0.0 if self._last is None else self._last.load_n
@@ -147,7 +148,8 @@ class Watch:
         self._highest_n = max(self._highest_n, load_n)
         carried_n = self._conditions.carried_n if self._sense > 0.0 else limits.carried_n(self._sense)
         least_n = (1.0 - drop) * self._highest_n
-        if self._highest_n >= carried_n and load_n < least_n:
+        step_ends_so = self._step is not None and self._step.acquisition is not None and self._step.event
+        if self._highest_n >= carried_n and load_n < least_n and not step_ends_so:
             raise self._broken(reading, step, least_n, limits)
         if self._load_drop == "slow":
             self._highest_n = load_n

@@ -48,10 +48,10 @@ class ImagesNow:
         self._reference: dict[str, Measures] = {}
         self.latest: dict[str, ImageNow] = {}
 
-    def now(self) -> dict[str, ImageNow]:
-        """Measure the newest images, unless that was done within `AGAIN_S`, and return `latest`."""
+    def now(self, *, at_once: bool = False) -> dict[str, ImageNow]:
+        """Measure the newest images and return `latest`; not within `AGAIN_S`, except `at_once`."""
         with self._turn:
-            if self._clock.now_s() - self._told_s >= AGAIN_S:
+            if at_once or self._clock.now_s() - self._told_s >= AGAIN_S:
                 self._measure()
                 self._told_s = self._clock.now_s()
         return self.latest
@@ -61,6 +61,7 @@ class ImagesNow:
         with self._turn:
             self._measure()
             self._reference = {name: measured for name, (_, measured) in self._before.items()}
+            self._measure()
 
     def _measure(self) -> None:
         for name, frame in self._engine.newest_images.items():

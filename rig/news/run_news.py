@@ -248,8 +248,8 @@ class RunNews:
     def _heartbeat_table(self) -> dict[str, Any]:
         assert self._images is not None
         assert self._about is not None
-        self._images.now()
         outcome = self._outcome
+        self._images.now(at_once=outcome is not None)
         return {
             **wording.head(self._about),
             **self._present(),

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from drivers.settings import Settings
 from rig.measured_load import PREFIX
-from rig.protocol.dues import AskedDues, Dues, EdgeDues, IncrementDues, TimedDues
+from rig.protocol.dues import AskedDues, Dues, EdgeDues, FrameDues, IncrementDues, TimedDues
 from rig.protocol.step import RigReading
 from rig.samples import GAUGE_PREFIX
 
@@ -94,7 +94,7 @@ class Logarithmic(Settings):
 
 
 class Schedule(Settings):
-    """The table `[acquire]`: when images are due. Exactly one of the first six keys is given."""
+    """The table `[acquire]`: when images are due. Exactly one of the first seven keys is given."""
 
     every_s: float | None = Field(default=None, ge=0.001, le=_SECONDS_MAX, description="time between images")
     times_s: list[float] | None = Field(default=None, min_length=1, max_length=100_000)
@@ -102,6 +102,9 @@ class Schedule(Settings):
     increment: ByIncrement | None = None
     trigger: Level | None = Field(default=None, description="an image at each rise above, or fall below")
     on_request: Literal[True] | None = Field(default=None, description="an image when the operator asks")
+    every_frame: Literal[True] | None = Field(
+        default=None, description="every frame of the camera, such as one at each trigger of its input line"
+    )
     begin: Level | None = Field(default=None, description="wait for this before the first image")
     keep_s: float | None = Field(
         default=None,
@@ -115,7 +118,7 @@ class Schedule(Settings):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        names = ("every_s", "times_s", "logarithmic", "increment", "trigger", "on_request")
+        names = ("every_s", "times_s", "logarithmic", "increment", "trigger", "on_request", "every_frame")
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) != 1:
             raise ValueError(
@@ -153,6 +156,8 @@ class Schedule(Settings):
             return f"at times that grow tenfold in {log.per_decade} images, from {log.first_s:g} s"
         if self.increment is not None:
             return f"at each change of {self.increment.channel} by {self.increment.by:g}"
+        if self.every_frame:
+            return "at every frame of the camera"
         return "whenever the operator asks" if self.trigger is None else f"each time {self.trigger} begins"
 
     @property
@@ -192,6 +197,8 @@ class Schedule(Settings):
             return EdgeDues(self.trigger.signal, level, rising=rising)
         if self.on_request:
             return AskedDues()
+        if self.every_frame:
+            return FrameDues()
         times_s = self.times(duration_s, images)
         if times_s is None:
             assert self.every_s is not None

@@ -76,7 +76,12 @@ class GentlSession:
     @property
     def interval_s(self) -> float:
         """Time between two frames, in seconds; infinite if a trigger begins each frame."""
-        return math.inf if self._settings.trigger else 1 / self._settings.rate_hz
+        return math.inf if self._settings.trigger else self.shortest_s
+
+    @property
+    def shortest_s(self) -> float:
+        """Shortest time between two frames, in seconds, also if a trigger begins each frame."""
+        return 1 / self._settings.rate_hz
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
         """Return the next frame exposed after `after_s`, even if damaged. Return None after `timeout_s`.
