@@ -146,7 +146,7 @@ def test_both_cameras_stream_into_an_acquisition(simulation: Simulation, tmp_pat
     print(streamed.report("the kernel's cameras"))
     assert streamed.timing.taken + streamed.timing.missing == streamed.timing.asked == 61
     # the processor of the machine may be emulated: what is missing is counted, and nothing else is recorded
-    assert streamed.timing.taken > 30
+    assert streamed.timing.taken > 10
     for name in CAMERAS:
         found = streamed.cameras[name]
         assert len(found["sequence"]) == streamed.timing.taken
