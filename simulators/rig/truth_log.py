@@ -3,6 +3,7 @@
 import json
 import threading
 from contextlib import suppress
+from dataclasses import asdict
 from datetime import timedelta
 from pathlib import Path
 from typing import Any, Protocol
@@ -96,6 +97,7 @@ class TruthLog:
             deformation_gradient=[] if shown is None else shown.deformation_gradient.tolist(),
             load_n=0.0 if shown is None else shown.load_n,
             displacement_mm=0.0 if shown is None else shown.displacement_mm,
+            band=None if shown is None or shown.band is None else asdict(shown.band),
         )
 
     def write(self, what: str, **values: Any) -> None:

@@ -19,6 +19,7 @@ from simulators.closed_machine.modbus import AnalogueBoxServer, box_faults
 from simulators.closed_machine.settings import ClosedMachineSettings
 from simulators.interlock.module import InputModule, InputModuleServer
 from simulators.load_frame.device import LoadFrameDevice
+from simulators.load_frame.drive import DriveSettings
 from simulators.load_frame.faults import load_frame_faults
 from simulators.load_frame.layout import LAYOUTS
 from simulators.load_frame.load_cell import LoadCellSettings
@@ -70,6 +71,7 @@ class VirtualRigSettings(Settings):
     )
     misalignment: Misalignment = Misalignment()
     load_cell: LoadCellSettings = LoadCellSettings()
+    drive: DriveSettings = DriveSettings()
     specimen: SpecimenSettings = SpecimenSettings()
     closed_machine: ClosedMachineSettings | None = Field(
         default=None, description="a machine that takes no command pulls the specimen, not the load frame"
@@ -153,6 +155,7 @@ class VirtualRig:
         in_frame = specimen if self.closed_machine is None else SimulatedSpecimen(settings.specimen)
         self.load_frame = LoadFrameDevice(self.clock, in_frame, rng=np.random.default_rng(settings.seed))
         self.load_frame.mount_load_cell(settings.load_cell)
+        self.load_frame.fit_drive(settings.drive)
         self.interlocks = InputModule()
         self.scene = Scene(
             seed=settings.seed,
@@ -259,7 +262,20 @@ class VirtualRig:
             "thickness_strain": state.thickness_strain,
             "broken": state.broken,
             "grid_attached": self.scene.grid_attached,
+            **self._band_truth(),
             **self._program_truth(),
+        }
+
+    def _band_truth(self) -> dict[str, float | bool]:
+        """Return the true place of a Lüders band's front, and the strain of the middle of the specimen."""
+        specimen = self.scene.specimen
+        if (point := specimen.settings.yield_point) is None or point.band is None:
+            return {}
+        band = specimen.state.band
+        return {
+            "band_travels": band is not None,
+            "band_front_mm": specimen.front_mm(),
+            "middle_strain": specimen.state.axial_strain if band is None else band.strain_at(0.0),
         }
 
     def _program_truth(self) -> dict[str, float | bool]:

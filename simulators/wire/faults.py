@@ -117,6 +117,10 @@ FAULTS = {
             highest=100_000,
         ),
         Fault("frozen-counter", "the readings and their counter do not change", (LOAD_FRAME,)),
+        Fault(
+            "stuck-speed", "a change of speed is confirmed, but the crosshead keeps its speed", (LOAD_FRAME,)
+        ),
+        Fault("wrong-speed", "a change of speed takes half of the commanded speed", (LOAD_FRAME,)),
         Fault("broken-specimen", "the specimen breaks and stays broken", (LOAD_FRAME,)),
         Fault("broken-sensor", "the box has no value of its inputs", (CLOSED_MACHINE,)),
         Fault("overflow", "the amplifiers of the machine's outputs are at their end", (CLOSED_MACHINE,)),
