@@ -30,7 +30,7 @@ PER_PIXEL = 3
 UNIT = 255.0
 """Light of the reflectance 1 in a prepared picture."""
 TILE_PX = 64
-"""Size of the tiles in which the map of pixels is of second order; smaller ones where a band has its front."""
+"""Size of the tiles in which the map of pixels is of second order. With a band they are smaller."""
 SMALLEST_TILE_PX = 8
 MAP_ERROR_PX = 5e-4
 _STEEPEST = 6.0
