@@ -229,5 +229,6 @@ def _shortest_s(times_s: Floats) -> float:
 _NOT_FOUND = (
     f"only a part of the {{}} exposures is in the channel at any delay from {EARLIEST_S:g} to {LATEST_S:g} "
     "s: pulses that are shorter than the time between two samples are missed, so read faster, make the "
-    "exposure longer, or count the pulses with a counter input; and look at the wire, and at the direction of --line"
+    "exposure longer, or count the pulses with a counter input; and look at the wire, and at the direction "
+    "of --line"
 )

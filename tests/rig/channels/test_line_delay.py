@@ -1,4 +1,4 @@
-"""The delay of a channel against a camera's line is that of a simulated line, within its stated uncertainty."""
+"""The delay of a channel against a camera's line is that of a simulated line, within its uncertainty."""
 
 import math
 from itertools import product
