@@ -11,6 +11,7 @@ from dic.shell.console import run as run_command, say
 from dic.shell.output_paths import FORCE, require_places
 from drivers.errors import ConfigurationError, DeviceError
 from rig import RigError
+from rig.commands.channels_command import channels
 from rig.commands.hand_commands import hold, jog, status, unload
 from rig.commands.output import JSON as _JSON, PATH as _PATH, NumberRange, finish as _finish, write as _write
 from rig.commands.queue_command import queue
@@ -381,5 +382,5 @@ def demo(output: Path) -> None:
     say(f"open {made.report.resolve()}")
 
 
-for _command in (status, hold, unload, jog, queue):
+for _command in (status, hold, unload, jog, queue, channels):
     cli.add_command(_command)
