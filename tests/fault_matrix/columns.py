@@ -28,8 +28,10 @@ from simulators.wire.ports import LOCALHOST
 from tests.fault_matrix.bench import Bench
 from tests.fault_matrix.camera_benches import (
     AravisBench,
+    AravisLineBench,
     AravisStreamBench,
     GentlBench,
+    GentlLineBench,
     GentlStreamBench,
     OpencvBench,
     SimulatedCameraBench,
@@ -147,7 +149,9 @@ COLUMNS = [
     Column("v4l2, stream", CAMERA, V4l2StreamBench),
     Column("aravis, image", CAMERA, AravisBench),
     Column("aravis, stream", CAMERA, AravisStreamBench),
+    Column("aravis, line", CAMERA, AravisLineBench),
     Column("gentl, image", CAMERA, GentlBench),
     Column("gentl, stream", CAMERA, GentlStreamBench),
+    Column("gentl, line", CAMERA, GentlLineBench),
     Column("opencv-camera, image", CAMERA, OpencvBench),
 ]
