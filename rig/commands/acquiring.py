@@ -5,6 +5,7 @@ import math
 from rig import EngineStatus, RigReading, State, StepRecord
 from rig.engine.timing import TimingNow
 from rig.protocol.step import ProtocolStep
+from rig.samples import DISPLACEMENT, LOAD
 
 SUMMARY_S = 10.0
 """Shortest time in s between two printed lines about the images of an acquisition."""
@@ -60,7 +61,9 @@ def counts(now: TimingNow) -> str:
 def channel_values(reading: RigReading | None) -> str:
     """Return the newest values of the first channels with their units."""
     signals = {} if reading is None else reading.signals
-    shown = [f"{name} {each.newest:.5g} {each.unit}" for name, each in list(signals.items())[:_SHOWN]]
+    # Load and displacement of a load frame have a place of their own.
+    shown_signals = [(name, each) for name, each in signals.items() if name not in (LOAD, DISPLACEMENT)]
+    shown = [f"{name} {each.newest:.5g} {each.unit}" for name, each in shown_signals[:_SHOWN]]
     return "".join(f", {text}" for text in shown)
 
 

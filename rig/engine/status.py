@@ -98,7 +98,8 @@ class PauseTotals:
     """The pauses of a run: their number, their whole duration in s, and the steps that they touched.
 
     The images of a `late` step were taken when the run went on. Those of a `missed` step were not taken,
-    because the next images of the same hold were due as well.
+    because the next images of the same hold were due as well. Images of an acquisition are counted by its
+    `Timing` instead.
     """
 
     count: int = 0
@@ -164,6 +165,20 @@ class Outcome:
     lost_samples: Mapping[str, int] = field(default_factory=dict)
 
     @property
+    def shortfalls(self) -> list[str]:
+        """One sentence for each kind of data that the protocol wanted and the run file lacks."""
+        found = [] if self.timing is None or not self.timing.is_late else self.timing.sentences()
+        if missed := self.pauses.missed_steps:
+            found.append(
+                f"{missed} {'step has' if missed == 1 else 'steps have'} no images, which fell into a pause "
+                "of a hold"
+            )
+        return found + [
+            f"channels.{name}: {lost} samples were lost; use a faster line, or ask for a lower rate"
+            for name, lost in self.lost_samples.items()
+        ]
+
+    @property
     def is_good(self) -> bool:
-        """True if the protocol was completed and no image was late or is missing."""
-        return self.status == "completed" and not (self.timing is not None and self.timing.is_late)
+        """True if the protocol was completed, no image was late, and no image or sample is missing."""
+        return self.status == "completed" and not self.shortfalls
