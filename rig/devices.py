@@ -20,9 +20,10 @@ from drivers.interfaces import (
 )
 from drivers.signals import ChannelDevice, TriggerOutput
 from rig.answers import checked, require_identity
+from rig.camera_line import CameraLine
 from rig.errors import InterlockOpen
 from rig.limit_settings import RigLimits
-from rig.rigfile import CALL_TIMEOUT_S, DeviceEntry, RigFile, TriggerEvent
+from rig.rigfile import CALL_TIMEOUT_S, DeviceEntry, RigFile, TriggerEntry, TriggerEvent
 from rig.threads import Bounded
 
 OPENING_S = 60.0
@@ -184,7 +185,7 @@ def open_rig(
         triggers = {
             name: OpenedTrigger(device, each.at)
             for name, each in rig_file.triggers.items()
-            if (device := opener.open(each.device)) is not None
+            if (device := opener.open_trigger(each)) is not None
         }
         measured = rig_file.measured_load
         yield Rig(
@@ -235,6 +236,8 @@ class _Opener:
         self._environment: Any = None
         self._patience_s = 0.0
         self.clock: Clock = SystemClock()
+        # the cameras as they are open now
+        self._cameras: dict[str, Camera] = {}
         self.lost: dict[str, str] = {}
 
     def open_environment(self, entry: DeviceEntry) -> None:
@@ -268,7 +271,17 @@ class _Opener:
                 raise
             self._failed[entry.name] = str(error)
             return None
+        if entry.spec.kind == "camera":
+            self._cameras[entry.name] = device
         return checked(entry.spec.kind, entry.name, device, self.clock)
+
+    def open_trigger(self, trigger: TriggerEntry) -> TriggerOutput | None:
+        """Open an output line, which may belong to a camera that is open. Return None as `open` does."""
+        if trigger.device is not None:
+            return cast("TriggerOutput | None", self.open(trigger.device))
+        name = f"cameras.{trigger.camera}"
+        # the camera could not be opened
+        return CameraLine(lambda: self._cameras[name]) if name in self._cameras else None
 
     def reopen(self, entry: DeviceEntry) -> Camera:
         """Open a camera again after it was closed."""
@@ -276,6 +289,7 @@ class _Opener:
         camera: Camera = entry.spec.open(entry.settings, context)
         self._close_at_end(entry, camera)
         require_identity(entry.spec.kind, entry.name, camera)
+        self._cameras[entry.name] = camera
         return cast(Camera, checked(entry.spec.kind, entry.name, camera, self.clock))
 
     def _close_at_end(self, entry: DeviceEntry, device: Any) -> None:

@@ -12,6 +12,7 @@ from drivers.errors import ConfigurationError
 from drivers.registry import DeviceKind, DriverSpec, find_driver
 from drivers.settings import Settings, mistakes_in, read_toml_text
 from drivers.signals import Signal
+from rig.camera_line import camera_of_line, mistakes_of_shared_lines
 from rig.guarding import GuardianSettings
 from rig.limit_settings import RigLimits
 from rig.measured_load import MeasuredLoad
@@ -61,10 +62,14 @@ class InterlockEntry:
 
 @dataclass(frozen=True)
 class TriggerEntry:
-    """An output line in the rig file: the device, and the event of a run at which it gives a pulse."""
+    """An output line in the rig file: the device, and the event of a run at which it gives a pulse.
 
-    device: DeviceEntry
+    `device` is None if the line belongs to the camera of the rig that is called `camera`.
+    """
+
+    device: DeviceEntry | None
     at: TriggerEvent
+    camera: str = ""
 
 
 @dataclass(frozen=True)
@@ -169,7 +174,7 @@ def read_rig(path: str | Path) -> RigFile:
         mistakes += measured.mistakes(_signals(channels))
     cameras = _read_cameras(data.get("cameras"), mistakes)
     interlocks = _read_interlocks(data.get("interlocks", {}), mistakes)
-    triggers = _read_triggers(data.get("triggers", {}), mistakes)
+    triggers = _read_triggers(data.get("triggers", {}), cameras, mistakes)
     operator = devices.get("operator")
     if "operator" not in data:
         mistakes.append('operator: is missing; add it, such as [operator] with driver = "console-operator"')
@@ -276,9 +281,12 @@ class _At(Settings):
     at: TriggerEvent = Field(default="exposure", description="when a pulse is given")
 
 
-def _read_triggers(tables: object, mistakes: list[str]) -> dict[str, TriggerEntry]:
+def _read_triggers(
+    tables: object, cameras: Mapping[str, DeviceEntry], mistakes: list[str]
+) -> dict[str, TriggerEntry]:
     events: dict[str, TriggerEvent] = {}
-    devices = {}
+    devices: dict[str, dict[str, Any]] = {}
+    lines: dict[str, dict[str, Any]] = {}
     for name, table in tables.items() if isinstance(tables, dict) else ():
         if not isinstance(table, dict):
             continue
@@ -286,9 +294,16 @@ def _read_triggers(tables: object, mistakes: list[str]) -> dict[str, TriggerEntr
             events[name] = _At.model_validate({key: table[key] for key in ("at",) if key in table}).at
         except ValidationError as error:
             mistakes += mistakes_in(error, f"triggers.{name}")
-        devices[name] = {key: value for key, value in table.items() if key != "at"}
+        rest = {key: value for key, value in table.items() if key != "at"}
+        (lines if "camera" in rest and "driver" not in rest else devices)[name] = rest
     found = _read_named("triggers", "trigger", devices if isinstance(tables, dict) else tables, mistakes)
-    return {name: TriggerEntry(entry, events[name]) for name, entry in found.items() if name in events}
+    entries = {name: TriggerEntry(entry, events[name]) for name, entry in found.items() if name in events}
+    for name, table in lines.items():
+        camera = camera_of_line(f"triggers.{name}", table, cameras, mistakes)
+        if camera and name in events:
+            entries[name] = TriggerEntry(None, events[name], camera)
+    mistakes += mistakes_of_shared_lines([entry.camera for entry in entries.values() if entry.camera])
+    return entries
 
 
 def _read_named(group: str, kind: DeviceKind, tables: object, mistakes: list[str]) -> dict[str, DeviceEntry]:

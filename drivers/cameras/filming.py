@@ -30,6 +30,10 @@ class FilmingSession(Protocol):
     def interval_s(self) -> float:
         """Time between two frames, in seconds; infinite if a trigger begins each frame."""
 
+    @property
+    def shortest_s(self) -> float:
+        """Shortest time between two frames, in seconds, also if a trigger begins each frame."""
+
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
         """Return the next frame whose exposure began after `after_s`. Return None after `timeout_s`."""
 
@@ -112,6 +116,7 @@ class FilmingCamera(ABC, Generic[S]):
                 source,
                 self._clock,
                 interval_s=session.interval_s,
+                shortest_s=session.shortest_s,
                 silence_s=max(SILENCE_S, SILENCE_FRAMES * session.interval_s),
                 capacity=capacity,
                 on_close=self._stream_closed,

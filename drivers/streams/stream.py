@@ -49,12 +49,18 @@ class FrameStream:
     clock : Clock
     interval_s : float
         Time between two frames, in seconds; infinite for frames that are triggered.
+    shortest_s : float, optional
+        Shortest time between two frames, in seconds. The default is `interval_s`.
     silence_s : float
         Time without a frame, in seconds, after which the stream ends with an error.
     capacity : int
         Largest number of frames in the queue.
     on_close : callable
         Function that is called once, after the thread has ended.
+
+    Attributes
+    ----------
+    interval_s, shortest_s : float
 
     Raises
     ------
@@ -69,6 +75,7 @@ class FrameStream:
         clock: Clock,
         *,
         interval_s: float,
+        shortest_s: float | None = None,
         silence_s: float,
         capacity: int = CAPACITY,
         on_close: Callable[[], None],
@@ -81,6 +88,8 @@ class FrameStream:
                 f"one for {capacity}",
                 "choose a capacity of 1 or more",
             )
+        self.interval_s = interval_s
+        self.shortest_s = interval_s if shortest_s is None else shortest_s
         self._device = device
         self._source = source
         self._clock = clock

@@ -1,28 +1,22 @@
 """Driver for one output of a Modbus module that gives pulses: a coil, or a register.
 
-The driver switches the output on, reads it back, and returns. A thread switches it off after the width of the
-pulse. So the width is at least `width_s`, and longer by the time of one request.
+The driver switches the output on, reads it back, and returns. The width of the pulse is at least `width_s`,
+and longer by the time of one request.
 """
 
-import threading
 from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from drivers.clock import Activity, Event
-from drivers.errors import DeviceError, DeviceFault, LinkLost
+from drivers.errors import DeviceFault
 from drivers.interfaces import DeviceInfo, OpenContext
 from drivers.lines.addresses import resolve_address
 from drivers.lines.call_time import CallTime, one_call
+from drivers.lines.pulse_line import PulseLine
 from drivers.load_frames.modbus.bus.address import ModbusAddress, ModbusPlaceSettings
 from drivers.load_frames.modbus.bus.link import ModbusLink
 from drivers.load_frames.modbus.registers.registers import Register, WordOrder
 from drivers.registry import DriverSpec
-
-LAST_PULSE_S = 1.0
-"""Longest time, in seconds, for which closing lets the last pulse go on."""
-CLOSING_S = 5.0
-"""Longest real time, in seconds, for which closing waits for the end of the last pulse."""
 
 
 class ModbusPulseSettings(ModbusPlaceSettings):
@@ -69,17 +63,10 @@ class ModbusPulse:
     def __init__(
         self, settings: ModbusPulseSettings, context: OpenContext, link: ModbusLink, call_time: CallTime
     ) -> None:
-        self._settings, self._clock = settings, context.clock
+        self._settings = settings
         self._link, self._call_time = link, call_time
-        self._turn = threading.Lock()
-        # set when no pulse is being given
-        self._over = Event()
-        self._over.set()
-        self._cut = Event()
-        self._closed = False
-        self._resting = False
-        # the reason why the last pulse did not end in time
-        self._failure: DeviceError | None = None
+        width_key = f"width_s = {settings.width_s:g}"
+        self._line = PulseLine(link.name, context.clock, settings.width_s, width_key, self._put)
         self.info = DeviceInfo(
             vendor="Modbus",
             model=f"{settings.table} {settings.output} of unit {settings.unit}",
@@ -87,11 +74,9 @@ class ModbusPulse:
             simulated=settings.address.startswith("@"),
         )
 
-    @one_call
     def rest(self) -> None:
         """Put the output into its state of rest. Raise `DeviceError` if this is not certain."""
-        self._put(self._settings.rest, "put the output at rest")
-        self._resting = True
+        self._line.rest()
 
     @one_call
     def pulse(self) -> None:
@@ -100,66 +85,12 @@ class ModbusPulse:
         Raise `DeviceFault` if the pulse before has not ended yet, or if it did not end in time. Raise
         `DeviceError` if the module does not confirm this pulse, which may still have been given.
         """
-        with self._turn:
-            if self._closed:
-                raise LinkLost(self._link.name, "pulse", "an open device", "a closed one", "open it again")
-            if not self._over.is_set():
-                raise DeviceFault(
-                    self._link.name,
-                    "pulse",
-                    "an output at rest",
-                    "the pulse before, which has not ended",
-                    f"give pulses less often, or make width_s = {self._settings.width_s:g} shorter",
-                )
-            if not self._resting:
-                self.rest()
-            self._require_ended()
-            self._give()
+        self._line.pulse()
 
-    def _give(self) -> None:
-        self._resting = False
-        self._over.clear()
-        given = False
-        try:
-            self._put(self._settings.pulse, "pulse")
-            given = True
-        finally:
-            # Without a confirmation the output may be on all the same, so the pulse must end.
-            ending = threading.Thread(
-                target=self._end,
-                args=(self._clock.activity(), given),
-                name=f"pulse {self._link.name}",
-                daemon=True,
-            )
-            ending.start()
-
-    def _end(self, activity: Activity, given: bool) -> None:
-        """End the pulse after its width. This method runs on a thread of its own."""
-        with activity:
-            try:
-                self._clock.wait(self._cut, self._settings.width_s)
-                self.rest()
-            except DeviceError as error:
-                # an error of the beginning of the pulse has been raised already
-                self._failure = error if given else None
-            finally:
-                self._over.set()
-
-    def _require_ended(self) -> None:
-        """Raise `DeviceFault` if the last pulse did not end in time. The error is raised only once."""
-        failure, self._failure = self._failure, None
-        if failure is not None:
-            raise DeviceFault(
-                failure.device,
-                "end the pulse before",
-                f"an output at rest after {self._settings.width_s:g} s",
-                f"{failure.got} ({failure.step}, expected {failure.expected}), so the pulse was longer",
-                failure.remedy,
-            )
-
-    def _put(self, value: float, step: str) -> None:
+    @one_call
+    def _put(self, on: bool, step: str) -> None:
         settings = self._settings
-        words = settings.words(value)
+        words = settings.words(settings.pulse if on else settings.rest)
         if settings.table == "coil":
             self._link.write_coil(settings.output, on=bool(words[0]))
         else:
@@ -182,17 +113,8 @@ class ModbusPulse:
         Raise `DeviceError` if the output may not be at rest, or if the last pulse did not end in time. The
         connection is closed all the same. A repeated call has no effect.
         """
-        with self._turn:
-            if self._closed:
-                return
-            self._closed = True
-        self._clock.wait(self._over, LAST_PULSE_S, real_timeout_s=CLOSING_S)
-        self._cut.set()
-        self._clock.wait(self._over, CLOSING_S, real_timeout_s=CLOSING_S)
         try:
-            if not self._resting:
-                self.rest()
-            self._require_ended()
+            self._line.close()
         finally:
             self._link.close()
 

@@ -29,7 +29,7 @@ class QueueResult:
 
     @property
     def is_good(self) -> bool:
-        """True if the run was completed and no image was late or is missing."""
+        """True if the run was completed, no image was late, and no image or sample is missing."""
         return self.outcome is not None and self.outcome.is_good
 
     def as_dict(self) -> dict[str, Any]:
@@ -131,7 +131,7 @@ def execute(
     """Execute runs one after the other, and yield what became of each, also of those that did not begin.
 
     `ready` is called before each run and returns when the operator has mounted the specimen. A run that is
-    refused, aborted or failed, or whose images came late, ends the queue.
+    refused, aborted or failed, or that lacks images or samples, ends the queue.
     """
     left = list(jobs)
     while left:
@@ -147,8 +147,7 @@ def execute(
         except KeyboardInterrupt:
             yield QueueResult(job, "refused", "the operator ended the queue")
             break
-        timing = [] if outcome.timing is None or outcome.is_good else outcome.timing.sentences()
-        reason = "; ".join(filter(None, (outcome.reason, *timing)))
+        reason = "; ".join(filter(None, (outcome.reason, *outcome.shortfalls)))
         yield QueueResult(job, outcome.status, reason, outcome)
         if not outcome.is_good:
             break

@@ -60,10 +60,9 @@ def end_lines(run_path: Path, outcome: "Outcome") -> list[str]:
     place = f"in {run_path}" if whole else "were finished; the reason above says where their data are"
     for sentence in filter(None, (outcome.reason, *outcome.lost_devices, *outcome.lost_listeners)):
         say(f"rig: {sentence}", err=True)
-    for sentence in [] if outcome.timing is None else outcome.timing.sentences():
+    kept = [] if outcome.timing is None or outcome.timing.is_late else outcome.timing.sentences()
+    for sentence in (*kept, *outcome.shortfalls):
         say(f"rig: {sentence}", err=True)
-    for name, lost in outcome.lost_samples.items():
-        say(f"rig: channels.{name}: {lost} samples were lost", err=True)
     done = f"{outcome.status}: {outcome.steps_done} steps {place}"
     return [done, *pause_lines(outcome.pauses), at_rest_line(outcome.at_end)]
 
@@ -88,6 +87,7 @@ def run_dict(run_path: Path, outcome: "Outcome") -> dict[str, Any]:
         "status": outcome.status,
         "timing": None if outcome.timing is None else outcome.timing.as_dict(),
         "lost_samples": dict(outcome.lost_samples),
+        "shortfalls": outcome.shortfalls,
         "reason": outcome.reason,
         "unsafe": list(outcome.unsafe),
         "lost_devices": list(outcome.lost_devices),

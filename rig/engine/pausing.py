@@ -192,10 +192,6 @@ class Pauses:
         self._count(late_steps=1)
         self._run.log("warning", f"{step}: its images come {by_s:.1f} s late, because the run was paused")
 
-    def left_out(self, count: int) -> None:
-        """Count images of an acquisition that were due in a pause and are not taken."""
-        self._count(missed_steps=count)
-
     def missed(self, step: ProtocolStep) -> None:
         """Record that the images of a step are not taken."""
         self._count(missed_steps=1)

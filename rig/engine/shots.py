@@ -1,5 +1,6 @@
 """The images of all cameras at the times of an acquisition."""
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
@@ -9,13 +10,17 @@ from drivers.errors import DeviceError
 from drivers.interfaces import Frame
 from rig.engine.context import RunContext
 from rig.engine.devices import CameraLost
-from rig.engine.feeds import Feed, Taken, feed_of
+from rig.engine.feeds import GrabFeed, StreamFeed, Taken, feed_of
 from rig.engine.imaging import RETURNS_MAX, StepImages
 from rig.engine.timing import Timing
+from rig.errors import RigError
 from rig.protocol.step import RigReading
 
 _RETURNS_S = 600.0
 """A camera may drop out `RETURNS_MAX` times within this time in s. More mean a bad cable or power supply."""
+_PAIR_SHARE = 0.6
+"""Frames of two cameras belong together if they are this part of the shortest time between two frames apart.
+Half of it would lose a pair at every tiny error of the times of cameras that run freely."""
 
 
 @dataclass
@@ -40,12 +45,20 @@ class Shot:
 class Shots:
     """Asks all cameras for images, and collects them. A camera that fails is opened again.
 
-    `timing` counts the images. An image that is more than `tolerance_s` off its time is late.
+    `timing` counts the images. An image that is more than `tolerance_s` off its time is late. With
+    `every_frame`, one camera leads: each of its frames is an image, and the other cameras are asked for the
+    frames nearest to it. It is the first camera that is triggered, or the first one with a stream.
     """
 
-    def __init__(self, run: RunContext, images: StepImages, timing: Timing) -> None:
+    def __init__(
+        self, run: RunContext, images: StepImages, timing: Timing, *, every_frame: bool = False
+    ) -> None:
         self._run, self._images, self._timing = run, images, timing
-        self._feeds: dict[str, Feed] = {}
+        self._every_frame = every_frame
+        self._leading = ""
+        self._begun_s = math.inf
+        self._last_s = math.nan
+        self._feeds: dict[str, GrabFeed | StreamFeed] = {}
         self._open: deque[Shot] = deque()
         self._returns_s: deque[float] = deque(maxlen=RETURNS_MAX + 1)
         self._ready_s = 0.0
@@ -61,8 +74,69 @@ class Shots:
         self._images.begin_numbers_anew()
         for name, camera in self._images.cameras.items():
             timeout_s = run.protocol.images.timeout_s
-            self._feeds[name] = feed_of(camera, run.clock, timeout_s, timing.tolerance_s)
+            tolerance_s = timing.tolerance_s
+            self._feeds[name] = feed_of(camera, run.clock, timeout_s, tolerance_s, run.live.offer)
         self._ready_s = run.clock.now_s()
+        if self._every_frame:
+            self._choose_leader()
+
+    def begin(self, begun_s: float) -> None:
+        """With `every_frame`, take all frames that are exposed from a time on."""
+        self._begun_s = begun_s
+        if self._every_frame:
+            self._leader[1].give_all_from(max(begun_s, self._ready_s))
+
+    def take_frames(self, reading: RigReading, most: int, until_s: float) -> bool:
+        """Take the frames of the leading camera up to a time, and ask the other cameras for theirs.
+
+        Not more than `most` images are asked for. Return True if a frame after `until_s` has come.
+        """
+        name, leader = self._leader
+        others = [feed for other, feed in self._feeds.items() if other != name]
+        room = min((feed.most_open for feed in others), default=most)
+        while self._timing.asked < most and len(self._open) < room:
+            try:
+                frame = leader.take_next()
+            except DeviceError as error:
+                self._bring_back(name, error)
+                return False
+            if frame is None:
+                return False
+            due_s = self._last_s = frame.middle[0]
+            if due_s > until_s:
+                return True
+            self._timing.ask()
+            self._run.pulses.give("exposure")
+            self._open.append(Shot(due_s, reading, {name: frame}))
+            for feed in others:
+                feed.ask(due_s)
+        return False
+
+    @property
+    def _leader(self) -> tuple[str, StreamFeed]:
+        name = self._leading
+        feed = self._feeds[name]
+        assert isinstance(feed, StreamFeed)
+        return name, feed
+
+    def _choose_leader(self) -> None:
+        streams = {name: feed for name, feed in self._feeds.items() if isinstance(feed, StreamFeed)}
+        if not streams:
+            raise RigError(
+                "acquire.every_frame",
+                "a camera whose driver has a stream",
+                f"{', '.join(self._feeds)} without one",
+                "use a camera with a stream, or another key of [acquire]",
+            )
+        triggered = [name for name, feed in streams.items() if feed.is_triggered]
+        self._leading = next(iter([*triggered, *streams]))
+        leader_s = streams[self._leading].shortest_s
+        for name, feed in streams.items():
+            shortest_s = max(leader_s, feed.shortest_s)
+            if name != self._leading and not math.isnan(leader_s + feed.shortest_s):
+                feed.pairs_within_s = _PAIR_SHARE * shortest_s
+        if self._begun_s < math.inf:
+            self.begin(self._begun_s)
 
     @property
     def are_ready(self) -> bool:
@@ -101,6 +175,16 @@ class Shots:
                 self._timing.miss()
         return finished
 
+    @property
+    def are_streams(self) -> bool:
+        """True if all cameras deliver frames that nobody asked for."""
+        return all(feed.is_stream for feed in self._feeds.values())
+
+    @property
+    def lost(self) -> int:
+        """Number of frames that the open streams have lost so far."""
+        return sum(feed.lost for feed in self._feeds.values())
+
     def drop(self) -> None:
         """Count the images that are still asked for as missing."""
         for _ in self._open:
@@ -110,7 +194,7 @@ class Shots:
     def close(self) -> None:
         """End the streams, wait for it, and tell of frames that were lost."""
         feeds, self._feeds = self._feeds, {}
-        for feed in feeds.values():
+        for name, feed in feeds.items():
             try:
                 if (call := feed.begin_close()) is not None:
                     self._run.finish(call)
@@ -118,6 +202,9 @@ class Shots:
                 self._run.log("warning", str(error))
             if lost := feed.losses():
                 self._run.log("warning", lost)
+            if name == self._leading and isinstance(feed, StreamFeed):
+                # not of the others, which miss an image where they have lost a frame
+                self._timing.lose(feed.lost_since)
         self._images.begin_numbers_anew()
 
     def leave(self) -> None:
@@ -138,3 +225,11 @@ class Shots:
         self.close()
         self._images.bring_back(CameraLost(name, error), "an acquisition")
         self.open()
+        if not math.isnan(self._last_s):
+            self._timing.lose(self._frames_since(self._last_s))
+
+    def _frames_since(self, time_s: float) -> int:
+        """Return how many frames the leading camera would have given since a time; of a triggered one, 1."""
+        _, leader = self._leader
+        missing = 0 if leader.is_triggered else (self._ready_s - time_s) / leader.shortest_s
+        return max(1, math.floor(missing)) if missing < math.inf else 1

@@ -9,6 +9,7 @@ from typing import TypeAlias
 from dic.runfile.schema import Level, RunStatus
 from drivers.interfaces import LoadFrameState, StageState
 from rig.engine.timing import Timing, TimingNow
+from rig.live.values import LiveNow
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import StepRecord
 
@@ -39,7 +40,8 @@ class EngineStatus:
     `simulated` is True if any device of the rig is simulated. `steps_before` is the number of steps that an
     earlier run has finished, if this run continues it; `steps_done` does not count these steps. `acquisition`
     has the numbers of images, once an acquisition has begun. `load_is_measured` is True if the load frame is
-    only read, so that nothing of this program stops it.
+    only read, so that nothing of this program stops it. `live` is what a person sees of a phase without
+    interruption, and None outside of one.
     """
 
     state: State
@@ -51,6 +53,7 @@ class EngineStatus:
     steps_before: int = 0
     acquisition: TimingNow | None = None
     load_is_measured: bool = False
+    live: LiveNow | None = None
 
     @property
     def steps_finished(self) -> int:
@@ -95,7 +98,8 @@ class PauseTotals:
     """The pauses of a run: their number, their whole duration in s, and the steps that they touched.
 
     The images of a `late` step were taken when the run went on. Those of a `missed` step were not taken,
-    because the next images of the same hold were due as well.
+    because the next images of the same hold were due as well. Images of an acquisition are counted by its
+    `Timing` instead.
     """
 
     count: int = 0
@@ -161,6 +165,20 @@ class Outcome:
     lost_samples: Mapping[str, int] = field(default_factory=dict)
 
     @property
+    def shortfalls(self) -> list[str]:
+        """One sentence for each kind of data that the protocol wanted and the run file lacks."""
+        found = [] if self.timing is None or not self.timing.is_late else self.timing.sentences()
+        if missed := self.pauses.missed_steps:
+            found.append(
+                f"{missed} {'step has' if missed == 1 else 'steps have'} no images, which fell into a pause "
+                "of a hold"
+            )
+        return found + [
+            f"channels.{name}: {lost} samples were lost; use a faster line, or ask for a lower rate"
+            for name, lost in self.lost_samples.items()
+        ]
+
+    @property
     def is_good(self) -> bool:
-        """True if the protocol was completed and no image was late or is missing."""
-        return self.status == "completed" and not (self.timing is not None and self.timing.is_late)
+        """True if the protocol was completed, no image was late, and no image or sample is missing."""
+        return self.status == "completed" and not self.shortfalls

@@ -78,6 +78,11 @@ class Timing:
         """Count an image that was asked for and cannot be taken."""
         self.missing += 1
 
+    def lose(self, count: int) -> None:
+        """Count images that a camera took and nobody got."""
+        self.asked += count
+        self.missing += count
+
     def take(self, due_s: float, middle_s: float) -> int:
         """Count an image by its due time and the middle of its exposure. Return its number from 0."""
         if self.taken == 0:

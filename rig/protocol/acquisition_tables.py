@@ -8,8 +8,9 @@ from pydantic import Field, model_validator
 
 from drivers.settings import Settings
 from rig.measured_load import PREFIX
-from rig.protocol.dues import AskedDues, Dues, EdgeDues, IncrementDues, TimedDues
+from rig.protocol.dues import AskedDues, Dues, EdgeDues, FrameDues, IncrementDues, TimedDues
 from rig.protocol.step import RigReading
+from rig.samples import GAUGE_PREFIX
 
 MOST_IMAGES = 1_000_000
 _SECONDS_MAX = 30 * 24 * 3600.0
@@ -18,12 +19,25 @@ _SECONDS_MAX = 30 * 24 * 3600.0
 class OfSignal(Settings):
     """A table that names a signal of the rig."""
 
-    channel: str = Field(pattern=r"^channels\.\w+$", description="signal of the rig, such as channels.force")
+    channel: str = Field(
+        pattern=r"^(channels\.\w+|load_frame\.(load|displacement)|gauge\..+)$",
+        description="signal of the rig, such as channels.force, load_frame.load, or gauge.NAME (live gauge)",
+    )
 
     @property
     def signal(self) -> str:
-        """The signal's name in the rig file."""
+        """The signal's name in a reading: for a channel the one in the rig file."""
         return self.channel.removeprefix(PREFIX)
+
+    @property
+    def is_of_channel(self) -> bool:
+        """True if a measured channel of the rig file has this signal."""
+        return self.channel.startswith(PREFIX)
+
+    @property
+    def gauge(self) -> str:
+        """The name of the live gauge that has this signal, or an empty text."""
+        return self.channel.removeprefix(GAUGE_PREFIX) if self.channel.startswith(GAUGE_PREFIX) else ""
 
     def new(self, reading: RigReading) -> list[float]:
         """Return the new values of the signal in a reading."""
@@ -80,7 +94,7 @@ class Logarithmic(Settings):
 
 
 class Schedule(Settings):
-    """The table `[acquire]`: when images are due. Exactly one of the first six keys is given."""
+    """The table `[acquire]`: when images are due. Exactly one of the first seven keys is given."""
 
     every_s: float | None = Field(default=None, ge=0.001, le=_SECONDS_MAX, description="time between images")
     times_s: list[float] | None = Field(default=None, min_length=1, max_length=100_000)
@@ -88,6 +102,9 @@ class Schedule(Settings):
     increment: ByIncrement | None = None
     trigger: Level | None = Field(default=None, description="an image at each rise above, or fall below")
     on_request: Literal[True] | None = Field(default=None, description="an image when the operator asks")
+    every_frame: Literal[True] | None = Field(
+        default=None, description="every frame of the camera, such as one at each trigger of its input line"
+    )
     begin: Level | None = Field(default=None, description="wait for this before the first image")
     keep_s: float | None = Field(
         default=None,
@@ -101,7 +118,7 @@ class Schedule(Settings):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        names = ("every_s", "times_s", "logarithmic", "increment", "trigger", "on_request")
+        names = ("every_s", "times_s", "logarithmic", "increment", "trigger", "on_request", "every_frame")
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) != 1:
             raise ValueError(
@@ -114,8 +131,18 @@ class Schedule(Settings):
 
     @property
     def signals(self) -> list[str]:
-        """The signals that the table names."""
-        return [table.signal for table in (self.increment, self.trigger, self.begin) if table is not None]
+        """The measured channels that the table names."""
+        return [table.signal for table in self._of_signals if table.is_of_channel]
+
+    @property
+    def gauges(self) -> list[str]:
+        """The live gauges that the table names."""
+        return [table.gauge for table in self._of_signals if table.gauge]
+
+    @property
+    def _of_signals(self) -> list[OfSignal]:
+        tables = (self.increment, self.trigger, self.begin)
+        return [table for table in tables if table is not None]
 
     @property
     def text(self) -> str:
@@ -129,6 +156,8 @@ class Schedule(Settings):
             return f"at times that grow tenfold in {log.per_decade} images, from {log.first_s:g} s"
         if self.increment is not None:
             return f"at each change of {self.increment.channel} by {self.increment.by:g}"
+        if self.every_frame:
+            return "at every frame of the camera"
         return "whenever the operator asks" if self.trigger is None else f"each time {self.trigger} begins"
 
     @property
@@ -168,6 +197,8 @@ class Schedule(Settings):
             return EdgeDues(self.trigger.signal, level, rising=rising)
         if self.on_request:
             return AskedDues()
+        if self.every_frame:
+            return FrameDues()
         times_s = self.times(duration_s, images)
         if times_s is None:
             assert self.every_s is not None
@@ -192,8 +223,13 @@ class End(Settings):
 
     @property
     def signals(self) -> list[str]:
-        """The signals that the table names."""
-        return [table.signal for table in (self.reaches, self.drop) if table is not None]
+        """The measured channels that the table names."""
+        return [table.signal for table in (self.reaches, self.drop) if table and table.is_of_channel]
+
+    @property
+    def gauges(self) -> list[str]:
+        """The live gauges that the table names."""
+        return [table.gauge for table in (self.reaches, self.drop) if table and table.gauge]
 
     @property
     def text(self) -> str:

@@ -115,6 +115,20 @@ class EdgeDues(SignalDues):
         return happens
 
 
+class FrameDues:
+    """An image at each frame of a camera: the camera itself decides, and no time is known."""
+
+    def begin(self, _: float) -> None:
+        """Begin: nothing is to be prepared."""
+
+    def see(self, _: RigReading) -> None:
+        """Do nothing: no reading tells a frame."""
+
+    def next_s(self) -> float | None:
+        """Return None."""
+        return None
+
+
 class AskedDues:
     """An image whenever the operator asks for one. `ask` may be called from any thread."""
 

@@ -5,6 +5,7 @@ own tests. Each picture shows its number, so that a test can check what a driver
 """
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import Any
 
 from drivers.cameras.aravis.camera import AravisCamera
@@ -39,6 +40,15 @@ LEAST_FRAMES = 40
 STREAM_CAPACITY = 1000
 TINY_S = 1e-6
 EXPOSURE_US = 10_000.0
+WIDTH_S = 0.05
+LINE = {
+    "LineSelector": "Line1",
+    "LineMode": "Input",
+    "LineSource": "Off",
+    "UserOutputSelector": "UserOutput0",
+    "UserOutputValue": False,
+}
+"""The features of a camera that has an output line."""
 
 
 class CameraBench(Bench):
@@ -83,9 +93,12 @@ class NumberedBench(CameraBench):
     ----------
     proves : bool
         True if the driver promises that its frames are complete and new.
+    more : dict of str to object
+        Further settings of the camera.
     """
 
     proves = True
+    more: Mapping[str, Any] = {}
 
     def __init__(self) -> None:
         super().__init__()
@@ -215,6 +228,7 @@ class AravisBench(NumberedBench):
             height_px=fake_aravis.HEIGHT,
             rate_hz=1 / fake_aravis.INTERVAL_S,
             exposure_us=5000.0,
+            **self.more,
         )
         return AravisCamera(settings, context, self._library)  # type: ignore[arg-type]
 
@@ -239,7 +253,8 @@ class GentlBench(NumberedBench):
     def opened(self, context: OpenContext) -> Any:
         """Return the driver, opened."""
         self._producers.append(fake_gentl.FakeProducer(self.camera))
-        return fake_gentl.opened(self._producers[-1], context, format="Mono16", stamp=self.stamp)
+        settings = {"format": "Mono16", "stamp": self.stamp} | self.more
+        return fake_gentl.opened(self._producers[-1], context, **settings)
 
     def begun_s(self, level: int) -> float:
         """Return the true start of exposure of the picture with the grey level `level`."""
@@ -293,6 +308,71 @@ class GentlStreamBench(StreamBench, GentlBench):
         super().__init__()
         self.camera.values |= fake_gentl.CLOCK
         self.stamp = "start"
+
+
+class LineBench(NumberedBench):
+    """The output line of a camera, as a trigger output of the rig; faults of frames must not touch it."""
+
+    more: Mapping[str, Any] = {"output": "Line2", "output_source": "UserOutput1", "pulse_ms": 1e3 * WIDTH_S}
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._asked = 0
+        self.uses = {"line": self._pulse}
+        self.fake.values |= LINE
+
+    @property
+    @abstractmethod
+    def fake(self) -> Any:
+        """The simulated camera."""
+
+    def prepare(self) -> None:
+        """Give one pulse."""
+        self._pulse()
+
+    def works(self) -> None:
+        """Give two pulses, each of which must end."""
+        for _ in range(2):
+            self._pulse()
+            if self._switched[-1]:
+                raise WrongAnswerError("the pulse did not end")
+
+    def executed_twice(self) -> list[str]:
+        """Return a pulse if more have begun than were asked for."""
+        return ["pulse"] if sum(self._switched) > self._asked else []
+
+    @property
+    def _switched(self) -> list[bool]:
+        return [on for _, feature, on in self.fake.switched if feature == "UserOutputValue"]
+
+    def _pulse(self) -> None:
+        begun = sum(self._switched)
+        self._asked += 1
+        try:
+            self.driver.pulse()
+        finally:
+            # simulated time stands still until the thread that ends the pulse has done so
+            self.clock.sleep(10 * WIDTH_S)
+        if sum(self._switched) != begun + 1:
+            raise WrongAnswerError(f"{sum(self._switched) - begun} pulses")
+
+
+class AravisLineBench(LineBench, AravisBench):
+    """The output line of a camera with the driver `aravis`."""
+
+    @property
+    def fake(self) -> Any:
+        """The simulated library."""
+        return self._library
+
+
+class GentlLineBench(LineBench, GentlBench):
+    """The output line of a camera with the driver `gentl`."""
+
+    @property
+    def fake(self) -> Any:
+        """The simulated camera."""
+        return self.camera
 
 
 class SimulatedCameraBench(CameraBench):

@@ -2,6 +2,7 @@
 
 import ctypes
 from functools import partial
+from threading import Lock
 from typing import Any
 
 from drivers.cameras.aravis.library import Aravis, AravisError
@@ -26,7 +27,7 @@ class Features:
     """
 
     def __init__(
-        self, library: Aravis, camera: int, settings: AravisSettings, device: str, clock: Clock
+        self, library: Aravis, camera: int, settings: AravisSettings, device: str, clock: Clock, talk: Lock
     ) -> None:
         self._library = library
         self._camera = camera
@@ -34,7 +35,7 @@ class Features:
         self._device = device
         self._fault = partial(DeviceFault, self._device)
         self.numbers: dict[str, float] = {}
-        self.lines = Lines(self, settings, device, clock)
+        self.lines = Lines(self, settings, device, clock, talk)
 
     def write(self) -> None:
         """Switch the automatic controls off and write all settings.
@@ -116,7 +117,7 @@ class Features:
 
     def has(self, feature: str) -> bool:
         """Return whether the camera has a feature now."""
-        return bool(self._library.call("camera_is_feature_available", self._camera, feature.encode()))
+        return bool(self._asked(f"look for {feature}", "is_feature_available", feature))
 
     def text(self, feature: str) -> str:
         """Return the value of a feature as text."""
@@ -132,6 +133,10 @@ class Features:
         """Set a feature that is true or false."""
         self.attempt(f"set {feature}", "camera_set_boolean", feature.encode(), int(on))
 
+    def switch(self, feature: str) -> bool:
+        """Return whether a feature is true."""
+        return bool(self._asked(f"read {feature}", "get_boolean", feature))
+
     def integer(self, feature: str) -> int:
         """Return the value of an integer."""
         return int(self.attempt(f"read {feature}", "camera_get_integer", feature.encode()))
@@ -139,6 +144,13 @@ class Features:
     def execute(self, feature: str) -> None:
         """Execute a command."""
         self.attempt(f"execute {feature}", "camera_execute_command", feature.encode())
+
+    def _asked(self, step: str, name: str, feature: str) -> Any:
+        """Ask for a feature. Raise `LinkLost` if the camera does not answer."""
+        try:
+            return self._library.call(f"camera_{name}", self._camera, feature.encode())
+        except AravisError as error:
+            raise self._lost(step, "an answer of the camera", error) from error
 
     def _lost(self, step: str, expected: str, error: AravisError) -> LinkLost:
         remedy = "check cable, power and address, and that no other program controls the camera"

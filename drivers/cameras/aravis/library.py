@@ -47,6 +47,7 @@ _FALLIBLE: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "arv_camera_set_string": (None, (c_void_p, c_char_p, c_char_p)),
     "arv_camera_get_string": (c_char_p, (c_void_p, c_char_p)),
     "arv_camera_set_boolean": (None, (c_void_p, c_char_p, c_int)),
+    "arv_camera_get_boolean": (c_int, (c_void_p, c_char_p)),
     "arv_camera_get_integer": (c_int64, (c_void_p, c_char_p)),
     "arv_camera_execute_command": (None, (c_void_p, c_char_p)),
     "arv_camera_start_acquisition": (None, (c_void_p,)),

@@ -17,7 +17,7 @@ from drivers.cameras.genicam.camera_clock import LatchedClock
 from drivers.cameras.genicam.numbers import FrameNumbers
 from drivers.cameras.genicam.stamps import StampRule, Times, require_past
 from drivers.clock import Clock
-from drivers.errors import DeviceFault, LinkLost
+from drivers.errors import DeviceFault
 from drivers.interfaces import Frame, Setting
 
 UNSETTLED_FRAMES = 2
@@ -58,7 +58,7 @@ class AravisSession:
             self.vendor = library.text("camera_get_vendor_name", self._camera)
             self.model = library.text("camera_get_model_name", self._camera)
             self.serial = library.text("camera_get_device_serial_number", self._camera)
-            self._features = Features(library, self._camera, settings, device, clock)
+            self._features = Features(library, self._camera, settings, device, clock, self._talk)
             self._features.write()
             self._exposure_us = self._features.numbers["exposure_time"]
             self._gain = self._features.numbers.get("gain", math.nan)
@@ -73,7 +73,12 @@ class AravisSession:
     @property
     def interval_s(self) -> float:
         """Time between two frames, in seconds; infinite if a trigger begins each frame."""
-        return math.inf if self._settings.trigger else 1 / self._settings.rate_hz
+        return math.inf if self._settings.trigger else self.shortest_s
+
+    @property
+    def shortest_s(self) -> float:
+        """Shortest time between two frames, in seconds, also if a trigger begins each frame."""
+        return 1 / self._settings.rate_hz
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
         """Return the next frame exposed after `after_s`, even if damaged. Return None after `timeout_s`."""
@@ -105,23 +110,16 @@ class AravisSession:
             return self._features.read()
 
     def pulse(self) -> None:
-        """Give one pulse on the output line. Raise `DeviceError` if it may not have been given."""
-        try:
-            with self._talk:
-                self._features.lines.pulse()
-        except AravisError as error:
-            raise LinkLost(
-                self._device, "pulse", "an answer of the camera", str(error), "check cable and power"
-            ) from error
+        """Begin a pulse on the output line. Raise `DeviceError` if it may not have been given."""
+        self._features.lines.pulse()
 
     def close(self) -> None:
         """Stop filming and release all resources. A repeated call has no effect."""
         camera, self._camera = self._camera, None
         stream, self._stream = self._stream, None
         if stream is not None:
+            self._features.lines.close()
             # ignore the errors of a disconnected camera
-            with contextlib.suppress(AravisError, DeviceFault), self._talk:
-                self._features.lines.rest()
             with contextlib.suppress(AravisError):
                 self._library.call("camera_stop_acquisition", camera)
         self._library.release(stream)

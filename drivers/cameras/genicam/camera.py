@@ -7,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, wait
 from typing import Any, Protocol, TypeVar
 
-from drivers.cameras.filming import FilmingCamera, FilmingSession, to_itself
+from drivers.cameras.filming import FilmingCamera, FilmingSession
 from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceTimeout, LinkLost
 
@@ -17,15 +17,16 @@ GIVING_UP_S = 20.0
 
 Aravis needs up to 13 s to close the connection to a camera that is disconnected.
 """
-PULSE_S = 1.0
-"""Longest time, in seconds, for which `pulse` waits until no other call uses the camera."""
 
 
 class GenicamSession(FilmingSession, Protocol):
     """A `FilmingSession` of a GenICam camera, which may have an output line."""
 
     def pulse(self) -> None:
-        """Give one pulse on the output line. Raise `DeviceError` if it may not have been given."""
+        """Begin a pulse on the output line. Raise `DeviceError` if it may not have been given.
+
+        Another thread may take frames meanwhile. After `close`, raise `LinkLost`.
+        """
 
 
 S = TypeVar("S", bound=GenicamSession)
@@ -46,18 +47,18 @@ class GenicamCamera(FilmingCamera[S]):
         self._aside: Future[S | None] | None = None
 
     def pulse(self) -> None:
-        """Give one pulse on the output line that the rig file names, also while a stream is open.
+        """Begin a pulse on the output line that the rig file names, also during a stream or `grab`.
 
-        Raise `DeviceFault` if the program drives no line of this camera, and another `DeviceError` if the
-        pulse may not have been given.
+        So the camera is a `TriggerOutput`. The pulse ends by itself after `pulse_ms`. Raise `DeviceFault` if
+        the program drives no line of this camera, or if the pulse before has not ended or did not end in
+        time. Raise another `DeviceError` if the pulse may not have been given.
         """
-        with to_itself(self._lock, self._name, "pulse", PULSE_S):
-            session = self._session
-            if session is None:
-                raise LinkLost(
-                    self._name, "pulse", "an opened camera", "a closed or lost one", "open the camera again"
-                )
-            session.pulse()
+        session = self._session
+        if session is None:
+            raise LinkLost(
+                self._name, "pulse", "an opened camera", "a closed or lost one", "open the camera again"
+            )
+        session.pulse()
 
     def close(self) -> None:
         """Release the camera. A repeated call has no effect.

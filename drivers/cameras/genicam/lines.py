@@ -1,13 +1,16 @@
 """The lines of a GenICam camera: an input that begins each exposure, and an output for other machines."""
 
+from contextlib import suppress
+from threading import Lock
+
 from drivers.cameras.genicam.nodes import Nodes
 from drivers.cameras.genicam.settings import GenicamSettings
 from drivers.clock import Clock
-from drivers.errors import DeviceFault
+from drivers.errors import DeviceError, DeviceFault
 from drivers.interfaces import Setting
+from drivers.lines.pulse_line import PulseLine
 
 SOFTWARE = "Software"
-USER_OUTPUT = "UserOutput"
 
 
 class Lines:
@@ -16,19 +19,25 @@ class Lines:
     Parameters
     ----------
     nodes : Nodes
-        The features of the camera. The caller lets only one thread use them at a time.
+        The features of the camera.
+    settings : GenicamSettings
+    device : str
+        Name of the camera in messages.
+    clock : Clock
+    talk : Lock
+        Held by the thread that uses the features. The caller holds it for `read`, but not for the other
+        methods, because a pulse may come while another thread takes the frames of a stream.
     """
 
-    def __init__(self, nodes: Nodes, settings: GenicamSettings, device: str, clock: Clock) -> None:
+    def __init__(
+        self, nodes: Nodes, settings: GenicamSettings, device: str, clock: Clock, talk: Lock
+    ) -> None:
         self._nodes = nodes
         self._settings = settings
         self._device = device
-        self._clock = clock
-
-    @property
-    def gives_pulses(self) -> bool:
-        """Whether the program drives the output line."""
-        return bool(self._settings.output) and self._settings.output_source.startswith(USER_OUTPUT)
+        self._talk = talk
+        width_key = f"pulse_ms = {settings.pulse_ms:g}"
+        self._line = PulseLine(device, clock, settings.pulse_ms * 1e-3, width_key, self._switch)
 
     def write(self) -> None:
         """Set both lines and read them back. Raise `DeviceFault` if the camera has no such line.
@@ -59,8 +68,12 @@ class Lines:
         return found
 
     def pulse(self) -> None:
-        """Give one pulse on the output line. Raise `DeviceFault` if the program does not drive the line."""
-        if not self.gives_pulses:
+        """Begin a pulse on the output line and return; the pulse ends by itself after `pulse_ms`.
+
+        Raise `DeviceFault` if the program does not drive the line, or if the pulse before has not ended, and
+        another `DeviceError` if the pulse may not have been given.
+        """
+        if not self._settings.gives_pulses:
             raise DeviceFault(
                 self._device,
                 "pulse",
@@ -68,16 +81,13 @@ class Lines:
                 repr(self._settings.output_source if self._settings.output else self._settings.output),
                 'give output and output_source = "UserOutput1", by the camera\'s own names',
             )
-        self._switch(on=True)
-        try:
-            self._clock.sleep(self._settings.pulse_ms * 1e-3)
-        finally:
-            self._switch(on=False)
+        self._line.pulse()
 
-    def rest(self) -> None:
-        """Leave the line that the program drives in its state of rest, which is low."""
-        if self.gives_pulses:
-            self._switch(on=False)
+    def close(self) -> None:
+        """Leave the line that the program drives in its state of rest, which is low. Raise no error."""
+        if self._settings.gives_pulses:
+            with suppress(DeviceError):  # those of a camera that is gone
+                self._line.close()
 
     def _write_trigger(self) -> None:
         self._require("TriggerMode", f"trigger {self._settings.trigger!r}")
@@ -95,12 +105,22 @@ class Lines:
             self._require("LineMode", f"output {self._settings.output!r}")
             self._nodes.set_text("LineMode", "Output")
         self._nodes.set_text("LineSource", self._settings.output_source)
-        self.rest()
+        if self._settings.gives_pulses:
+            self._line.rest()
 
-    def _switch(self, *, on: bool) -> None:
-        self._require("UserOutputValue", self._settings.output_source)
-        self._select("UserOutputSelector", self._settings.output_source)
-        self._nodes.set_switch("UserOutputValue", on)
+    def _switch(self, on: bool, step: str) -> None:
+        with self._talk:
+            self._require("UserOutputValue", self._settings.output_source)
+            self._select("UserOutputSelector", self._settings.output_source)
+            self._nodes.set_switch("UserOutputValue", on)
+            if self._nodes.switch("UserOutputValue") is not on:
+                raise DeviceFault(
+                    self._device,
+                    step,
+                    f"UserOutputValue {on}",
+                    f"{not on} on reading back",
+                    "check that no other program uses the camera",
+                )
 
     def _select(self, selector: str, entry: str) -> None:
         """Select the entry that the next features belong to. A camera with one entry may have no selector."""

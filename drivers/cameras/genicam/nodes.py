@@ -28,6 +28,9 @@ class Nodes(Protocol):
     def set_switch(self, feature: str, on: bool) -> None:
         """Set a feature that is true or false."""
 
+    def switch(self, feature: str) -> bool:
+        """Return whether a feature is true."""
+
     def integer(self, feature: str) -> int:
         """Return the value of an integer."""
 

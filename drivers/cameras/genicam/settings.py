@@ -6,6 +6,8 @@ from pydantic import Field, model_validator
 
 from drivers.cameras.settings import DatedFrameSettings
 
+USER_OUTPUT = "UserOutput"
+"""Beginning of the names of the line sources that the program switches."""
 BITS = {"Mono8": 8, "Mono10": 10, "Mono12": 12, "Mono14": 14, "Mono16": 16}
 
 
@@ -46,6 +48,11 @@ class GenicamSettings(DatedFrameSettings):
     def bits(self) -> int:
         """Number of significant bits per pixel, used to estimate the amount of data of a run."""
         return BITS[self.format]
+
+    @property
+    def gives_pulses(self) -> bool:
+        """Whether the program drives the output line, so that the camera can be a trigger output."""
+        return bool(self.output) and self.output_source.startswith(USER_OUTPUT)
 
     @property
     def transfer_s(self) -> float:

@@ -1,6 +1,7 @@
 """Write the settings of an opened GenTL camera, read them back, and refuse a difference."""
 
 from functools import partial
+from threading import Lock
 from typing import Any
 
 from drivers.cameras.genicam.lines import Lines
@@ -27,13 +28,15 @@ class Features:
     back from the camera. A feature that the camera does not have is missing.
     """
 
-    def __init__(self, camera: Device, settings: GentlSettings, device: str, clock: Clock) -> None:
+    def __init__(
+        self, camera: Device, settings: GentlSettings, device: str, clock: Clock, talk: Lock
+    ) -> None:
         self._camera = camera
         self._settings = settings
         self._device = device
         self._fault = partial(DeviceFault, device)
         self.numbers: dict[str, float] = {}
-        self.lines = Lines(self, settings, device, clock)
+        self.lines = Lines(self, settings, device, clock, talk)
 
     def write(self) -> None:
         """Switch automatic controls and triggers off, and write all settings.
@@ -116,6 +119,10 @@ class Features:
     def set_switch(self, feature: str, on: bool) -> None:
         """Set a feature that is true or false."""
         self._set(feature, on)
+
+    def switch(self, feature: str) -> bool:
+        """Return whether a feature is true."""
+        return bool(self._asked(f"read {feature}", "its value", self._camera.number, feature))
 
     def integer(self, feature: str) -> int:
         """Return the value of an integer."""

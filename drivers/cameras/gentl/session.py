@@ -2,7 +2,6 @@
 
 import math
 import threading
-from contextlib import suppress
 from datetime import datetime, timedelta
 from functools import partial
 from typing import Any
@@ -17,7 +16,7 @@ from drivers.cameras.gentl.device import Device, GentlError, Picture
 from drivers.cameras.gentl.features import Features
 from drivers.cameras.gentl.settings import GentlSettings
 from drivers.clock import Clock
-from drivers.errors import DeviceError, DeviceFault, LinkLost
+from drivers.errors import DeviceFault, LinkLost
 from drivers.interfaces import Frame, Setting
 
 UNSETTLED_FRAMES = 2
@@ -59,7 +58,7 @@ class GentlSession:
         self.seen = 0
         self._features: Features | None = None
         try:
-            self._features = features = Features(device, settings, name, clock)
+            self._features = features = Features(device, settings, name, clock, self._talk)
             features.write()
             self._rule = StampRule(settings, features.exposure_us)
             if settings.stamp != "arrival":
@@ -77,7 +76,12 @@ class GentlSession:
     @property
     def interval_s(self) -> float:
         """Time between two frames, in seconds; infinite if a trigger begins each frame."""
-        return math.inf if self._settings.trigger else 1 / self._settings.rate_hz
+        return math.inf if self._settings.trigger else self.shortest_s
+
+    @property
+    def shortest_s(self) -> float:
+        """Shortest time between two frames, in seconds, also if a trigger begins each frame."""
+        return 1 / self._settings.rate_hz
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
         """Return the next frame exposed after `after_s`, even if damaged. Return None after `timeout_s`.
@@ -127,16 +131,13 @@ class GentlSession:
             return self._known.read()
 
     def pulse(self) -> None:
-        """Give one pulse on the output line. Raise `DeviceError` if it may not have been given."""
-        with self._talk:
-            self._known.lines.pulse()
+        """Begin a pulse on the output line. Raise `DeviceError` if it may not have been given."""
+        self._known.lines.pulse()
 
     def close(self) -> None:
         """Stop filming and release all resources. A repeated call has no effect."""
-        features, self._features = self._features, None
-        if features is not None:
-            with suppress(DeviceError), self._talk:  # the errors of a camera that is gone
-                features.lines.rest()
+        if self._features is not None:
+            self._features.lines.close()
         self._device.close()
 
     @property

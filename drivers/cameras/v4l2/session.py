@@ -67,6 +67,11 @@ class V4l2Session:
         """Time between two frames, in seconds."""
         return self._picture.interval_s
 
+    @property
+    def shortest_s(self) -> float:
+        """The same: no trigger begins the frames."""
+        return self.interval_s
+
     def verify(self) -> None:
         """Read all control values back. Raise `DeviceFault` if a value has changed."""
         self._controls.verify()

@@ -19,6 +19,7 @@ class FakeLibrary:
 
     `keeps` holds settings that read back with another value. `status` holds the status of frames by number.
     `waiting` lists the frames that come first. `switched` lists what was switched on or off, and when.
+    `losing` is the number of the next switches whose answers are lost.
     `dated` holds timestamps of frames from before the system's date was changed.
     """
 
@@ -39,6 +40,7 @@ class FakeLibrary:
         self.dated: dict[int, int] = {}
         self.pixels = np.zeros((HEIGHT, WIDTH), np.uint16)
         self.latch_s = 1e-3
+        self.losing = 0
         self.switched: list[tuple[float, str, bool]] = []
 
     def text(self, name: str, *arguments: Any) -> str:
@@ -84,8 +86,15 @@ class FakeLibrary:
         self.values[name.decode()] = self.keeps.get(name.decode(), value.decode())
 
     def camera_set_boolean(self, name: bytes, value: int) -> None:
-        self.values[name.decode()] = bool(value)
-        self.switched.append((self.clock.now_s(), name.decode(), bool(value)))
+        feature, on = name.decode(), bool(value)
+        self.values[feature] = self.keeps.get(feature, on)
+        self.switched.append((self.clock.now_s(), feature, self.values[feature]))
+        if self.losing:
+            self.losing -= 1
+            raise AravisError("Timeout")
+
+    def camera_get_boolean(self, name: bytes) -> int:
+        return int(self.values[name.decode()])
 
     def camera_get_integer(self, name: bytes) -> int:
         return int(self.values[name.decode()])

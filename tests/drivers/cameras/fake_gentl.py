@@ -27,6 +27,7 @@ class FakeDevice:
 
     `keeps` holds features that read back with another value. `faults` holds, by the number of a picture,
     ``lost``, ``incomplete`` or ``small``. `switched` lists what was switched on or off, and when.
+    `losing` is the number of the next switches whose answers are lost.
     """
 
     def __init__(self, clock: VirtualClock) -> None:
@@ -52,6 +53,7 @@ class FakeDevice:
         self.silent = self.gone = self.numberless = False
         self.stamps = True
         self.latch_s = 1e-3
+        self.losing = 0
         self.begun_s, self.buffers, self.exposed = 0.0, 0, 0
         self.first_number = 1
         self.filled: list[int] = []
@@ -77,9 +79,12 @@ class FakeDevice:
         self._answer()
         if value == "Refused":
             raise GentlError(f"Feature {feature!r} : cannot convert value 'Refused', the value is invalid.")
-        if isinstance(value, bool):
-            self.switched.append((self.clock.now_s(), feature, value))
         self.values[feature] = self.keeps.get(feature, value)
+        if isinstance(value, bool):
+            self.switched.append((self.clock.now_s(), feature, self.values[feature]))
+            if self.losing:
+                self.losing -= 1
+                raise GentlError("Operation timed out")
 
     def execute(self, feature: str) -> None:
         """Latch the camera's clock, which takes its time on the way there and back."""

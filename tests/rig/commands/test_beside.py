@@ -1,9 +1,11 @@
 """The commands of `rig` beside a closed machine: what they do there, and what they refuse."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
+from drivers.channels.modbus import ModbusChannels
 from tests.command_line import run_rig
 from tests.rig.closed_rig import write_protocol, write_rig
 
@@ -105,6 +107,21 @@ def test_plan_refuses_a_signal_that_the_rig_does_not_have(folder):
     done = run_rig("plan", write_protocol(folder, ends), "--rig", write_rig(folder))
     assert done.status == 1
     assert "the protocol needs channels.froce" in done.out
+
+
+def test_lost_samples_end_a_completed_run_with_status_1(folder, monkeypatch):
+    read = ModbusChannels.read
+    monkeypatch.setattr(
+        ModbusChannels, "read", lambda box, s: replace(found := read(box, s), first=2 * found.first)
+    )
+    done = run_rig("run", write_protocol(folder), "--rig", write_rig(folder), "--json", folder / "run.json")
+    lost = done.report["lost_samples"]["box"]
+    assert (done.status, done.report["status"]) == (1, "completed")
+    assert lost > 400
+    assert done.report["shortfalls"] == [
+        f"channels.box: {lost} samples were lost; use a faster line, or ask for a lower rate"
+    ]
+    assert done.report["shortfalls"][0] in done.err
 
 
 @pytest.fixture

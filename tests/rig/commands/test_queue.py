@@ -144,8 +144,8 @@ def test_a_plan_tells_what_the_rig_cannot_do(files):
         require_places_of(planned(jobs(files)))
 
 
-@pytest.mark.parametrize("end", ["aborted", "failed", "refused", "interrupted"])
-def test_the_first_run_that_is_not_completed_ends_the_queue(files, end):
+@pytest.mark.parametrize("end", ["aborted", "failed", "refused", "interrupted", "completed"])
+def test_the_first_run_that_is_not_completed_or_lacks_samples_ends_the_queue(files, end):
     (files / "runs").mkdir()
     begun = []
 
@@ -157,6 +157,8 @@ def test_the_first_run_that_is_not_completed_ends_the_queue(files, end):
             raise RigError("the disk", "room", "none", "free it")
         if end == "interrupted":
             raise KeyboardInterrupt
+        if end == "completed":
+            return Outcome("completed", "", 3, lost_samples={"box": 2})
         return Outcome(end, "the lamp is out", 1)
 
     results = list(execute(jobs(files), lambda job: None, run))

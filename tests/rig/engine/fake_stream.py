@@ -43,6 +43,7 @@ class FakeStream:
     def __init__(self, camera: StreamingCamera) -> None:
         self._camera, self._clock = camera, camera.clock
         self._next = int(self._clock.now_s() / camera.period_s) + 1
+        self.interval_s = self.shortest_s = camera.period_s
 
     def next(self, timeout_s: float) -> Frame:
         camera, clock = self._camera, self._clock

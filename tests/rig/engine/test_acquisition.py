@@ -194,7 +194,9 @@ def test_a_fault_of_a_channel_ends_the_run_with_all_samples_before_it(tmp_path, 
 
 def test_lost_samples_are_told_and_leave_a_gap(tmp_path):
     rig = beside(tmp_path, on_read=lambda count, s: replace(s, first=s.first + 3 * (count > 100)))
-    assert rig.engine().run().is_good
+    outcome = rig.engine().run()
+    assert (outcome.status, outcome.is_good) == ("completed", False)
+    assert ["channels.box: 3 samples were lost" in sentence for sentence in outcome.shortfalls] == [True]
     assert any("3 samples before sample 103 were lost" in event for event in rig.events())
     assert np.diff(steps(rig.path)[2]["number"]).max() == 4
 

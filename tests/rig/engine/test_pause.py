@@ -137,6 +137,8 @@ def test_images_of_a_hold_that_fell_into_a_pause_are_late_or_missed_and_never_in
     outcome = made.run()
     assert outcome.status == "completed", outcome.reason
     assert (outcome.pauses.late_steps, outcome.pauses.missed_steps) == (late, missed)
+    assert outcome.is_good == (missed == 0)
+    assert len(outcome.shortfalls) == (missed > 0)
     creep = [step for step in steps_of(made.rig) if step[0] == "creep"]
     assert len(creep) == kinds
     with h5py.File(made.rig.path) as file:

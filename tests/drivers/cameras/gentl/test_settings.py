@@ -105,12 +105,13 @@ def test_triggers_are_off_unless_one_is_named(plugged, context):
     camera.close()
 
 
-def test_the_program_gives_pulses_on_a_line(plugged, context):
+def test_the_program_gives_pulses_on_a_line(plugged, context, clock):
     plugged.values |= LINES | USER
     camera = opened(plugged, context, output="Line2", output_source="UserOutput1", pulse_ms=20.0)
     assert [plugged.values[name] for name in LINES] == ["Line2", "Output", "UserOutput1"]
     plugged.switched.clear()
     camera.pulse()
+    clock.sleep(0.1)
     (on_s, _, on), (off_s, _, off) = plugged.switched
     assert (on, off) == (True, False)
     assert off_s - on_s == pytest.approx(0.02)
