@@ -6,6 +6,7 @@ from pathlib import Path, PurePath
 
 from dic.calibration.calibration import Calibration
 from dic.errors import RunFileError, require_kind
+from dic.files.shortened import some_sentences
 from dic.files.writing import write_text
 from dic.gauges.series import GaugeSeries
 from dic.keywords import takes_settings
@@ -27,7 +28,6 @@ from dic.report.tables import correlation_rows
 from dic.report.templating import page_templates
 from dic.report.tensile_page import tensile_view
 from dic.report.tensile_record import TensileTest
-from dic.shell.shortened import some_of as some_sentences
 from dic.strain.measurement import Measurement
 from dic.strain.strain import gauge_text
 from dic.typing import PathLike
