@@ -41,6 +41,10 @@ class GenicamFeatures(Nodes, ABC):
     def put_number(self, name: str, value: float) -> None:
         """Write a number. Raise `DeviceFault` if the camera refuses it."""
 
+    @abstractmethod
+    def read(self) -> dict[str, Setting]:
+        """Read back what was written, and the camera's versions. Raise `LinkLost` if it does not answer."""
+
     def verify(self) -> None:
         """Read frame rate, exposure time and gain back, and compare them with the values read after opening.
 
