@@ -14,6 +14,7 @@ from .errors import (
 from .interfaces import (
     Camera as Camera,
     CameraInfo as CameraInfo,
+    ChangesSpeed as ChangesSpeed,
     DeviceInfo as DeviceInfo,
     Frame as Frame,
     Interlock as Interlock,

@@ -155,6 +155,9 @@ class LoadFrameState:
         The machine's sample counter. If the counter does not increase, the values are stale.
     faults : tuple of str
         Names of the active faults, trips and limits. The tuple is empty if none is active.
+    speed_mm_s : float
+        Speed in mm/s, without a sign, to which the machine says its present motion to a displacement is set.
+        NaN if the machine does not report this speed.
     """
 
     load_n: float
@@ -165,6 +168,7 @@ class LoadFrameState:
     sample: int
     faults: tuple[str, ...]
     time_s: float
+    speed_mm_s: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -211,6 +215,25 @@ class LoadFrame(Protocol):
 
     def close(self) -> None:
         """Release the link, without starting or stopping any motion. A repeated call has no effect."""
+
+
+class ChangesSpeed(Protocol):
+    """Optional part of the interface of a load frame: another speed during a motion to a displacement.
+
+    A test at a strain rate needs it. A load frame without the method keeps the speed of each motion. If the
+    settings of the driver have an attribute `changes_speed`, which is True or False, the plan of a run knows
+    this without opening the load frame.
+    """
+
+    def change_speed(self, speed_mm_s: float) -> None:
+        """Go on to the same target at another speed, in mm/s, without a stop.
+
+        The method returns when the machine has confirmed the new speed, which `LoadFrameState.speed_mm_s`
+        then reports. Raise `DeviceFault` for a speed of 0, a negative speed or one beyond
+        `LoadFrameLimits.speed_max_mm_s`, and if no motion to a displacement is going on. The method never
+        starts a motion: a hold that is requested later, or that was requested since the motion began, is the
+        last word, in whatever order the messages arrive.
+        """
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,11 @@ from dic.shell.output_paths import FORCE, require_places
 from drivers.errors import ConfigurationError, DeviceError
 from rig import RigError
 from rig.commands.channels_command import channels
+from rig.commands.focus_command import focus
 from rig.commands.hand_commands import hold, jog, status, unload
 from rig.commands.output import JSON as _JSON, PATH as _PATH, NumberRange, finish as _finish, write as _write
 from rig.commands.queue_command import queue
+from rig.commands.watch_command import watch
 from rig.threads import (
     device_threads,
     drivers_exit_by_exception,
@@ -382,5 +384,5 @@ def demo(output: Path) -> None:
     say(f"open {made.report.resolve()}")
 
 
-for _command in (status, hold, unload, jog, queue, channels):
+for _command in (channels, focus, status, hold, unload, jog, queue, watch):
     cli.add_command(_command)

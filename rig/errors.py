@@ -56,3 +56,7 @@ class RecordingError(RigError):
 
 class Aborted(RigError):
     """The run ended early, usually because a signal or a call of `Engine.abort` requested the end."""
+
+
+class GaugeNotValid(RigError):
+    """A live gauge that a limit, the end of a phase or a control needs has no valid strain."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 from drivers.interfaces import CameraInfo, LoadFrameLimits
 from rig.devices import Rig
@@ -24,6 +25,7 @@ class AllowedRange:
 class RigFacts:
     """Limits and image sizes of a rig, for the check of a plan. None means that a value is unknown.
 
+    `changes_speed` is True if the load frame can change the speed of a motion to a displacement.
     `image_bytes` is the total size of one image from each camera. `interlocks` are the allowed ranges of all
     interlocks. `signals` are the names of all measured channels.
     """
@@ -39,6 +41,7 @@ class RigFacts:
     displacement_max_mm: float | None = None
     speed_max_mm_s: float | None = None
     load_rate_max_n_s: float | None = None
+    changes_speed: bool | None = None
     angle_min_deg: float | None = None
     angle_max_deg: float | None = None
     speed_deg_s: float | None = None
@@ -57,9 +60,9 @@ def facts_of_file(rig_file: RigFile) -> RigFacts:
     A value is found only if the driver uses the usual name of the setting, such as ``load_max_n``, or
     ``quantity`` for the unit of an interlock.
     """
-    facts: dict[str, float | None] = {}
+    facts: dict[str, Any] = {}
     if rig_file.load_frame is not None:
-        for name in _OF_LOAD_FRAME:
+        for name in (*_OF_LOAD_FRAME, "changes_speed"):
             facts[name] = rig_file.load_frame.setting(name)
     if rig_file.stage is not None:
         for name in ("angle_min_deg", "angle_max_deg", "speed_deg_s"):
@@ -94,8 +97,8 @@ def confirm(facts: RigFacts, rig: Rig) -> RigFacts:
     facts = replace(facts, image_bytes=image_bytes, cameras=len(infos), interlocks=interlocks)
     if rig.load_frame is None:
         return facts
-    limits = rig.load_frame.limits
-    return replace(facts, **{name: getattr(limits, name) for name in _OF_LOAD_FRAME})
+    limits = {name: getattr(rig.load_frame.limits, name) for name in _OF_LOAD_FRAME}
+    return replace(facts, **limits, changes_speed=hasattr(rig.load_frame, "change_speed"))
 
 
 def narrowed(rig_file: RigFile, protocol: Protocol) -> RigFile:

@@ -10,7 +10,7 @@ from rig.facts import UNKNOWN_RIG, RigFacts, objections
 from rig.limit_settings import RigLimits
 from rig.limits.run_limits import RunLimits, limits_of
 from rig.mounting import Mounting
-from rig.protocol.acquire import AcquireProtocol
+from rig.protocol.acquire import AcquireProtocol, Acquisition
 from rig.protocol.durations import motion_times_s
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep
@@ -160,14 +160,19 @@ def make_plan(protocol: Protocol, facts: RigFacts = UNKNOWN_RIG, rig_limits: Rig
 
 
 def _acquisition(protocol: Protocol, facts: RigFacts) -> AcquisitionPlan | None:
-    if not isinstance(protocol, AcquireProtocol):
+    found = [step.acquisition for step in protocol.steps() if step.begins]
+    parts = [part for part in found if isinstance(part, Acquisition)]
+    if not parts:
         return None
-    part = protocol.acquisition
+    ends = [str(part.end_of.text if part.pull is None else part.pull) for part in parts]
+    texts = [f"{part.schedule.text}, until {end}" for part, end in zip(parts, ends, strict=True)]
+    intervals_s, numbers = [part.schedule.every_s for part in parts], [part.planned for part in parts]
+    kept_s = [part.schedule.keep_s for part in parts]
     return AcquisitionPlan(
-        f"{part.schedule.text}, until {part.end_of.text}",
-        part.planned,
-        part.schedule.every_s,
-        part.schedule.keep_s,
+        "; then ".join(texts),
+        None if None in numbers else sum(number or 0 for number in numbers),
+        None if None in intervals_s else min(interval_s or math.inf for interval_s in intervals_s),
+        None if None in kept_s else sum(keep_s or 0.0 for keep_s in kept_s),
         facts.image_bytes,
     )
 
@@ -219,6 +224,9 @@ def format_bytes(size: int) -> str:
 def _duration_s(
     step: ProtocolStep, motion_s: float | None, protocol: Protocol, imaging_s: float
 ) -> float | None:
+    part = step.acquisition
+    if isinstance(part, Acquisition) and part.pull is not None:
+        return part.pull.planned_s
     if isinstance(protocol, AcquireProtocol) and step.acquisition is not None and not step.timed:
         # the one step that stands for all images at unknown times
         end, every_s = protocol.end, protocol.acquire.every_s

@@ -20,7 +20,6 @@ from dic.runfile.lock import is_recorded
 from dic.runfile.reader import RunFile
 from rig.devices import Rig
 from rig.errors import ProtocolError, RigError
-from rig.protocol.acquire import AcquireProtocol
 from rig.protocol.protocol import Protocol, recorded_protocol
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder.records import PHASE_ENDED, STEP_MISSED, STEP_REACHED
@@ -105,9 +104,9 @@ def read_earlier(path: Path, definition: str, configuration: str) -> FinishedPar
                 )
         # Runs of earlier versions have no still images.
         protocol = recorded_protocol(definition, [step.kind for step in run.steps])
-        if isinstance(protocol, AcquireProtocol):
+        if protocol.takes_acquisitions:
             remedy = "begin a new run; both files have their images, times and samples"
-            raise refuse("a protocol that commands a machine", "an acquisition beside one", remedy)
+            raise refuse("a protocol of single steps", "images at times or events", remedy)
         readings = _finished(run)
         following = _following(protocol, readings)
         if 1 not in readings or following is None:

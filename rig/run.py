@@ -1,6 +1,7 @@
 """Plan or run a protocol on a rig. The commands `rig plan` and `rig run` call these functions."""
 
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,9 +16,12 @@ from rig.guardian.announced import guarded_rig
 from rig.guardian.guardian import Guardian
 from rig.guardian.machines import cautions
 from rig.limits.run_limits import slowed
+from rig.live.opening import open_live
+from rig.live.signals import RECORDED, channels_record
+from rig.live.values import LiveMeasurement
 from rig.news.run_news import NewsOptions, RunNews
 from rig.plan import Plan, make_plan, require_feasible
-from rig.protocol.protocol import Protocol, read_protocol, read_protocol_text
+from rig.protocol.protocol import Protocol, live_table_of, read_protocol, read_protocol_text
 from rig.recorder import Recorder, StepRecord
 from rig.recorder.header import channel_records, interlock_records, make_header
 from rig.recorder.room import make_room
@@ -107,10 +111,11 @@ def run_protocol(
     rig_file = slowed(narrowed(files.rig_file, protocol), protocol)
     log = run_path.with_suffix(".guardian.log")
     with RunNews(news.merged(files.rig_file.news), run_path, news.say) as told:
-        with guarded_rig(rig_file, log) as (rig, guardian):
+        with guarded_rig(rig_file, log) as (rig, guardian), ExitStack() as opened:
             require_feasible(make_plan(protocol, confirm(facts, rig), rig.limits), run_path.parent)
             require_interlocks(rig)
             continued = "" if earlier is None else _tell_continuing(earlier, protocol, rig, news)
+            live = _open_live(protocol, files.rig_file, rig, opened)
             engine = Engine(
                 _often_enough(protocol, files.rig_file, guardian),
                 rig,
@@ -122,6 +127,8 @@ def run_protocol(
                 on_news=[told.add],
                 earlier=None if earlier is None else earlier.readings,
             )
+            if live is not None:
+                engine.measure_gauges_with(live)
             told.connect(engine)
             news.on_begin(engine)
             with aborting_on_signals(engine), guardian.watched(engine.abort):
@@ -150,6 +157,7 @@ def _begin_recording(files: _ReadFiles, rig: Rig, run_path: Path, told: RunNews,
     """Open the news files, then create the run file and write the rig's cautions into it."""
     header = make_header(files.protocol, files.definition, files.rig_file, rig, continued)
     told.begin(rig, header, files.protocol.kind)
+    table = live_table_of(files.protocol)
     recorder = Recorder(
         run_path,
         header,
@@ -157,12 +165,31 @@ def _begin_recording(files: _ReadFiles, rig: Rig, run_path: Path, told: RunNews,
         stage=None if rig.stage is None else rig.stage.info,
         load_frame=None if rig.load_frame is None else rig.load_frame.info,
         interlocks=interlock_records(rig),
-        channels=channel_records(rig),
+        channels=channel_records(rig) | ({} if table is None else {RECORDED: channels_record(table)}),
         settings=files.rig_file.recording,
     )
     for caution in cautions(files.rig_file):
         recorder.event(rig.clock.now_s(), "warning", "rig", caution)
     return recorder
+
+
+def _open_live(protocol: Protocol, rig_file: RigFile, rig: Rig, opened: ExitStack) -> LiveMeasurement | None:
+    """Open the measurement of live gauges, which ends with `opened`; None without live gauges."""
+    table = live_table_of(protocol)
+    if table is None:
+        return None
+    signals = [signal.name for device in rig.channels.values() for signal in device.signals]
+    if mistakes := table.mistakes(rig.cameras, signals):
+        raise ConfigurationError(protocol.title, mistakes)
+    live = open_live(
+        table,
+        {name: camera.info for name, camera in rig.cameras.items()},
+        rig.clock,
+        grid=protocol.grid,
+        mounting=protocol.mounting.over(rig_file.mounting),
+        thickness_mm=protocol.sample.thickness_mm,
+    )
+    return opened.enter_context(closing(live))
 
 
 def _both(first: Callable[[bool], None], second: Callable[[bool], None]) -> Callable[[bool], None]:

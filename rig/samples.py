@@ -7,6 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats: TypeAlias = NDArray[np.float64]
+LOAD, DISPLACEMENT = "load_frame.load", "load_frame.displacement"
+"""Names of the signals of a load frame, one sample in each reading."""
+GAUGE_PREFIX = "gauge."
+"""The signal of a live gauge is called by this prefix and the name of the gauge."""
 
 
 @dataclass(frozen=True)

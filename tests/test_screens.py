@@ -49,7 +49,9 @@ COMMANDS = {
     "usage": "dic correlate ref.png img1.png --subsets 21",
     "plan": "rig plan rotation.toml --rig rig.toml",
     "check": "rig check rig.toml",
+    "focus": "rig focus rig.toml --once",
     "run": "rig run rotation.toml --rig rig.toml -o run.h5",
+    "watch": "rig watch run.h5",
     "verify": "rig verify run.h5",
     "repair": "rig repair run.h5",
     "replay": "rig replay run.h5",
@@ -97,8 +99,8 @@ area_mm2 = 20.0
 load_std_percent = 0.3
 """ + "".join(f'[[specimen]]\nfile = "{name}.csv"\n' for name in (*SPECIMENS, "lost"))
 
-VARYING = {"devices", "usage"}
-"""Commands whose screen depends on the machine, or on the name of the program."""
+VARYING = {"devices", "usage", "watch"}
+"""Commands whose screen depends on the machine, the folder, or the name of the program."""
 
 
 def make_files(folder: Path) -> None:

@@ -13,11 +13,11 @@ from dic.commands.gauge_text import gauge_lines, gauges_dict
 from dic.commands.options import option, options
 from dic.commands.run_table import as_dict
 from dic.commands.shared_options import comma, csv, fields_from, force, gauges, json_file
-from dic.commands.shortened import some_of
 from dic.errors import CorrelationError, OutputError
 from dic.files import write_text
 from dic.shell.console import fail, say
 from dic.shell.output_paths import require_places, same_or_new
+from dic.shell.shortened import some_of
 
 _ALL_IN = "--json has"
 

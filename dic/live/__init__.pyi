@@ -23,6 +23,10 @@ from .pair import (
 from .reasons import Reason as Reason
 from .settings import LiveSettings as LiveSettings
 from .setup import LiveSetup as LiveSetup
+from .setups import (
+    LiveHow as LiveHow,
+    LiveSetups as LiveSetups,
+)
 from .sought import (
     LostPlaces as LostPlaces,
     Sought as Sought,

@@ -8,6 +8,7 @@ from .corrections import (
     RunCorrections as RunCorrections,
     corrected_rotation as corrected_rotation,
 )
+from .grid_images import GridImages as GridImages
 from .image_task import load_correlation as load_correlation
 from .image_timing import ImageTiming as ImageTiming
 from .images import (

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 
 from dic.calibration.calibration import Calibration
+from dic.calibration.directions import most_different
 from dic.files.lazy import Computed
 from dic.out_of_plane.alignment import Alignment
 from dic.out_of_plane.correct import Corrections, correct
@@ -367,15 +367,6 @@ def _findings(
 
 def _pair(cameras: Sequence[CorrectedCamera]) -> tuple[CorrectedCamera, CorrectedCamera] | None:
     """Return the two cameras with the most different directions, the more oblique camera first."""
-    aside = [
-        (c.calibration.pinhole.centre_mm[:2] / c.calibration.pinhole.centre_mm[2], c)
-        for c in cameras
-        if c.calibration is not None and c.calibration.pinhole is not None
-    ]
-    if len(aside) < 2:
-        return None
-    # Two cameras measure the height of a point by parallax. The parallax is proportional to the difference of
-    # the tangents of their viewing angles.
-    pair = max(combinations(aside, 2), key=lambda both: float(np.linalg.norm(both[0][0] - both[1][0])))
-    second, first = sorted(pair, key=lambda camera: float(np.linalg.norm(camera[0])))
-    return first[1], second[1]
+    by_name = {camera.camera: camera for camera in cameras}
+    pair = most_different({name: camera.calibration for name, camera in by_name.items()})
+    return None if pair is None else (by_name[pair[0]], by_name[pair[1]])

@@ -9,31 +9,27 @@ from typing import Any
 
 import numpy as np
 
+from dic.calibration.area import calibrated_area
 from dic.calibration.calibration import Calibration
 from dic.calibration.grid_making import GridAccuracy
 from dic.calibration.one_grid import of_one_grid
 from dic.calibration.plate import behind
 from dic.correlation.series import Series
 from dic.correlation.settings import CorrelationSettings
-from dic.errors import CalibrationError, CorrelationError, warn_of_image
-from dic.image.threads import bands_of, processors
+from dic.errors import CorrelationError, warn_of_image
+from dic.image.threads import processors
 from dic.pipeline.camera import CameraImages, Kept
 from dic.pipeline.correlated import correlate_series
+from dic.pipeline.grid_images import calibrated, target_of_run
 from dic.pipeline.run_image import RunImage
 from dic.pipeline.series_image import UNREADABLE, SeriesImage
 from dic.results.finished import FinishedImage
 from dic.results.job import ImageOutcome, content_of
 from dic.runfile.at_exposure import ExposedSteps, steps_at_exposure
 from dic.runfile.reader import RunFile, RunStep
-from dic.settings import either
 from dic.specimen.find import SpecimenNotFound
-from dic.targets.find import find_target
-from dic.targets.kinds import TARGETS, Target
 from dic.typing import Float, ImageLike, Mask
 from dic.workers.workers import Workers
-
-_BAND_PX = 128
-"""Height of the bands of rows in which the calibrated area is found, px."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +90,7 @@ class RunCameras:
         first, *others = run.series()
         taken = RunImage(run, name, first)
         source = SeriesImage(taken, f"step {first.index}", digest=taken.digest()).read
-        series = self._series(name, source, _calibrated_region(lines, camera.reference.shape))
+        series = self._series(name, source, calibrated_area(lines, camera.reference.shape))
         camera.specimen = series.specimen
         turn = _Turn(lines, first.angle_deg)
         images = (
@@ -143,34 +139,8 @@ def calibrate_camera(run: RunFile, camera: str, accuracy: GridAccuracy | None = 
     Raises `MeasurementError` if the run has no image of the grid, or the grid is not found.
     """
     image = run.image(camera, run.step_of_kind("grid"))
-    source = f"{run.path}: {camera}"
-    try:
-        grid = find_target(image, _target(run), source)
-    except CalibrationError as error:
-        raise CalibrationError(source, error.step, error.expected, error.got, error.remedy) from error
     made = accuracy or GridAccuracy(**run.grid_making)
-    return Calibration.fit(grid, image.shape, source, accuracy=made)
-
-
-def _target(run: RunFile) -> Target:
-    if run.grid_target not in TARGETS:
-        raise CalibrationError(
-            str(run.path),
-            "find target",
-            either(TARGETS),
-            repr(run.grid_target),
-            "process the run with the version of offaxis that recorded it, or a newer one",
-        )
-    return TARGETS[run.grid_target].of(run.grid_lines, run.grid_values)
-
-
-def _calibrated_region(calibration: Calibration, shape: tuple[int, ...]) -> Mask:
-    """Return a mask of the calibrated area, in which all points of interest must lie."""
-    inside = np.empty(shape, np.bool_)
-    for band in bands_of(shape[0], _BAND_PX):
-        rows = np.indices(inside[band].shape).reshape(2, -1) + np.array([[band.start], [0]])
-        inside[band] = calibration.inside(rows[::-1].T).reshape(inside[band].shape)
-    return inside
+    return calibrated(image, target_of_run(run), f"{run.path}: {camera}", made)
 
 
 def _compare_with_calibration(source: str, region: Mask, area: Mask) -> None:

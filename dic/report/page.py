@@ -8,12 +8,10 @@ from typing import Any
 from dic.errors import RunFileError, require_kind
 from dic.files.writing import write_text
 from dic.keywords import takes_settings
-from dic.pictures.maps import MapDrawer
-from dic.pictures.panels import maps_of, scale_of
-from dic.pictures.settings import MapSettings
 from dic.pipeline.result import RunResult
 from dic.report import rotation, tension
 from dic.report.calibration import residual_figure
+from dic.report.field_pictures import FieldPicture, field_pictures, proof_step
 from dic.report.numbers import date, fixed, micro
 from dic.report.paper import compare
 from dic.report.pdf import require_pdf, write_pdf
@@ -21,8 +19,15 @@ from dic.report.series import Run, number_runs
 from dic.report.setup import camera_rows, findings, remaining
 from dic.report.setup_figures import harmonics_figure, height_figure, height_step, motion_figure
 from dic.report.steps import StepTable, camera_tables, pair_table
-from dic.report.style import PICTURE_WIDTH_MM, Kind, pixels_uri, plot_style, watermark_uri
-from dic.report.tables import Remarks, calibration_rows, problems, recommendations, settings_rows
+from dic.report.style import Kind, plot_style, watermark_uri
+from dic.report.tables import (
+    Remarks,
+    calibration_rows,
+    problems,
+    recommendations,
+    series_rows,
+    settings_rows,
+)
 from dic.report.templating import page_templates
 from dic.report.tensile_page import tensile_view
 from dic.report.tensile_record import TensileTest
@@ -32,19 +37,6 @@ from dic.typing import PathLike
 _PROCESS_FIRST = (
     "process the run first, dic.process_run(path), or read its results, dic.load_run_result(path)"
 )
-
-
-_MAPS = MapSettings(width_mm=PICTURE_WIDTH_MM)
-
-
-@dataclass(frozen=True)
-class FieldPicture:
-    """The maps of displacement and strain of one camera at one step, as a data URI, with their caption."""
-
-    camera: str
-    step: RunStep
-    words: str
-    uri: str
 
 
 @dataclass(frozen=True)
@@ -78,6 +70,8 @@ class ReportView:
     differences: str
     corrected: str
     load: str
+    stress: str
+    series: list[list[str]]
     setup: SetUp
     residuals: str
     fields: list[FieldPicture]
@@ -154,7 +148,7 @@ def _content(runs: list[Run], tests: Sequence[TensileTest], title: str) -> dict[
     turning = [run for run in runs if run.kind == "rotation"]
     with plot_style():
         tensile = [tensile_view(test, [run.result for run in runs]) for test in tests]
-        views = [_view(run) for run in runs]
+        views = [_view(run, proof_step(run, tests)) for run in runs]
         kinds: tuple[Kind, ...] = ("raw", "calibrated", "corrected")
         turns = {kind: rotation.strain_figure(turning, kind) if turning else "" for kind in kinds}
     several = f"Off-axis image correlation: {len(runs)} runs"
@@ -171,7 +165,7 @@ def _content(runs: list[Run], tests: Sequence[TensileTest], title: str) -> dict[
     }
 
 
-def _view(run: Run) -> ReportView:
+def _view(run: Run, proof: RunStep | None) -> ReportView:
     pulled, on_axis = run.kind == "tension", run.on_axis
     return ReportView(
         run=run,
@@ -185,27 +179,12 @@ def _view(run: Run) -> ReportView:
         differences=tension.difference_figure(run, on_axis) if pulled and on_axis else "",
         corrected=tension.corrected_difference_figure(run, on_axis) if pulled and on_axis else "",
         load=tension.load_figure(run) if pulled else "",
+        stress=tension.stress_figure(run) if pulled and run.is_long else "",
+        series=series_rows(run),
         setup=_set_up(run),
         residuals=residual_figure(run.cameras) if run.cameras else "",
-        fields=field_pictures(run) if run.kind else [],
+        fields=field_pictures(run, proof) if run.kind else [],
     )
-
-
-def field_pictures(run: Run) -> list[FieldPicture]:
-    """Return the maps of every camera of a run, at steps that are characteristic of the kind of test."""
-    telling = rotation.telling_steps if run.kind == "rotation" else tension.telling_steps
-    pictures = []
-    for step, words in telling(run.steps):
-        for series in run.cameras:
-            measured = {s.index: k for k, s in enumerate(series.steps)}
-            if step.index in measured:
-                at = measured[step.index]
-                correction = run.result.corrections.best(series.camera, step.index, at)
-                maps = maps_of(series.measurements[at], _MAPS, correction)
-                scale = scale_of([maps], _MAPS)
-                page = MapDrawer(_MAPS).draw(maps, series.result.reference, "", scale)
-                pictures.append(FieldPicture(series.label, step, words, pixels_uri(page.pixels())))
-    return pictures
 
 
 def _set_up(run: Run) -> SetUp:

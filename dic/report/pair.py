@@ -26,7 +26,7 @@ class PairSeries:
     steps: list[RunStep]
     """The k steps that both cameras measured."""
     found: list[TwoCameraStep]
-    """The solution of each step for both cameras together."""
+    """The solution of each step for both cameras together, without fields of points."""
 
     @cached_property
     def points(self) -> list[int]:
@@ -93,5 +93,5 @@ def pair_series(result: RunResult, labels: dict[str, str]) -> PairSeries | None:
         joint.cameras,
         f"{labels[first]} and {labels[second]} together",
         [steps[index] for index in indices],
-        [joint.steps[index] for index in indices],
+        [joint.steps[index].outline() for index in indices],
     )

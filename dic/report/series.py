@@ -26,11 +26,35 @@ _CLEAR = 3.0
 _LEAST_DEG = 1.0
 """The report shows no smaller off-axis angle: it is within the usual error of alignment."""
 
+LONG = 100
+"""Of a run with more steps, the report shows curves over time, and a part of the rows and images."""
+
 _ALONG_DEG = 15.0
 """Largest angle between a camera's tilt and an axis for which false strain counts as strain along the axis.
 
 At this angle, 7 % of the false strain is along the other axis.
 """
+
+
+@dataclass(frozen=True)
+class ImageOutline:
+    """What the report needs of each image of a camera: small values, which are read once."""
+
+    raw: MeanStrain
+    calibrated: MeanStrain | None
+    calibrated_is_known: bool
+    """True if the standard deviations of `calibrated` have all their parts."""
+    start: str
+    """Where the first guess of the correlation came from."""
+    objection: str | None
+    """The reason why the measurement is not good; None if it is good."""
+
+    @classmethod
+    def of(cls, measurement: Measurement) -> "ImageOutline":
+        """Return the outline of a measurement."""
+        known = measurement.by_images is not None
+        start, objection = measurement.field.start, measurement.objection
+        return cls(measurement.raw_mean, measurement.calibrated_mean, known, start, objection)
 
 
 @dataclass(frozen=True)
@@ -43,8 +67,8 @@ class CameraSeries:
     """True if the other cameras are compared with this camera."""
     result: CameraResult
     """Results of the camera at k steps."""
-    corrections: Sequence[Correction]
-    """Corrections of the k steps by this camera alone."""
+    stored: Sequence[Correction]
+    """Corrections of the k steps by this camera alone; those of a file are read when they are used."""
 
     @property
     def camera(self) -> str:
@@ -97,14 +121,24 @@ class CameraSeries:
         return (XX,) if y < along * x else (YY,) if x < along * y else (XX, YY)
 
     @cached_property
+    def outlines(self) -> list[ImageOutline]:
+        """The outlines of the k measurements."""
+        return [ImageOutline.of(measurement) for measurement in self.measurements]
+
+    @cached_property
+    def corrections(self) -> list[Correction]:
+        """The corrections of the k steps without displacements and local strains."""
+        return [correction.outline() for correction in self.stored]
+
+    @cached_property
     def raw(self) -> Float:
         """Mean strain εxx, εyy, εxy from displacements in pixels, µε, shape (k, 3); NaN if not known."""
-        return strains([m.raw_mean for m in self.measurements])
+        return strains([image.raw for image in self.outlines])
 
     @cached_property
     def calibrated(self) -> Float:
         """Mean strain εxx, εyy, εxy from calibrated displacements, µε, shape (k, 3); NaN if not known."""
-        return strains([m.calibrated_mean for m in self.measurements])
+        return strains([image.calibrated for image in self.outlines])
 
     @cached_property
     def calibrated_std(self) -> Float:
@@ -113,7 +147,7 @@ class CameraSeries:
         Result files of earlier versions contain only the part that the images cause, which is a small part of
         the error.
         """
-        return strain_stds([None if m.by_images is None else m.calibrated_mean for m in self.measurements])
+        return strain_stds([each.calibrated if each.calibrated_is_known else None for each in self.outlines])
 
     @cached_property
     def corrected(self) -> Float:
@@ -160,6 +194,11 @@ class Run:
     """The results that two cameras of the run give together; None if the run has no such results."""
 
     @property
+    def is_long(self) -> bool:
+        """True if the report shows only a part of the steps in tables and maps."""
+        return len(self.steps) > LONG
+
+    @cached_property
     def steps(self) -> list[RunStep]:
         """All steps that at least one camera could measure, in order."""
         steps = {step.index: step for camera in self.cameras for step in camera.steps}

@@ -6,7 +6,7 @@ import numpy as np
 
 from dic.out_of_plane.diagnosis import Harmonics, in_grid_axes
 from dic.report import rotation, tension
-from dic.report.series import Run
+from dic.report.series import LONG, Run
 from dic.report.strains import COMPONENTS, MICRO, plane_slopes
 from dic.report.style import (
     CONFIDENCE,
@@ -17,11 +17,13 @@ from dic.report.style import (
     png_uri,
     svg_uri,
 )
+from dic.report.thinning import some_of
 from dic.runfile.reader import RunStep
 from dic.typing import Float
 
 _SMOOTH = 181
 _MM_TO_UM = 1e3
+_MOST_BARS = 40
 _HARDLY = 20.0
 """A slope is not drawn if its standard deviation is more than this multiple of the smallest one."""
 
@@ -106,7 +108,7 @@ def height_step(run: Run) -> tuple[RunStep, int] | None:
     known = [
         (np.nan_to_num(step.load_n, nan=-np.inf), k)
         for k, (step, found) in enumerate(zip(run.pair.steps, run.pair.found, strict=True))
-        if found.heights_mm is not None and found.plane is not None
+        if found.declined is None and found.plane is not None
     ]
     if not known:
         return None
@@ -123,14 +125,13 @@ def height_figure(run: Run) -> str:
     from matplotlib.figure import Figure
 
     chosen = height_step(run)
-    if chosen is None or run.pair is None:
+    joint = run.result.corrections.joint
+    if chosen is None or run.pair is None or joint is None:
         return ""
-    step, at = chosen
+    step = chosen[0]
     camera = next(c for c in run.cameras if c.camera == run.pair.cameras[0])
-    measurement = next(
-        m for s, m in zip(camera.steps, camera.measurements, strict=True) if s.index == step.index
-    )
-    found = run.pair.found[at]
+    measurement = camera.measurements[[each.index for each in camera.steps].index(step.index)]
+    found = joint.steps[step.index]
     if found.heights_mm is None or found.plane is None or measurement.calibrated is None:
         return ""
     place = measurement.calibrated.position + measurement.calibrated.vector
@@ -166,6 +167,11 @@ def _waves(angles_deg: Float) -> Float:
 def _draw_bars(
     axis: Any, loads_kn: Float, values: Float, std: Float, label: str, style: dict[str, Any]
 ) -> None:
+    if len(values) > LONG:
+        # So many bars would lie upon each other: some are drawn, and all values as a line.
+        axis.plot(loads_kn, values, color=style["color"], linewidth=0.8, alpha=0.6)
+        some = some_of(len(values), _MOST_BARS)
+        loads_kn, values, std, style = loads_kn[some], values[some], std[some], style | {"linestyle": "none"}
     axis.errorbar(loads_kn, values, yerr=CONFIDENCE * std, label=label, capsize=2, elinewidth=0.8, **style)
 
 

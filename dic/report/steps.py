@@ -6,9 +6,13 @@ from math import floor, isfinite, log10
 from operator import attrgetter
 from string import ascii_lowercase
 
+import numpy as np
+
 from dic.report.numbers import fixed, micro, micro_with_std
 from dic.report.pair import PairSeries
 from dic.report.series import CameraSeries, Run
+from dic.report.tables import ALL_IN
+from dic.report.thinning import some_of
 from dic.runfile.reader import RunStep
 from dic.typing import Float
 
@@ -36,6 +40,8 @@ _READINGS = (
     Reading("Displ., mm", attrgetter("displacement_mm", "displacement_std_mm"), 4),
     Reading("Angle, °", attrgetter("angle_deg", "angle_std_deg"), 3),
 )
+MOST_ROWS = 20
+"""Number of rows of a table of a long run."""
 _CHANNEL_DIGITS = 5
 """Number of digits of a channel's largest value."""
 
@@ -82,6 +88,15 @@ class StepTable:
     rows: list[StepRow]
     notes: list[Note]
     """Footnotes of the table."""
+    steps: int
+    """Number of steps of which the table may have a part."""
+
+    @property
+    def left_out(self) -> str:
+        """A sentence about the steps that the table leaves out; empty if it has all."""
+        if len(self.rows) == self.steps:
+            return ""
+        return f"{len(self.rows)} of {self.steps} steps; {ALL_IN} all of them."
 
 
 def camera_tables(run: Run) -> list[StepTable]:
@@ -89,12 +104,12 @@ def camera_tables(run: Run) -> list[StepTable]:
 
     The table also shows the standard deviations of calibrated and corrected strain, if they are known.
     """
-    tables, readings = [], _readings(run)
+    tables, readings, shown = [], _readings(run), _shown(run, run.steps)
     for series in run.cameras:
-        notes = _notes(series.declined)
         at = {step.index: k for k, step in enumerate(series.steps)}
+        notes = _notes([series.declined[at[step.index]] for step in shown if step.index in at])
         rows = []
-        for step in run.steps:
+        for step in shown:
             k = at.get(step.index)
             if k is None:
                 rows.append(StepRow(*_head(step, readings), "", None, [], ""))
@@ -104,8 +119,18 @@ def camera_tables(run: Run) -> list[StepTable]:
             cells = [micro(value) for value in series.raw[k]]
             cells += _strains(series.calibrated[k], series.calibrated_std[k])
             rows.append(StepRow(*_head(step, readings), points, cells, *_corrected(series, k, notes)))
-        tables.append(StepTable(series.label, [each.heading for each in readings], rows, notes))
+        headings = [each.heading for each in readings]
+        tables.append(StepTable(series.label, headings, rows, notes, len(run.steps)))
     return tables
+
+
+def _shown(run: Run, steps: list[RunStep]) -> list[RunStep]:
+    """Return the steps of a table: of a long run those at its ends, at the maximum load, and others."""
+    if not run.is_long:
+        return steps
+    loads_n = np.array([step.load_n for step in steps])
+    top = [int(np.nanargmax(loads_n))] if np.isfinite(loads_n).any() else []
+    return [steps[k] for k in some_of(len(steps), MOST_ROWS, top)]
 
 
 def pair_table(run: Run) -> StepTable | None:
@@ -117,16 +142,19 @@ def pair_table(run: Run) -> StepTable | None:
     pair = run.pair
     if pair is None:
         return None
-    notes, readings = _notes(pair.declined), _readings(run)
+    readings, shown = _readings(run), {step.index for step in _shown(run, pair.steps)}
+    places = [k for k, step in enumerate(pair.steps) if step.index in shown]
+    notes = _notes([pair.declined[k] for k in places])
     rows = []
-    for k, step in enumerate(pair.steps):
+    for k in places:
+        step = pair.steps[k]
         corrected, mark = _corrected(pair, k, notes)
         if corrected:
             corrected.append(f"{fixed(pair.shift_um[k], 2)} ± {fixed(pair.shift_std_um[k], 2)}")
             slopes = zip(pair.slopes_deg[k], pair.slopes_std_deg[k], strict=True)
             corrected += [f"{fixed(slope, 4)} ± {fixed(std, 4)}" for slope, std in slopes]
         rows.append(StepRow(*_head(step, readings), str(pair.points[k]), [], corrected, mark))
-    return StepTable(pair.label, [each.heading for each in readings], rows, notes)
+    return StepTable(pair.label, [each.heading for each in readings], rows, notes, len(pair.steps))
 
 
 def _readings(run: Run) -> list[Reading]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.report.series import CameraSeries
+from dic.report.thinning import thin_lines, thinned
 from dic.typing import Float
 
 Kind = Literal["raw", "calibrated", "corrected"]
@@ -155,8 +156,11 @@ def line_style(series: CameraSeries, order: int, kind: Kind) -> dict[str, Any]:
 def draw_banded(axis: Any, x: Any, values: Float, std: Float, label: str, style: dict[str, Any]) -> None:
     """Draw values (n,) against x as a line with a band, the 95 % interval of each value.
 
-    Where a value is NaN, the line and the band have a gap.
+    Where a value is NaN, the line and the band have a gap. Of thousands of points, those that are seen are
+    drawn.
     """
+    drawn = thinned(values, std)
+    x, values, std = np.asarray(x, np.float64)[drawn], values[drawn], std[drawn]
     axis.plot(x, values, label=label, **style)
     reach = CONFIDENCE * std
     axis.fill_between(x, values - reach, values + reach, color=style["color"], alpha=0.15, linewidth=0)
@@ -165,8 +169,10 @@ def draw_banded(axis: Any, x: Any, values: Float, std: Float, label: str, style:
 def svg_uri(figure: Any) -> str:
     """Return a figure as a data URI in SVG format, for figures that consist of lines.
 
-    The figure is transparent, so that it does not hide a watermark of the page.
+    The figure is transparent, so that it does not hide a watermark of the page. Of lines with thousands of
+    points, those that are seen are drawn.
     """
+    thin_lines(figure)
     buffer = BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None}, transparent=True)
     return "data:image/svg+xml;base64," + b64encode(buffer.getvalue()).decode()

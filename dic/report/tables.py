@@ -2,15 +2,14 @@
 
 from dataclasses import dataclass
 from math import isfinite
-from operator import attrgetter
 from pathlib import Path
 
 from dic.correlation.settings import CorrelationSettings
 from dic.pipeline.image_timing import ImageTiming
-from dic.pipeline.result import CameraResult
 from dic.report.numbers import date, direction_text, fixed
-from dic.report.series import Run
+from dic.report.series import CameraSeries, Run
 from dic.runfile.reader import RunInfo
+from dic.shell.shortened import some_of as some_sentences
 from dic.strain.measurement import Measurement
 from dic.strain.measures import MEASURES
 from dic.strain.strain import gauge_text
@@ -30,6 +29,8 @@ _MOTIONS = {
     "tension": "for uniform strain and bending in a plane that tilts",
     "free": "none: the steps tell no motion",
 }
+ALL_IN = "`dic process --csv FOLDER --json FILE` writes"
+"""What has all steps of a run of which the report shows a part."""
 _USES = (("in use", "model"), ("recommended", "recommended"))
 """Purposes of a calibration model, such as "in use", and the attributes of `Calibration` that name it."""
 
@@ -98,7 +99,7 @@ def settings_rows(run: Run) -> list[tuple[str, str]]:
     rows.append(("Correction", f"{_MOTIONS[result.corrections.motion]}; {_poisson(run)}"))
     if result.corrections.motion == "tension":
         rows.append(("Shift towards the camera", result.correcting.shift.text))
-    starts = sorted({m.field.start for camera in run.cameras for m in camera.measurements})
+    starts = sorted({image.start for camera in run.cameras for image in camera.outlines})
     if starts:
         rows.append(("First guesses from", ", ".join(starts)))
     rows.append(("Versions", ", ".join(info.versions.splitlines())))
@@ -192,8 +193,31 @@ def problems(run: Run) -> list[str]:
         if timing.is_late
     ]
     for camera in run.cameras:
-        sentences += _camera_problems(camera.result)
+        sentences += _camera_problems(camera)
     return sentences
+
+
+def series_rows(run: Run) -> list[list[str]]:
+    """Return the rows of the table of images of a run, as text, one row per camera; empty for a short run.
+
+    The columns are: camera; number of images; asked and reached rate in images per second; late images;
+    missing images; images that could not be measured.
+    """
+    if not run.is_long:
+        return []
+    rows, timings = [], _timings(run)
+    for camera in run.cameras:
+        timing, failed = timings.get(camera.camera), len(camera.result.failures)
+        known = ["–"] * 4
+        if timing is not None:
+            rates = [_rate(timing.asked_interval_s), _rate(timing.reached_interval_s)]
+            known = [*rates, str(timing.late), "–" if timing.missing is None else str(timing.missing)]
+        rows.append([camera.label, str(len(camera.steps) + failed), *known, str(failed)])
+    return rows
+
+
+def _rate(interval_s: float | None) -> str:
+    return "–" if not interval_s else f"{1.0 / interval_s:.4g}"
 
 
 def _timings(run: Run) -> dict[str, ImageTiming]:
@@ -202,17 +226,15 @@ def _timings(run: Run) -> dict[str, ImageTiming]:
     return {name: timing for name, timing in found.items() if timing is not None}
 
 
-def _camera_problems(camera: CameraResult) -> list[str]:
-    grid = camera.require_calibration().grid
+def _camera_problems(camera: CameraSeries) -> list[str]:
+    grid = camera.calibration.grid
     sentences = [f"{camera.camera}, calibration grid: {warning}" for warning in grid.warnings]
     if grid.found < grid.expected:
         sentences.append(f"{camera.camera}: {grid.found} of {grid.expected} grid points were found.")
-    sentences += [*camera.failures, *(f"{camera.camera}: {remark}." for remark in camera.remarks)]
-    sentences += [
-        f"{camera.camera}, step {step.index}: {objection}."
-        for step, objection in zip(
-            camera.steps, map(attrgetter("objection"), camera.measurements), strict=True
-        )
-        if objection is not None
+    sentences += [f"{camera.camera}: {remark}." for remark in camera.result.remarks]
+    of_steps = [
+        f"{camera.camera}, step {step.index}: {image.objection}."
+        for step, image in zip(camera.steps, camera.outlines, strict=True)
+        if image.objection is not None
     ]
-    return sentences
+    return sentences + some_sentences([*camera.result.failures, *of_steps], ALL_IN)

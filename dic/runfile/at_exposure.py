@@ -16,7 +16,7 @@ from dic.runfile.at_time import Estimates, SignalRecord, estimate
 from dic.runfile.channels import RunSignal
 from dic.runfile.joined import JoinedRun
 from dic.runfile.reader import RunFile
-from dic.runfile.schema import MIDDLE, value_of
+from dic.runfile.schema import MIDDLE, is_about_a_gauge, value_of
 from dic.runfile.steps import ChannelValue, RunStep
 from dic.typing import Float, Indices
 
@@ -160,6 +160,8 @@ def _sources(run: RunFile) -> Iterator[_Source]:
     taken = set()
     for device, signals in run.channels.items():
         for name, signal in signals.items():
+            if is_about_a_gauge(name):
+                continue
             reading = next(
                 (key for key, (_, of, _) in _OF_DEVICES.items() if of and of == signal.quantity), ""
             )

@@ -96,8 +96,8 @@ def signals_of(group: Any) -> dict[str, Any]:
     if not isinstance(found, dict) or not found:
         raise Unlike(f"{group.name} without a signal")
     for name in found:
-        # The names of signals become names of columns.
-        if not name.isidentifier():
+        # The names of signals become names of columns. Those of live gauges have dots.
+        if not all(part.isidentifier() for part in name.split(".")):
             raise Unlike(f"a signal with the name {name!r}")
     return found
 

@@ -286,6 +286,11 @@ def value_of(signal: str) -> str:
     return f"value_{signal}"
 
 
+def is_about_a_gauge(signal: str) -> bool:
+    """Return True for a signal about the values of live gauges, such as "gauge.axial.std"."""
+    return signal == "gauge_latency" or (signal.startswith("gauge.") and signal.count(".") > 1)
+
+
 def channels(signals: Iterable[str]) -> GroupLayout:
     """Return the layout of the table of a channel device with the given signals.
 

@@ -18,7 +18,8 @@ from drivers.testing.camera_bench import CameraBench
 from drivers.testing.camera_contract import CameraContract
 from drivers.testing.channels_contract import ChannelsBench, ChannelsContract
 from drivers.testing.interlock_contract import InterlockBench, InterlockContract
-from drivers.testing.load_frame_contract import LoadFrameBench, LoadFrameContract
+from drivers.testing.load_frame_bench import LoadFrameBench
+from drivers.testing.load_frame_contract import LoadFrameContract
 from drivers.testing.stage_contract import StageBench, StageContract
 from drivers.testing.trigger_contract import TriggerBench, TriggerContract
 

@@ -1,5 +1,6 @@
 """The screen of a run, with the moving device, its step, the effect of Ctrl-C, and finished steps."""
 
+import math
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -18,18 +19,22 @@ from rig.commands.acquiring import (
     is_acquiring,
     what_is_taken,
 )
+from rig.commands.live_view import Panel, RunView
 from rig.commands.pause_key import KEY, PauseKey
 from rig.engine.devices import Asked
 from rig.engine.status import PauseTotals
 from rig.limits.by_hand import HandMotion
+from rig.news.images_now import ImagesNow
 
 if TYPE_CHECKING:
-    from rich.console import Group
+    from rich.console import Group, RenderableType
     from rich.live import Live
 
 Confirm: TypeAlias = Callable[[HandMotion, RigReading], None]
 
-REFRESHES_PER_S = 5.0
+REFRESHES_PER_S = 4.0
+TOLD_EVERY_S = 10.0
+"""Shortest time in s between two lines about live gauges, where no terminal shows them."""
 BAR_WIDTH = 20
 LATE_NEWS_S = 0.5
 """Longest time in s for which a question waits until another thread has printed the finished steps."""
@@ -85,6 +90,9 @@ _EFFECTS = (("N", "the load frame holds"), ("deg", "the stage stops"))
 class Screen:
     """Draws two lines at the bottom of a terminal, and prints finished steps above them.
 
+    While a phase without interruption goes on, the curves of the gauges and their newest values stand above
+    the two lines, or one line in `TOLD_EVERY_S` is printed.
+
     The engine calls `on_status` and `on_step` on threads of their own, and `on_question` on the operator's
     thread. While a person is asked, nothing else is written on the terminal. If standard error is not a
     terminal, or standard output is a pipe, only the finished steps are printed, on standard output. `live` is
@@ -102,9 +110,13 @@ class Screen:
         self._held_back: list[str] = []
         self._summaries, self._clock = SummaryLines(), SystemClock()
         self._pause_key: PauseKey | None = None
+        self._images: ImagesNow | None = None
+        self._first_s, self._told_s = math.nan, -math.inf
 
     def listen(self, engine: Engine) -> None:
         """Let a key at the terminal pause the run of an engine, if the screen is drawn on a terminal."""
+        if self.live is not None:
+            self._images = ImagesNow(engine)
         if self.live is not None and Keys().there:
             self._pause_key = PauseKey(engine, self._free)
             self._pause_key.start()
@@ -113,26 +125,48 @@ class Screen:
         """Show a new status of the run on the screen."""
         with self._changed:
             self._status = status
+            if math.isnan(self._first_s) and status.reading is not None:
+                self._first_s = status.reading.time_s
+            if self.live is None and status.live is not None:
+                self._tell_now_and_then(status)
             self._changed.notify_all()
         if self._pause_key is not None:
             self._pause_key.tell(paused=status.state is State.PAUSED)
 
+    def _tell_now_and_then(self, status: EngineStatus) -> None:
+        if self._clock.now_s() - self._told_s < TOLD_EVERY_S:
+            return
+        self._told_s = self._clock.now_s()
+        self._print(RunView(status, self._running_s).sentence())
+
+    @property
+    def _running_s(self) -> float:
+        reading = None if self._status is None else self._status.reading
+        return math.nan if reading is None else reading.time_s - self._first_s
+
+    def _print(self, line: str) -> None:
+        """Print a line, if it has text; during a question after the answer."""
+        if line and self._asking:
+            self._held_back.append(line)
+        elif line:
+            say(line)
+
     def on_step(self, record: StepRecord) -> None:
         """Print a finished step, or now and then one of an acquisition. During a question, print it after the
         answer."""
+        if record.step.kind == "reference" and self._images is not None:
+            self._images.keep_reference()
         with self._changed:
-            acquired = record.step.kind == "acquired"
-            line = (
-                self._summaries.of(record, self._status, self._clock.now_s())
-                if acquired
-                else _step_line(record)
-            )
-            if line and self._asking:
-                self._held_back.append(line)
-            elif line:
-                say(line)
+            self._print(self._line_of(record))
             self._steps_printed += 1
             self._changed.notify_all()
+
+    def _line_of(self, record: StepRecord) -> str:
+        if record.step.kind != "acquired":
+            return _step_line(record)
+        if self._status is not None and self._status.live is not None:
+            return ""  # the curves, or the lines instead of them, tell more
+        return self._summaries.of(record, self._status, self._clock.now_s())
 
     @contextmanager
     def on_question(self, _: Asked, notice: str) -> Iterator[None]:
@@ -194,8 +228,8 @@ class Screen:
             and self._steps_printed >= status.steps_done
         )
 
-    def draw(self) -> "Group":
-        """Return the two lines, for Rich."""
+    def draw(self) -> "RenderableType":
+        """Return the lines at the bottom, for Rich."""
         from rich.console import Group
         from rich.progress_bar import ProgressBar
         from rich.table import Table
@@ -214,7 +248,11 @@ class Screen:
             ProgressBar(planned, done, BAR_WIDTH),
             Text(f"{simulated}{counted}{how_to_stop(status)}{pause}", no_wrap=True, overflow="ellipsis"),
         )
-        return Group(Text(self._notice or what_happens(status), no_wrap=True, overflow="ellipsis"), below)
+        happens = self._notice or what_happens(status)
+        if status is not None and status.live is not None:
+            images = {} if self._images is None else self._images.now()
+            return Panel(RunView(status, self._running_s, images), [(happens, False)], below)
+        return Group(Text(happens, no_wrap=True, overflow="ellipsis"), below)
 
 
 @contextmanager

@@ -6,9 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from drivers.errors import DeviceFault
 from rig.engine.context import RunContext
+from rig.engine.drive import Drive, NoDrive, drive_of
 from rig.engine.filing import record_frame
 from rig.engine.imaging import Frames, StepImages
+from rig.engine.motion import RunMotion
 from rig.engine.seldom import SeldomWarnings
 from rig.engine.shots import Shot, Shots
 from rig.engine.timing import Timing
@@ -17,12 +20,16 @@ from rig.errors import BadImage
 from rig.protocol.acquire import Acquisition
 from rig.protocol.acquisition_tables import FirstBeyond
 from rig.protocol.dues import AskedDues, Dues
+from rig.protocol.pull_stages import PullPlan
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import StepRecord
 
 _LAST_IMAGES_S = 2.0
 """After the end, images that are due already are waited for at most for this time in s, added to the timeout
 of an image."""
+_GAUGES_S = 10.0
+"""Before a motion, valid strains of live gauges are waited for, added to the timeout of an image."""
+_SHOW_EVERY_S = 0.25
 _LAST_FRAMES_S = 1.0
 """After the end, a frame that was exposed before it is waited for at most for this time in s."""
 _PAUSE_LEAST_S = 1e-3
@@ -37,11 +44,19 @@ class AcquisitionRun:
     `request_end`.
     """
 
-    def __init__(self, run: RunContext, images: StepImages, filed: Callable[[StepRecord], None]) -> None:
-        self._run, self._images = run, images
+    def __init__(
+        self,
+        run: RunContext,
+        images: StepImages,
+        motion: RunMotion,
+        filed: Callable[[StepRecord], None],
+    ) -> None:
+        self._run, self._images, self._motion = run, images, motion
+        self._drive: Drive = NoDrive()
         self._written = WrittenSteps(run, filed)
         self._warnings = SeldomWarnings(run.clock, lambda sentence: run.log("warning", sentence))
         self._asked: AskedDues | None = None
+        self._shown_s = -math.inf
         self._runs = self._end_requested = False
         self.timing = Timing()
         self.next_index = 0
@@ -72,6 +87,8 @@ class AcquisitionRun:
         every_frame = acquisition.schedule.every_frame is not None
         shots = Shots(run, self._images, self.timing, every_frame=every_frame)
         dues = acquisition.dues()
+        self._drive = drive_of(run, step, acquisition.pull, self._motion.stand_still)
+        run.live.prepare(run.calls)
         self._asked = dues if isinstance(dues, AskedDues) else None
         self._end_requested, self._runs = False, True
         try:
@@ -79,6 +96,7 @@ class AcquisitionRun:
             begun_s = self._wait_for_beginning(acquisition, shots)
             if acquisition.first_is_reference:
                 run.pulses.give("start")
+            self._drive.begin()
             reading = self._follow(step, dues, shots, begun_s)
             self._runs = False
             self._finish(step, shots, min(reading.time_s, begun_s + acquisition.duration_s))
@@ -87,6 +105,7 @@ class AcquisitionRun:
             raise
         finally:
             self._runs, run.observers = False, []
+            run.news.publish(live=None)
         shots.close()
         self._written.finish()
         self._warnings.finish()
@@ -98,6 +117,8 @@ class AcquisitionRun:
     def _wait_for_beginning(self, acquisition: Acquisition, shots: Shots) -> float:
         run, begin = self._run, acquisition.schedule.begin
         self._wait_for_streams(shots)
+        if acquisition.pull is not None and acquisition.pull.gauges | run.live.limited:
+            self._wait_for_gauges(acquisition.pull, shots)
         if begin is None:
             return run.clock.now_s()
         run.log("info", f"waiting for {begin}")
@@ -121,12 +142,35 @@ class AcquisitionRun:
             shots.poll()
             self._run.calls.pause(self._run.settle.poll_s)
 
+    def _wait_for_gauges(self, pull: PullPlan, shots: Shots) -> None:
+        """Wait until the gauges that a motion needs have valid strains."""
+        run = self._run
+        gauges = pull.gauges | run.live.limited
+        if not shots.are_streams:
+            raise DeviceFault(
+                "cameras",
+                pull.where,
+                "cameras that stream, for strains that a motion needs",
+                "a camera that only takes images when it is asked",
+                "use a driver with streams, or stages without strain",
+            )
+        waited_s = run.protocol.images.timeout_s + _GAUGES_S
+        end_s = run.clock.now_s() + waited_s
+        while any(map(run.live.not_valid, gauges)) and run.clock.now_s() < end_s:
+            run.read()
+            shots.poll()
+            run.calls.pause(run.settle.poll_s)
+        run.live.require_valid(gauges, pull.where, waited_s)
+
     def _pause(self, shots: Shots) -> None:
-        """Take no images while the run is paused; the machine, which takes no commands, goes on."""
+        """Take no images while the run is paused. A machine that takes no commands goes on."""
+        run = self._run
+        begun_s = run.clock.now_s()
         shots.close()
-        self._run.pauses.point(_PLACE)
+        run.pauses.point(_PLACE)
         shots.open()
         self._wait_for_streams(shots)
+        self._drive.again(run.clock.now_s() - begun_s)
 
     def _follow(self, step: ProtocolStep, dues: Dues, shots: Shots, begun_s: float) -> RigReading:
         run, acquisition = self._run, step.acquisition
@@ -139,7 +183,7 @@ class AcquisitionRun:
         self._publish()
         while True:
             reading = run.read()
-            ended = self._ended(acquisition, ends.met, shots, begun_s)
+            ended = self._drive.see(reading) or self._ended(acquisition, ends.met, shots, begun_s)
             if not ended and run.pauses.asked(_PLACE):
                 self._finish(step, shots, reading.time_s)
                 self._pause(shots)
@@ -155,11 +199,14 @@ class AcquisitionRun:
                     self.timing.paused += 1
                 due_s = None
             self._record(step, shots.poll())
+            self._show(shots)
             if ended or (due_s == math.inf and not shots.waits):
+                self._drive.end()
                 run.log("info", f"images end: {ended or 'all are taken'}")
                 return reading
             left_s = math.inf if due_s is None else due_s - run.clock.now_s()
-            run.calls.pause(min(run.settle.poll_s, max(left_s, _PAUSE_LEAST_S)))
+            poll_s = min(run.settle.poll_s, self._drive.poll_s)
+            run.calls.pause(min(poll_s, max(left_s, _PAUSE_LEAST_S)))
 
     def _ended(self, acquisition: Acquisition, of_signals: str, shots: Shots, begun_s: float) -> str:
         if self._end_requested:
@@ -225,3 +272,12 @@ class AcquisitionRun:
     def _publish(self, waits_for: str = "") -> None:
         now = self.timing.now(waits_for, on_request=self._asked is not None)
         self._run.news.publish(acquisition=now)
+
+    def _show(self, shots: Shots) -> None:
+        """Publish what people see of the live gauges, a few times in a second."""
+        run, timing = self._run, self.timing
+        if not run.live.is_measuring or run.clock.now_s() - self._shown_s < _SHOW_EVERY_S:
+            return
+        self._shown_s = run.clock.now_s()
+        interval_s = timing.now("", on_request=False).reached_s
+        run.news.publish(live=run.live.now(timing.taken, 1.0 / interval_s, shots.lost))

@@ -9,17 +9,19 @@ from rig.devices import Rig
 from rig.engine.announcements import Announcements
 from rig.engine.calls import Call, Calls
 from rig.engine.devices import OnQuestion, called
+from rig.engine.live_gauges import LiveGauges
 from rig.engine.monitor import MeasuredChannels, Monitor
 from rig.engine.pausing import Pauses
 from rig.engine.pulses import Pulses
 from rig.engine.watch import Watch
 from rig.errors import Aborted
 from rig.limits.run_limits import limits_on
-from rig.protocol.protocol import Protocol
+from rig.protocol.protocol import Protocol, live_table_of
 from rig.protocol.step import PhaseEvent, RigReading
 from rig.protocol.tables import Settle
 from rig.recorder import Recorder
 from rig.recorder.records import PHASE_ENDED
+from rig.samples import SignalReading
 
 T = TypeVar("T")
 
@@ -37,6 +39,8 @@ class RunContext:
         The times for settling, and the time between two readings.
     watch : Watch
         The limits of the run.
+    live : LiveGauges
+        The live gauges, if the protocol declares some.
     pauses : Pauses
         Lets the engine wait while the run is paused.
     may_move : bool
@@ -72,7 +76,11 @@ class RunContext:
         self.devices = called(rig, self.calls, on_question)
         self.pulses = Pulses(rig, self.calls)
         self.channels = RunChannels(rig.channels, rig.clock, recorder.samples)
-        measured = MeasuredChannels(self.channels.read, rig.measured)
+        sample = protocol.sample
+        area_mm2 = sample.thickness_mm * sample.width_mm
+        table = live_table_of(protocol)
+        self.live = LiveGauges(table, rig.clock, area_mm2, recorder.samples)
+        measured = MeasuredChannels(self._read_signals, rig.measured)
         self.monitor = Monitor(self.devices, self.calls, rig.clock, recorder, self.watch, measured)
         self.pauses = Pauses(self)
         self.may_move = True
@@ -97,6 +105,7 @@ class RunContext:
         reading = self.monitor.read(self.place)
         for observe in self.observers:
             observe(reading)
+        self.live.draw(reading)
         for sentence in self.channels.new_losses():
             self.log("warning", sentence)
         self.news.publish(reading=reading)
@@ -109,6 +118,9 @@ class RunContext:
         self._on_progress(self.may_move or reading.moving)
         self.check_abort()
         return reading
+
+    def _read_signals(self) -> dict[str, SignalReading]:
+        return self.channels.read() | self.live.read()
 
     def finish(self, call: Call[T]) -> T:
         """Wait for the end of a call that may take long, and read the devices meanwhile."""

@@ -10,6 +10,7 @@ from drivers.interfaces import (
     AsksQuestions,
     Camera,
     CameraInfo,
+    ChangesSpeed,
     Frame,
     InterlockState,
     LoadFrame,
@@ -211,6 +212,29 @@ class Devices:
             frame.do(f"go to {target:g} N", lambda: frame.driver.go_to_load(target, rate))
         else:
             frame.do(f"go to {target:g} mm", lambda: frame.driver.go_to_displacement(target, rate))
+
+    @property
+    def can_change_speed(self) -> bool:
+        """True if the load frame can change the speed of a motion to a displacement."""
+        return self.load_frame is not None and hasattr(self.load_frame.driver, "change_speed")
+
+    def change_speed(self, speed_mm_s: float) -> None:
+        """Change the speed of the present motion to a displacement, as `ChangesSpeed` describes.
+
+        Return when the machine has confirmed it, within the deadline of a call. Raise `DeviceFault` if the
+        load frame cannot do this, or refuses it.
+        """
+        frame, action = self.load_frame, f"change the speed to {speed_mm_s:g} mm/s"
+        if frame is None or not self.can_change_speed:
+            raise DeviceFault(
+                "load_frame",
+                action,
+                "a load frame that changes the speed of a motion",
+                "one that cannot",
+                "take a protocol without control of a strain rate, or another rig",
+            )
+        changer = cast(ChangesSpeed, frame.driver)
+        frame.do(action, lambda: changer.change_speed(speed_mm_s))
 
     def stop(self) -> None:
         """Hold the load frame and stop the stage, for a pause of the run."""

@@ -25,6 +25,7 @@ from rig.engine.safety import SafeState
 from rig.engine.settings import SettingsRecord
 from rig.engine.status import EngineStatus, MeasuredAtRest, News, Outcome, State
 from rig.errors import Aborted, RigError
+from rig.live.values import LiveMeasurement
 from rig.protocol.protocol import Protocol
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import Recorder, StepRecord
@@ -113,6 +114,7 @@ class Engine:
         self.leaving_s = LEAVING_S
         self._earlier = dict(earlier or {})
         self._goes_on = bool(earlier)
+        self._next_index = 0
         self._records: list[StepRecord] = []
         # An acquisition may have a million images, whose records are in the run file.
         self._acquired: deque[StepRecord] = deque(maxlen=KEPT_RECORDS)
@@ -125,10 +127,14 @@ class Engine:
         self._motion = RunMotion(self.context)
         self._preparation = Preparation(self.context, self._motion)
         self._images = StepImages(self.context, self._motion)
-        self._acquisition = AcquisitionRun(self.context, self._images, self._file)
+        self._acquisition = AcquisitionRun(self.context, self._images, self._motion, self._file)
         self._questions = Questions(self.context, self._motion)
         self._settings = SettingsRecord(self.context)
         self._safe_state = SafeState(rig)
+
+    def measure_gauges_with(self, live: LiveMeasurement) -> None:
+        """Give what measures the live gauges of the protocol. The engine closes it at the end of the run."""
+        self.context.live.measurement = live
 
     @property
     def status(self) -> EngineStatus:
@@ -242,12 +248,16 @@ class Engine:
         return self._questions.answer(word, who)
 
     def _execute(self, step: ProtocolStep) -> RigReading:
+        if step.index < self._next_index:
+            # An acquisition takes as many images as its test needs, and not as many as were planned.
+            step = replace(step, index=self._next_index)
         if step.acquisition is not None:
             self._enter(State.IMAGING, step)
-            return self._acquisition.take(step)
-        if step.index < self._acquisition.next_index:
-            # An acquisition takes as many images as its test needs, and not as many as were planned.
-            step = replace(step, index=self._acquisition.next_index)
+            reading = self._acquisition.take(step)
+            self._next_index = self._acquisition.next_index
+            return reading
+        if self._acquisition.next_index:
+            self._next_index = step.index + 1
         if step.passed:
             return self._leave_out(step)
         if step.index in self._earlier:
@@ -265,6 +275,7 @@ class Engine:
             if frames is None:
                 self._enter(State.IMAGING, step)
             frames = self._images.take(step, reading, frames or {})
+        self.context.live.keep(step.kind, self._images.newest)
         if frames is not None:
             self._finish(StepRecord(step, self._motion.reading, frames))
         elif not step.images:
@@ -310,6 +321,7 @@ class Engine:
             follow_channels(self.context, last_image_s)
         self._settings.at_end()
         end_channels(self.context)
+        self.context.live.close()
         for sentence in self.context.channels.new_losses(whole=True):
             self.context.log("warning", sentence)
         self.context.log("info", COMPLETED)
@@ -327,6 +339,7 @@ class Engine:
         if unsafe:
             reason = f"SAFE STATE NOT CONFIRMED, use the emergency stop ({'; '.join(unsafe)}). {reason}"
         end_channels(run)
+        run.live.close()
         # Ignore an error, because the status of the run may be written even if settings and this event
         # cannot.
         with suppress(RigError):

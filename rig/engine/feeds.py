@@ -39,9 +39,16 @@ class Feed(Protocol):
     ----------
     most_open : int
         Number of images that may be asked for and not delivered yet.
+    is_stream : bool
+        True if the camera delivers frames that nobody asked for.
     """
 
     most_open: int
+    is_stream: bool
+
+    @property
+    def lost(self) -> int:
+        """Number of frames of the stream that are lost so far."""
 
     @property
     def is_ready(self) -> bool:
@@ -66,8 +73,13 @@ class Feed(Protocol):
         """
 
 
+Tap: TypeAlias = Callable[[str, Frame], None]
+"""Type of a function that is called with a camera's name and each of its frames, also those that are not
+wanted as images, on the camera's thread."""
+
+
 def feed_of(
-    camera: CalledCamera, clock: Clock, timeout_s: float, tolerance_s: float
+    camera: CalledCamera, clock: Clock, timeout_s: float, tolerance_s: float, tap: Tap
 ) -> "GrabFeed | StreamFeed":
     """Return the feed of a camera: its stream if its driver has one. Raise `DeviceError` if it fails.
 
@@ -75,30 +87,38 @@ def feed_of(
     its time counts as missed if the image before was nearer.
     """
     if callable(getattr(camera.camera, "stream", None)):
-        return StreamFeed(camera, clock, timeout_s, tolerance_s)
-    return GrabFeed(camera, timeout_s)
+        return StreamFeed(camera, clock, timeout_s, tolerance_s, tap)
+    return GrabFeed(camera, timeout_s, tap)
 
 
 class GrabFeed:
     """A camera without a stream, which begins each image when it is asked for it."""
 
     most_open = 1
+    is_stream = False
     is_ready = True
+    lost = 0
 
-    def __init__(self, camera: CalledCamera, timeout_s: float) -> None:
-        self._camera, self._timeout_s = camera, timeout_s
+    def __init__(self, camera: CalledCamera, timeout_s: float, tap: Tap) -> None:
+        self._camera, self._timeout_s, self._tap = camera, timeout_s, tap
         self._call: Call[Frame] | None = None
 
     def ask(self, due_s: float) -> None:
         """Begin an image."""
         assert self._call is None
-        camera, timeout_s = self._camera.camera, self._timeout_s
+        timeout_s = self._timeout_s
         self._call = self._camera.calls.begin(
             f"cameras.{self._camera.name}",
             "grab",
-            lambda: camera.grab(timeout_s),
+            self._grab,
             Deadline(timeout_s + CAMERA_MARGIN_S, _REMEDY),
         )
+
+    def _grab(self) -> Frame:
+        """Take an image. On the camera's thread."""
+        frame = self._camera.camera.grab(self._timeout_s)
+        self._tap(self._camera.name, frame)
+        return frame
 
     def take(self) -> Taken | None:
         """Return the image if it has arrived."""
@@ -121,10 +141,14 @@ class StreamFeed:
     """A camera that delivers all its frames, from which the nearest one is taken for each time."""
 
     most_open = _OPEN_MOST
+    is_stream = True
     pairs_within_s = math.inf
     """A frame that is farther than this from its time is no image of it, also if it is the nearest one."""
 
-    def __init__(self, camera: CalledCamera, clock: Clock, timeout_s: float, tolerance_s: float) -> None:
+    def __init__(
+        self, camera: CalledCamera, clock: Clock, timeout_s: float, tolerance_s: float, tap: Tap
+    ) -> None:
+        self._camera_name, self._tap = camera.name, tap
         self._name, self._calls = f"cameras.{camera.name}", camera.calls
         self._clock, self._timeout_s, self._tolerance_s = clock, timeout_s, tolerance_s
         driver: Any = camera.camera
@@ -151,6 +175,11 @@ class StreamFeed:
     def is_ready(self) -> bool:
         """True if there is a frame, or if frames come only when something triggers them."""
         return self.is_triggered or bool(self._frames)
+
+    @property
+    def lost(self) -> int:
+        """Number of frames that are lost so far."""
+        return sum(loss.count for loss in self._stream.report().losses)
 
     def ask(self, due_s: float) -> None:
         """Ask for the frame nearest to a time."""
@@ -232,6 +261,7 @@ class StreamFeed:
                     raise
                 return
             self._heard_s = self._clock.now_s()
+            self._tap(self._camera_name, frame)
             kept = min(_KEPT_MOST, max(_KEPT_LEAST, _KEPT_BYTES // frame.image.nbytes))
             with self._lock:
                 self._frames.append(frame)

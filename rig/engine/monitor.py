@@ -4,6 +4,8 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from drivers.clock import Clock
 from drivers.errors import DeviceFault
 from drivers.interfaces import InterlockState, LoadFrameState
@@ -12,7 +14,7 @@ from rig.engine.devices import Devices
 from rig.engine.watch import Watch
 from rig.protocol.step import RigReading
 from rig.recorder import Recorder
-from rig.samples import SignalReading
+from rig.samples import DISPLACEMENT, LOAD, SignalReading
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class Monitor:
         value is out of bounds.
         """
         load_n = displacement_mm = angle_deg = math.nan
-        time_s, moving = -math.inf, False
+        time_s, of_frame_s, moving = -math.inf, -math.inf, False
         frame, stage = self._devices.load_frame, self._devices.stage
         # Begin both readings before waiting, so that the load frame is read even if the stage hangs.
         of_frame = None if frame is None else frame.begin_read()
@@ -75,6 +77,7 @@ class Monitor:
                 self._recorder.load_frame_state(state)
             _require_no_faults(state, step)
             load_n, displacement_mm, time_s = state.load_n, state.displacement_mm, state.time_s
+            of_frame_s = time_s
             # At its target, a load frame may report small corrections by its controller as motion.
             moving = state.moving and not state.at_target
         if of_stage is not None:
@@ -93,6 +96,8 @@ class Monitor:
                 )
             self.homed = turned.homed
         signals = self._channels.read()
+        if of_frame is not None:
+            signals |= _of_load_frame(load_n, displacement_mm, of_frame_s)
         measured = self._channels.quantities(signals)
         load_n = measured.get("load", load_n)
         displacement_mm = measured.get("displacement", displacement_mm)
@@ -112,6 +117,15 @@ class Monitor:
         if self._recorder is not None:
             self._recorder.interlock_state(name, state)
         return state
+
+
+def _of_load_frame(load_n: float, displacement_mm: float, time_s: float) -> dict[str, SignalReading]:
+    """Return load and displacement of a load frame as signals."""
+    at_s = np.array([time_s])
+    return {
+        LOAD: SignalReading(np.array([load_n]), at_s, unit="N"),
+        DISPLACEMENT: SignalReading(np.array([displacement_mm]), at_s, unit="mm"),
+    }
 
 
 def _require_no_faults(state: LoadFrameState, step: str) -> None:

@@ -74,7 +74,8 @@ class Shots:
         self._images.begin_numbers_anew()
         for name, camera in self._images.cameras.items():
             timeout_s = run.protocol.images.timeout_s
-            self._feeds[name] = feed_of(camera, run.clock, timeout_s, timing.tolerance_s)
+            tolerance_s = timing.tolerance_s
+            self._feeds[name] = feed_of(camera, run.clock, timeout_s, tolerance_s, run.live.offer)
         self._ready_s = run.clock.now_s()
         if self._every_frame:
             self._choose_leader()
@@ -173,6 +174,16 @@ class Shots:
             else:
                 self._timing.miss()
         return finished
+
+    @property
+    def are_streams(self) -> bool:
+        """True if all cameras deliver frames that nobody asked for."""
+        return all(feed.is_stream for feed in self._feeds.values())
+
+    @property
+    def lost(self) -> int:
+        """Number of frames that the open streams have lost so far."""
+        return sum(feed.lost for feed in self._feeds.values())
 
     def drop(self) -> None:
         """Count the images that are still asked for as missing."""

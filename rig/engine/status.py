@@ -9,6 +9,7 @@ from typing import TypeAlias
 from dic.runfile.schema import Level, RunStatus
 from drivers.interfaces import LoadFrameState, StageState
 from rig.engine.timing import Timing, TimingNow
+from rig.live.values import LiveNow
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import StepRecord
 
@@ -39,7 +40,8 @@ class EngineStatus:
     `simulated` is True if any device of the rig is simulated. `steps_before` is the number of steps that an
     earlier run has finished, if this run continues it; `steps_done` does not count these steps. `acquisition`
     has the numbers of images, once an acquisition has begun. `load_is_measured` is True if the load frame is
-    only read, so that nothing of this program stops it.
+    only read, so that nothing of this program stops it. `live` is what a person sees of a phase without
+    interruption, and None outside of one.
     """
 
     state: State
@@ -51,6 +53,7 @@ class EngineStatus:
     steps_before: int = 0
     acquisition: TimingNow | None = None
     load_is_measured: bool = False
+    live: LiveNow | None = None
 
     @property
     def steps_finished(self) -> int:

@@ -1,13 +1,17 @@
 """Check every reading against the limits of the run, and check that load and displacement agree."""
 
-from rig.errors import SpecimenBroken
+import math
+
+from rig.errors import LimitViolation, SpecimenBroken
 from rig.limits.agreement import Agreement
 from rig.limits.in_force import commanded
 from rig.limits.run_limits import RunLimits
 from rig.limits.speed import SpeedCheck
-from rig.protocol.protocol import Protocol
+from rig.protocol.live_table import LiveTable
+from rig.protocol.protocol import Protocol, live_table_of
 from rig.protocol.step import LoadDrop, ProtocolStep, RigReading
 from rig.protocol.tables import Limits
+from rig.samples import GAUGE_PREFIX
 
 POLL_MIN_S = 0.02
 """Shortest time between two readings in s. A load frame has a new sample every 10 to 20 ms."""
@@ -32,6 +36,7 @@ class Watch:
         self._highest_n = 0.0
         self._agreement: Agreement | None = None
         self._speed = SpeedCheck(limits)
+        self._strains = _strain_limits(live_table_of(protocol))
         conditions = self._conditions
         # A test that begins in compression is checked with opposite signs, as one in tension.
         self._mirrors = conditions.pull is not None and conditions.pull.sense < 0.0
@@ -63,6 +68,11 @@ class Watch:
             self._agreement.begin(step.mirrored() if self._mirrors else step)
         self._speed.begin(step)
         self._step = step
+
+    def change_speed(self, speed_mm_s: float) -> None:
+        """Note a new speed of the crosshead, before or after it was commanded during the present motion."""
+        self._table.check("speed", speed_mm_s, f"{self._step}, a change of speed")
+        self._speed.change(speed_mm_s)
 
     def tared(self) -> None:
         """Record that load and displacement were set to zero."""
@@ -97,6 +107,8 @@ class Watch:
         """
         if self._step is not None and self._step.kind == "rotation":
             self._table.check("angle", reading.angle_deg, step)
+        for name, most, least in self._strains:
+            self._check_strain(reading, name, most, least, step)
         if self._conditions.limits is not None:
             self._table.check("load", reading.load_n, step)
             self._table.check("displacement", reading.displacement_mm, step)
@@ -109,7 +121,22 @@ class Watch:
             self._speed.check(reading, step)
         self._last = reading
 
+    def _check_strain(self, reading: RigReading, name: str, most: float, least: float, step: str) -> None:
+        found = reading.signals.get(name)
+        if found is None or not found.is_new:
+            return
+        for strain in found.values.tolist():
+            if not least <= strain <= most:
+                bound = f"at most {most:g}" if strain > most else f"at least {least:g}"
+                raise LimitViolation(
+                    step,
+                    f"a strain of {name} of {bound}",
+                    f"{strain:.5g}",
+                    "the limit is that of the table [live]; look at the specimen",
+                )
+
     def _check_break(self, reading: RigReading, step: str, limits: Limits) -> None:
+        """Check that the specimen has not broken, unless a stage of a pull ends with a drop of the load."""
         if self._load_drop == "slow":
             # The specimen is in tension or in compression, as it was at the reading before.
             before_n = 0.0 if self._last is None else self._last.load_n
@@ -121,7 +148,8 @@ class Watch:
         self._highest_n = max(self._highest_n, load_n)
         carried_n = self._conditions.carried_n if self._sense > 0.0 else limits.carried_n(self._sense)
         least_n = (1.0 - drop) * self._highest_n
-        if self._highest_n >= carried_n and load_n < least_n:
+        step_ends_so = self._step is not None and self._step.acquisition is not None and self._step.event
+        if self._highest_n >= carried_n and load_n < least_n and not step_ends_so:
             raise self._broken(reading, step, least_n, limits)
         if self._load_drop == "slow":
             self._highest_n = load_n
@@ -138,3 +166,12 @@ class Watch:
             f"the specimen {buckled} or slipped out of the grips, or the load cell failed: the images up to "
             f"here are on file; if neither did, raise limits.{key}_load_drop above {drop:g}",
         )
+
+
+def _strain_limits(table: LiveTable | None) -> list[tuple[str, float, float]]:
+    """Return the signal of each live gauge that is limited, its largest and its smallest strain."""
+    if table is None or (table.strain_max is None and table.strain_min is None):
+        return []
+    most = math.inf if table.strain_max is None else table.strain_max
+    least = -math.inf if table.strain_min is None else table.strain_min
+    return [(f"{GAUGE_PREFIX}{name}", most, least) for name in table.names]

@@ -13,7 +13,7 @@ from rig.guardian.guardian import Guardian, guarded
 from rig.guardian.lock import machines_locked
 from rig.rigfile import RigFile
 
-LOAD_FRAME_MOTIONS = ("go_to_load", "go_to_displacement", "tare")
+LOAD_FRAME_MOTIONS = ("go_to_load", "go_to_displacement", "change_speed", "tare")
 STAGE_MOTIONS = ("home", "move_to")
 
 

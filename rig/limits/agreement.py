@@ -6,6 +6,7 @@ commanded load. This module checks whether a correct load cell could show the lo
 displacement.
 """
 
+import math
 from dataclasses import replace
 
 from rig.errors import ImplausibleReading
@@ -65,6 +66,7 @@ class Agreement:
         self._history = History()
         self._secant_n_mm: float | None = None
         self._highest_n = 0.0
+        self._reached_n = -math.inf
         self._of_step_n = pull.increment_n
         self._peak_n = 0.0
         self._same = 0
@@ -142,7 +144,8 @@ class Agreement:
             if self._step.quantity == "load" and self._step.event is None:
                 self._check_drop(reading, step)
             self._check_softening(reading, step)
-        if self._following is not None:
+        self._reached_n = max(self._reached_n, reading.load_n)
+        if self._following is not None and (self._step.quantity == "load" or self._is_elastic):
             self._following.check(reading, step)
         if outward * (reading.load_n - self._start.load_n) > self._increment_n:
             self._verified = True
@@ -153,7 +156,8 @@ class Agreement:
         self._of_step_n = self._increment_n
         if self._step.quantity == "load":
             self._of_step_n = max(self._of_step_n, abs(self._step.target - start.load_n))
-        if self._step.quantity == "load" and self._step.event is None:
+        in_increments = self._step.quantity == "load" and self._step.event is None
+        if in_increments or (self._step.acquisition is not None and self._is_elastic):
             self._following = Following(
                 start,
                 outward=self._outward(),
@@ -164,6 +168,14 @@ class Agreement:
                 elastic_n=self._pull.elastic_n,
                 flow_mm=self._string.flow_mm,
             )
+
+    @property
+    def _is_elastic(self) -> bool:
+        """True if the specimen has never carried more than the load up to which it is certainly elastic.
+
+        A pull to a displacement has no increments; so far its load must rise like that of an increment.
+        """
+        return self._reached_n < self._pull.elastic_n
 
     def _outward(self) -> float:
         assert self._step is not None

@@ -1,5 +1,6 @@
 """Check that the crosshead is not faster than a command or a plausible specimen requires."""
 
+import math
 from collections import deque
 
 from rig.errors import LimitViolation
@@ -10,6 +11,8 @@ _SPAN_S = 0.25
 """Time in s over which a speed is measured, because the time between two readings may be wrong by
 `_JITTER_S`."""
 _JITTER_S = 0.1
+_TAKES_OVER_S = 0.5
+"""Time in s in which a machine takes over a lower speed."""
 _MARGIN = 1.5
 _NOISE_MM = 0.005
 
@@ -26,15 +29,26 @@ class SpeedCheck:
         self._source = ""
         self._first_increment = True
         self._readings: deque[RigReading] = deque()
+        self._commanded: deque[tuple[float, float]] = deque()
 
     def begin(self, step: ProtocolStep) -> None:
         """Begin a step, and determine the largest allowed speed of this step."""
         self._readings.clear()
+        self._commanded.clear()
         self._greatest_mm_s, self._source = self._of_rig_mm_s, "the rig's load_frame.speed_max_mm_s"
         if step.kind == "displacement":
             self._greatest_mm_s, self._source = step.rate, "the commanded speed"
         elif step.pulls and self._first_increment and self._of_load_mm_s is not None:
             self._greatest_mm_s, self._source = self._of_load_mm_s, "plausible.speed_max_mm_s"
+
+    def change(self, speed_mm_s: float) -> None:
+        """Note a new speed of a motion that goes on. For a short time the one before is allowed too."""
+        now_s = self._readings[-1].time_s if self._readings else -math.inf
+        self._commanded.append((now_s, speed_mm_s))
+        while len(self._commanded) > 1 and self._commanded[1][0] < now_s - _SPAN_S - _TAKES_OVER_S:
+            self._commanded.popleft()
+        self._greatest_mm_s = max(speed_mm_s for _, speed_mm_s in self._commanded)
+        self._source = "the commanded speed"
 
     def check(self, reading: RigReading, step: str) -> None:
         """Check one reading. Raise `LimitViolation` if the crosshead is too fast."""

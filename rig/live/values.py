@@ -9,9 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Frame
+from rig.protocol.live_table import SIGNAL_PREFIX as SIGNAL_PREFIX
 
-SIGNAL_PREFIX = "gauge."
-"""The signal of a live gauge is called by this prefix and the name of the gauge."""
+CAUSES = (
+    "", "not_measured", "repeated", "saturated", "outside", "low_correlation", "points_lost", "jump",
+    "no_value", "no_motion", "declined", "cameras_disagree", "old", "no_frame",
+)  # fmt: skip
+"""Names of the reasons why a value is not valid. The run file has their places in the list: it only grows."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,8 @@ class GaugeValue:
         "raw", "calibrated" or "corrected".
     camera : str
         The camera whose value this is.
+    cause : str
+        The name of the reason, one of `CAUSES`, for programs; empty for a valid value.
     """
 
     strain: float
@@ -38,6 +44,7 @@ class GaugeValue:
     reason: str
     kind: str
     camera: str
+    cause: str = ""
 
 
 @dataclass(frozen=True)
@@ -54,6 +61,8 @@ class LiveReading:
         The number (`Frame.sequence`) of the frame of each camera.
     gauges : mapping of str to GaugeValue
         By the name of the gauge.
+    missing : mapping of str to str
+        Why a camera has no frame of this moment, by its name. The others are measured without it.
     """
 
     time_s: float
@@ -61,6 +70,7 @@ class LiveReading:
     known_s: float
     frames: Mapping[str, int]
     gauges: Mapping[str, GaugeValue]
+    missing: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

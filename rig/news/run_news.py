@@ -1,6 +1,7 @@
 """All news of one run: the two files, the message at the end of the run, and the HTTP interface."""
 
 import math
+import socket
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,11 +17,12 @@ from rig.news import wording
 from rig.news.bulletin import Bulletin
 from rig.news.files import STALE_ENDING_S, STALE_S, EventFile, Heartbeat, events_path, heartbeat_path
 from rig.news.http_server import TOKEN_VARIABLE, HttpPlace, HttpServer
+from rig.news.images_now import ImagesNow
 from rig.news.message import Messenger, message_of_end, split_command
 from rig.news.wording import About
 from rig.notifying import NewsSettings
 from rig.protocol.step import RigReading
-from rig.recorder import RunHeader
+from rig.recorder import RunHeader, StepRecord
 
 _NO_STATUS = EngineStatus(State.IDLE, None, 0, 0, None)
 _NOT_YET = "the run has not begun"
@@ -87,6 +89,9 @@ class RunNews:
         self._messenger: Messenger | None = None
         self._engine: Engine | None = None
         self._bits: dict[str, int] = {}
+        self._images: ImagesNow | None = None
+        self._first_s = math.nan
+        self._host = socket.gethostname()
 
     def __enter__(self) -> "RunNews":
         return self
@@ -128,6 +133,7 @@ class RunNews:
         """Begin to publish the news of a run of `engine`."""
         assert self._about is not None
         self._engine = engine
+        self._images = ImagesNow(engine)
         if self._abort_reason is not None:
             engine.abort(self._abort_reason)
         self._told_s = SystemClock().now_s()
@@ -141,6 +147,8 @@ class RunNews:
         """Publish one report of the engine. The engine calls this method on a separate thread."""
         self._told_s = SystemClock().now_s()
         if isinstance(news, EngineStatus):
+            if math.isnan(self._first_s) and news.reading is not None:
+                self._first_s = news.reading.time_s
             self._heartbeat.beat()
             if (news.state, news.step) != self._shown:
                 self._shown = (news.state, news.step)
@@ -151,6 +159,8 @@ class RunNews:
             # An acquisition may have many images in a second, so tell only some of them.
             self._image_told_s = self._told_s if news.step.kind == "acquired" else self._image_told_s
             self._bulletin.add(wording.step_finished(news))
+        if isinstance(news, StepRecord) and news.step.kind == "reference" and self._images is not None:
+            self._images.keep_reference()
 
     def end(self, outcome: Outcome) -> Outcome:
         """Publish the end of the run. Return the outcome with a sentence for each failure in sending news."""
@@ -206,39 +216,47 @@ class RunNews:
 
     def _status(self) -> dict[str, Any]:
         """Return the present status for the HTTP interface, from any thread."""
-        assert self._about is not None
-        engine = self._engine
         return {
-            **wording.status_table(_NO_STATUS if engine is None else engine.status),
-            "title": self._about.title,
-            "kind": self._about.kind,
-            "run_file": self._about.run_file,
-            "cameras": list(self._about.cameras),
-            "waiting_for_operator": engine is not None and engine.waiting_for_operator,
-            "question": None if engine is None else wording.question_table(engine.question),
-            "pause_requested": engine is not None and engine.pause_requested,
+            **self._present(),
             "abort_requested": self._abort_reason,
             "age_s": round(SystemClock().now_s() - self._told_s, 3),
             "last_event": self._bulletin.last,
             "outcome": None if self._outcome is None else wording.ended(self._outcome),
         }
 
-    def _heartbeat_table(self) -> dict[str, Any]:
-        assert self._engine is not None
+    def _present(self) -> dict[str, Any]:
+        """Return what the heartbeat and the HTTP interface both tell, without taking time."""
         assert self._about is not None
-        status = self._engine.status
+        engine, images = self._engine, self._images
+        status = _NO_STATUS if engine is None else engine.status
         ended = self._outcome is not None
+        running_s = math.nan if status.reading is None else status.reading.time_s - self._first_s
+        return {
+            **wording.status_table(status),
+            "title": self._about.title,
+            "kind": self._about.kind,
+            "run_file": self._about.run_file,
+            "cameras": list(self._about.cameras),
+            "images": {} if images is None else wording.images_table(images.latest),
+            "running_s": wording.number(running_s),
+            "waiting_for_operator": engine is not None and engine.waiting_for_operator,
+            "question": None if engine is None else wording.question_table(engine.question),
+            "pause_requested": engine is not None and engine.pause_requested,
+            "stale_after_s": None if ended else STALE_ENDING_S if status.state.ending else STALE_S,
+        }
+
+    def _heartbeat_table(self) -> dict[str, Any]:
+        assert self._images is not None
+        assert self._about is not None
+        outcome = self._outcome
+        self._images.now(at_once=outcome is not None)
         return {
             **wording.head(self._about),
-            "run_file": self._about.run_file,
-            "state": status.state.value,
-            "step": wording.step_table(status.step),
-            "steps_before": status.steps_before,
-            "steps_done": status.steps_done,
-            "steps_planned": status.steps_planned,
-            "ended": ended,
-            "status": self._outcome.status if self._outcome is not None else None,
-            "stale_after_s": None if ended else STALE_ENDING_S if status.state.ending else STALE_S,
+            **self._present(),
+            "ended": outcome is not None,
+            "status": None if outcome is None else outcome.status,
+            "reason": None if outcome is None else outcome.reason,
+            "host": self._host,
             "http": None if self._place is None else self._place.url,
         }
 

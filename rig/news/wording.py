@@ -1,12 +1,15 @@
 """The news of a run as JSON objects. docs/news.md describes every key."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from drivers.interfaces import OperatorQuestion
 from rig.engine.status import EngineStatus, LogEntry, Outcome
 from rig.engine.timing import TimingNow
+from rig.live.values import GaugeValue, LiveNow, LiveReading
+from rig.news.images_now import ImageNow
 from rig.protocol.step import ProtocolStep, RigReading
 from rig.recorder import StepRecord
 
@@ -41,7 +44,13 @@ def step_table(step: ProtocolStep | None) -> dict[str, Any] | None:
     """Return a step of the protocol as a JSON object."""
     if step is None:
         return None
-    return {"index": step.index, "kind": step.kind, "target": number(step.target), "text": str(step)}
+    return {
+        "index": step.index,
+        "kind": step.kind,
+        "target": number(step.target),
+        "text": str(step),
+        "acquires": step.acquisition is not None,
+    }
 
 
 def question_table(question: OperatorQuestion | None) -> dict[str, Any] | None:
@@ -60,6 +69,7 @@ def reading_table(reading: RigReading | None) -> dict[str, Any] | None:
         "angle_deg": number(reading.angle_deg),
         "moving": reading.moving,
         "channels": {name: number(each.newest) for name, each in reading.signals.items()},
+        "units": {name: each.unit for name, each in reading.signals.items()},
     }
 
 
@@ -74,6 +84,7 @@ def status_table(status: EngineStatus) -> dict[str, Any]:
         "reading": reading_table(status.reading),
         "acquisition": acquisition_table(status.acquisition),
         "load_is_measured": status.load_is_measured,
+        "live": live_table(status.live),
     }
 
 
@@ -94,6 +105,66 @@ def acquisition_table(now: TimingNow | None) -> dict[str, Any] | None:
     }
 
 
+def images_table(images: Mapping[str, ImageNow]) -> dict[str, Any]:
+    """Return light and focus of the newest image of each camera as a JSON object."""
+    return {
+        name: {
+            "brightness": number(image.brightness),
+            "saturated": number(image.saturated),
+            "sharpness": number(image.sharpness),
+        }
+        for name, image in images.items()
+    }
+
+
+def live_table(live: LiveNow | None) -> dict[str, Any] | None:
+    """Return what a person sees of a phase without interruption as a JSON object, None without one."""
+    if live is None:
+        return None
+    return {
+        "reading": _live_reading(live.reading),
+        "frames_per_s": number(live.frames_per_s),
+        "values_per_s": number(live.values_per_s),
+        "recorded": live.recorded,
+        "lost": live.lost,
+        "left_out": live.left_out,
+        "unit": live.unit,
+        "curves": {
+            # a running run appends to its curves, so take a copy first
+            name: [[_short(strain), _short(force)] for strain, force in tuple(points)]
+            for name, points in live.curves.items()
+        },
+    }
+
+
+def _live_reading(reading: LiveReading | None) -> dict[str, Any] | None:
+    if reading is None:
+        return None
+    return {
+        "time_s": number(reading.time_s),
+        "time_std_s": number(reading.time_std_s),
+        "known_s": number(reading.known_s),
+        "frames": dict(reading.frames),
+        "gauges": {name: _gauge(value) for name, value in reading.gauges.items()},
+    }
+
+
+def _gauge(value: GaugeValue) -> dict[str, Any]:
+    return {
+        "strain": number(value.strain),
+        "std": number(value.std),
+        "valid": value.valid,
+        "reason": value.reason,
+        "kind": value.kind,
+        "camera": value.camera,
+    }
+
+
+def _short(value: float) -> float | None:
+    """Return a number with the digits that a plot shows."""
+    return number(float(f"{value:.6g}"))
+
+
 def started(about: About, steps_planned: int) -> dict[str, Any]:
     """Return the event ``started`` of a run."""
     return {
@@ -107,8 +178,9 @@ def started(about: About, steps_planned: int) -> dict[str, Any]:
 
 
 def state_changed(status: EngineStatus) -> dict[str, Any]:
-    """Return the event ``state``, for a new state of the engine or a new step."""
-    return {"event": "state", **status_table(status)}
+    """Return the event ``state``, for a new state of the engine or a new step, without the curves."""
+    live = None if status.live is None else replace(status.live, curves={})
+    return {"event": "state", **status_table(replace(status, live=live))}
 
 
 def step_finished(record: StepRecord) -> dict[str, Any]:

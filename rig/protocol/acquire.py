@@ -15,6 +15,8 @@ from rig.protocol.course import Beginning, Course, CoursePart, Positions
 from rig.protocol.dues import Dues
 from rig.protocol.grid import Grid, GridTable
 from rig.protocol.images import Images
+from rig.protocol.live_table import LiveTable, unknown_gauges
+from rig.protocol.pull_stages import PullPlan
 from rig.protocol.step import Execute, ProtocolStep, RigReading
 from rig.protocol.tables import Sample, Settle
 
@@ -51,6 +53,7 @@ class AcquireProtocol(BaseProtocol):
         default=True, description="reference images before the test; false takes the first image instead"
     )
     settle: Settle = Settle(dwell_s=0.1, timeout_s=30.0, poll_s=0.02)
+    live: LiveTable | None = None
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> "AcquireProtocol":
@@ -58,6 +61,10 @@ class AcquireProtocol(BaseProtocol):
             raise ValueError("end.duration_s is before the first of acquire.times_s; make it longer")
         if self.acquire.logarithmic is not None and self.end.duration_s is None and self.end.images is None:
             raise ValueError("end.duration_s or end.images is expected with acquire.logarithmic; add it")
+        if mistakes := unknown_gauges(self.live, {*self.acquire.gauges, *self.end.gauges}):
+            raise ValueError("; ".join(mistakes))
+        if self.live is not None and not self.reference:
+            raise ValueError("reference images are expected with the table live; remove reference = false")
         return self
 
     @property
@@ -107,12 +114,14 @@ class AcquireProtocol(BaseProtocol):
 class Acquisition:
     """The part of a course whose images are due at times or events.
 
-    `first_is_reference` is True if the first image is the reference.
+    `first_is_reference` is True if the first image is the reference. `pull` is the motion of the load frame
+    meanwhile, None beside a machine that takes no commands.
     """
 
     schedule: Schedule
     end_of: End
     first_is_reference: bool = False
+    pull: PullPlan | None = None
 
     @property
     def duration_s(self) -> float:
@@ -162,8 +171,10 @@ class Acquisition:
         return execute(self.step(index, 0, 0.0))
 
     def end(self, place: Positions) -> Positions:
-        """Return the same positions, because nothing was commanded."""
-        return place
+        """Return the possible positions afterwards."""
+        if self.pull is None:
+            return place
+        return place.after("displacement", self.pull.displacement_mm, early=True)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from drivers.settings import Settings
 from rig.measured_load import PREFIX
 from rig.protocol.dues import AskedDues, Dues, EdgeDues, FrameDues, IncrementDues, TimedDues
 from rig.protocol.step import RigReading
+from rig.samples import GAUGE_PREFIX
 
 MOST_IMAGES = 1_000_000
 _SECONDS_MAX = 30 * 24 * 3600.0
@@ -18,12 +19,25 @@ _SECONDS_MAX = 30 * 24 * 3600.0
 class OfSignal(Settings):
     """A table that names a signal of the rig."""
 
-    channel: str = Field(pattern=r"^channels\.\w+$", description="signal of the rig, such as channels.force")
+    channel: str = Field(
+        pattern=r"^(channels\.\w+|load_frame\.(load|displacement)|gauge\..+)$",
+        description="signal of the rig, such as channels.force, load_frame.load, or gauge.NAME (live gauge)",
+    )
 
     @property
     def signal(self) -> str:
-        """The signal's name in the rig file."""
+        """The signal's name in a reading: for a channel the one in the rig file."""
         return self.channel.removeprefix(PREFIX)
+
+    @property
+    def is_of_channel(self) -> bool:
+        """True if a measured channel of the rig file has this signal."""
+        return self.channel.startswith(PREFIX)
+
+    @property
+    def gauge(self) -> str:
+        """The name of the live gauge that has this signal, or an empty text."""
+        return self.channel.removeprefix(GAUGE_PREFIX) if self.channel.startswith(GAUGE_PREFIX) else ""
 
     def new(self, reading: RigReading) -> list[float]:
         """Return the new values of the signal in a reading."""
@@ -117,8 +131,18 @@ class Schedule(Settings):
 
     @property
     def signals(self) -> list[str]:
-        """The signals that the table names."""
-        return [table.signal for table in (self.increment, self.trigger, self.begin) if table is not None]
+        """The measured channels that the table names."""
+        return [table.signal for table in self._of_signals if table.is_of_channel]
+
+    @property
+    def gauges(self) -> list[str]:
+        """The live gauges that the table names."""
+        return [table.gauge for table in self._of_signals if table.gauge]
+
+    @property
+    def _of_signals(self) -> list[OfSignal]:
+        tables = (self.increment, self.trigger, self.begin)
+        return [table for table in tables if table is not None]
 
     @property
     def text(self) -> str:
@@ -199,8 +223,13 @@ class End(Settings):
 
     @property
     def signals(self) -> list[str]:
-        """The signals that the table names."""
-        return [table.signal for table in (self.reaches, self.drop) if table is not None]
+        """The measured channels that the table names."""
+        return [table.signal for table in (self.reaches, self.drop) if table and table.is_of_channel]
+
+    @property
+    def gauges(self) -> list[str]:
+        """The live gauges that the table names."""
+        return [table.gauge for table in (self.reaches, self.drop) if table and table.gauge]
 
     @property
     def text(self) -> str:

@@ -50,6 +50,11 @@ class BaseProtocol(Settings, ABC):
         """Return the steps of the longest possible test."""
         return self.course.steps()
 
+    @property
+    def takes_acquisitions(self) -> bool:
+        """True if images are taken at times or events, and not only after commanded steps."""
+        return any(step.acquisition is not None for step in self.steps())
+
     def follow(self, execute: Execute) -> None:
         """Call `execute` for each step, in order. The settled readings decide how many steps are executed.
 

@@ -88,6 +88,12 @@ class Draft:
     increments_n, ranges_n : list of float
         Increments to a load, and the differences of both ends of cycles.
     turns : list of StageTurn
+    gauges : set of str
+        The live gauges that phases need.
+    signals : set of str
+        The measured channels that phases need.
+    area_mm2 : float
+        Cross section of the specimen.
     """
 
     def __init__(
@@ -97,6 +103,7 @@ class Draft:
         limits: Limits | None,
         tare_max_n: float | None,
         beginning: Beginning,
+        area_mm2: float,
     ) -> None:
         self.mistakes: list[str] = []
         self.number = 0
@@ -105,6 +112,9 @@ class Draft:
         self.increments_n: list[float] = []
         self.ranges_n: list[float] = []
         self.turns: list[StageTurn] = []
+        self.gauges: set[str] = set()
+        self.signals: set[str] = set()
+        self.area_mm2 = area_mm2
         self._settle = settle
         self._limits = limits
         self._tare_max_n = tare_max_n
@@ -156,6 +166,7 @@ class Draft:
             zero_tolerance_deg=self._tolerance("rotation") if "stage" in devices else None,
             demands=(*Demand.of_limits(limits), *self._demands),
             turns=tuple(self.turns),
+            signals=frozenset(self.signals),
         )
 
     def add(self, part: CoursePart) -> None:
@@ -248,7 +259,11 @@ class Draft:
         return Ending(criterion, failure)
 
     def load_drop(self, fraction: float, if_never: IfNever, sense: float) -> Ending:
-        """Return a drop of the load as the event that ends the present phase.
+        """Return a drop of the load as the event that ends the present phase, as described for `drop`."""
+        return self.ending(self.drop(fraction, sense), if_never)
+
+    def drop(self, fraction: float, sense: float) -> LoadDropCriterion:
+        """Return the criterion that the load has dropped by a fraction, and note its mistakes.
 
         `sense` is 1 if the load is highest in tension, and -1 if it is in compression.
         """
@@ -259,7 +274,7 @@ class Draft:
                 f"until.load_drop must be below limits.{key}_load_drop, {drop:g}, which ends the run, got "
                 f"{fraction:g}"
             )
-        return self.ending(LoadDropCriterion(fraction, self.carried_n(sense), sense), if_never)
+        return LoadDropCriterion(fraction, self.carried_n(sense), sense)
 
     @property
     def _pulls(self) -> bool:

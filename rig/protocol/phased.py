@@ -11,6 +11,7 @@ from rig.protocol.base import BaseProtocol
 from rig.protocol.conditions import Conditions
 from rig.protocol.course import Beginning, Course
 from rig.protocol.draft import Draft, Phase
+from rig.protocol.live_table import LiveTable, unknown_gauges
 from rig.protocol.phases import PHASES
 from rig.protocol.plausible import Plausible
 from rig.protocol.tables import Limits, PhasesSettle
@@ -36,17 +37,22 @@ class PhasesProtocol(BaseProtocol):
     start: Start | None = None
     limits: Limits | None = None
     plausible: Plausible = Plausible()
+    live: LiveTable | None = None
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> "PhasesProtocol":
-        if mistakes := self._draft.mistakes:
+        mistakes = self._draft.mistakes
+        if gauges := self._draft.gauges:
+            mistakes = [*mistakes, *unknown_gauges(self.live, gauges)]
+        if mistakes:
             raise ValueError("; ".join(mistakes))
         return self
 
     @cached_property
     def _draft(self) -> Draft:
         tare_max_n = None if self.start is None else self.start.tare_max_n
-        return Draft(self.phases, self.settle, self.limits, tare_max_n, Beginning.of(self.images))
+        area_mm2 = self.sample.thickness_mm * self.sample.width_mm
+        return Draft(self.phases, self.settle, self.limits, tare_max_n, Beginning.of(self.images), area_mm2)
 
     @property
     def course(self) -> Course:

@@ -12,6 +12,7 @@ from drivers.errors import ConfigurationError
 from drivers.settings import mistakes_in, read_toml_text
 from rig.protocol.acquire import AcquireProtocol
 from rig.protocol.base import KINDS
+from rig.protocol.live_table import FOLDER, LiveTable
 from rig.protocol.phased import PhasesProtocol
 from rig.protocol.rotation import RotationProtocol
 from rig.protocol.tension import TensionProtocol
@@ -39,21 +40,29 @@ def read_protocol_text(path: str | Path) -> tuple[Protocol, str]:
     if "kind" not in table and ("rig" in table or "cameras" in table):
         raise ConfigurationError(str(path), ["expected a protocol, got a rig file; give it with --rig"])
     try:
-        return parse_protocol(table), text
+        return parse_protocol(table, Path(path).parent), text
     except ValidationError as error:
         raise ConfigurationError(str(path), [_in_the_file(mistake) for mistake in mistakes_in(error)]) from (
             error
         )
 
 
-def parse_protocol(table: dict[str, Any]) -> Protocol:
-    """Check the content of a protocol file. Raise pydantic's `ValidationError` with all mistakes."""
+def parse_protocol(table: dict[str, Any], folder: Path | None = None) -> Protocol:
+    """Check the content of a protocol file. Raise pydantic's `ValidationError` with all mistakes.
+
+    `folder` is that of the file. Without it, files that the protocol names are not read.
+    """
     # If the kind is unknown, choose the model by the tables in the file, so that other mistakes are reported
     # too.
     kind = table.get("kind")
     if kind not in KINDS:
         kind = next((name for name in ("phases", "rotation", "acquire") if name in table), "tension")
-    return _MODELS[kind].model_validate(table)
+    return _MODELS[kind].model_validate(table, context={FOLDER: folder})
+
+
+def live_table_of(protocol: Protocol) -> LiveTable | None:
+    """Return the table `[live]` of a protocol, None without one."""
+    return protocol.live if isinstance(protocol, PhasesProtocol | AcquireProtocol) else None
 
 
 def recorded_protocol(definition: str, kinds: Sequence[str]) -> Protocol:

@@ -93,7 +93,7 @@ class ReplayedLoadFrame(_Replayed[LoadFrameState]):
         super().__init__(info, readings)
         self.limits = limits
 
-    go_to_load = go_to_displacement = hold = tare = _Replayed._ignore
+    go_to_load = go_to_displacement = change_speed = hold = tare = _Replayed._ignore
 
 
 class ReplayedInterlock(_Replayed[InterlockState]):

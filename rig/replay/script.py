@@ -12,7 +12,6 @@ from dic.runfile import schema
 from dic.runfile.reader import RunFile
 from drivers.interfaces import Frame, InterlockState, LoadFrameState, StageState
 from rig.errors import RigError
-from rig.protocol.acquire import AcquireProtocol
 from rig.protocol.protocol import Protocol
 from rig.recorder.records import COMPLETED, OPERATOR_DONE, STEP_ON_FILE
 from rig.replay.pauses import RecordedPause, recorded_pauses
@@ -43,11 +42,11 @@ def require_commanded(run: RunFile, protocol: Protocol) -> None:
     its samples came on threads of their own.
     """
     measured = any(known.quantity for signals in run.channels.values() for known in signals.values())
-    if isinstance(protocol, AcquireProtocol) or protocol.conditions.signals or measured:
+    if protocol.takes_acquisitions or protocol.conditions.signals or measured:
         raise ReplayError(
             str(run.path),
             "a run whose steps were commanded",
-            "one beside a machine that takes no commands, or with events of channels",
+            "one with images at times or events, or with measured load or channels",
             "check it with rig verify, and evaluate it with dic process, which need no replay",
         )
 

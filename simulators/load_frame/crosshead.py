@@ -1,14 +1,17 @@
 """The crosshead of a load frame and its controller, simulated in steps of one control period."""
 
 from enum import Enum
+from math import copysign
 from typing import Protocol
 
+from simulators.load_frame.drive import Drive, DriveSettings
 from simulators.load_frame.load_cell import Lie, LoadCell
 from simulators.load_frame.state import FaultCode, MachineLimits
 
 CONTROL_PERIOD_S = 0.02
 LOAD_TOLERANCE_N = 1.0
 TRAVEL_TOLERANCE_MM = 1e-4
+_ROUNDING = 1e-9
 # The stiffness that the load controller assumes before the first motion. The controller never assumes a lower
 # stiffness later, because the crosshead would then jump when a slack specimen becomes tight.
 STIFFNESS_GUESS_N_MM = 10_000.0
@@ -52,15 +55,20 @@ class Crosshead:
         True if the crosshead has reached the target and stands still.
     speed_mm_s : float
         The speed in the last control period.
+    set_mm_s : float
+        The speed of the motion to a displacement that the controller says it follows.
     jammed : bool
         True if the crosshead is mechanically blocked.
     cell : LoadCell
         The load cell, which the controller and the machine's limits use.
+    drive : Drive
+        The drive, which limits the acceleration in displacement control.
     """
 
     def __init__(self, load_string: LoadString) -> None:
         self.jammed = False
         self.cell = LoadCell()
+        self.drive = Drive(DriveSettings(), CONTROL_PERIOD_S)
         self._string = load_string
         self._time_s = 0.0
         self._position_mm = 0.0
@@ -73,7 +81,7 @@ class Crosshead:
         self._zero_n = 0.0
         self.cell.reset()
         self._stiffness_n_mm = STIFFNESS_GUESS_N_MM
-        self._rate = 0.0
+        self._rate = self.set_mm_s = 0.0
         self._setpoint_n = 0.0
         self.target = 0.0
         self.stand(ControlMode.HOLD)
@@ -103,20 +111,39 @@ class Crosshead:
 
     @property
     def moving(self) -> bool:
-        """True if the crosshead follows a target and has not reached it yet."""
-        return self.control is not ControlMode.HOLD and not self.at_target
+        """True if the crosshead follows a target and has not reached it yet, or brakes."""
+        if self.control is ControlMode.HOLD:
+            return self.speed_mm_s != 0.0
+        return not self.at_target
 
     def begin(self, control: ControlMode, target: float, rate: float) -> None:
         """Begin to approach a target in mm or N, with a rate in mm/s or N/s."""
         self.control, self.target, self._rate = control, target, rate
+        self.set_mm_s = rate if control is ControlMode.DISPLACEMENT else 0.0
         self.at_target = False
         self._setpoint_n = self.shown_n
+
+    def change_speed(self, speed_mm_s: float, said_mm_s: float) -> None:
+        """Go on to the target in mm at another speed. The controller reports the speed `said_mm_s`."""
+        self._rate, self.set_mm_s = speed_mm_s, said_mm_s
+
+    @property
+    def rate_mm_s(self) -> float:
+        """The speed at which the crosshead really approaches a target in mm."""
+        return self._rate
+
+    def hold(self) -> None:
+        """Brake, and then hold the position."""
+        if self.drive.braked(self.speed_mm_s) == 0.0:
+            self.stand(ControlMode.HOLD)
+        else:
+            self.control, self.at_target, self.set_mm_s = ControlMode.HOLD, False, 0.0
 
     def stand(self, control: ControlMode, *, at_target: bool = False) -> None:
         """Stop the crosshead. The new control mode is `HOLD`, or the mode in which the target was reached."""
         self.control = control
         self.at_target = at_target
-        self.speed_mm_s = 0.0
+        self.speed_mm_s = self.set_mm_s = 0.0
 
     def tare(self) -> None:
         """Set the zeros to the current load and position, and hold the position."""
@@ -136,16 +163,7 @@ class Crosshead:
         """
         if self.jammed:
             return FaultCode.STALL
-        if self.control is ControlMode.DISPLACEMENT:
-            wanted_mm = self.target - self.displacement_mm
-            speed_mm_s = self._rate
-        else:
-            ramp_n = self._rate * CONTROL_PERIOD_S
-            self._setpoint_n += min(max(self.target - self._setpoint_n, -ramp_n), ramp_n)
-            wanted_mm = (self._setpoint_n - self.shown_n) / self._stiffness_n_mm
-            speed_mm_s = limits.speed_max_mm_s
-        reach_mm = speed_mm_s * CONTROL_PERIOD_S
-        step_mm = min(max(wanted_mm, -reach_mm), reach_mm)
+        step_mm, arrives = self._next_step(limits)
         self._step(step_mm)
         out = step_mm > 0
         fault = _beyond(limits, self.shown_n, self.displacement_mm, out) or _beyond(
@@ -153,14 +171,33 @@ class Crosshead:
         )
         if fault:
             return fault
-        if self.control is ControlMode.DISPLACEMENT:
-            arrived = step_mm == wanted_mm
-        else:
+        if self.control is ControlMode.LOAD:
             error_n = self.target - self.shown_n
-            arrived = self._setpoint_n == self.target and abs(error_n) <= LOAD_TOLERANCE_N
-        if arrived:
-            self.stand(self.control, at_target=True)
+            arrives = self._setpoint_n == self.target and abs(error_n) <= LOAD_TOLERANCE_N
+        if arrives:
+            self.stand(self.control, at_target=self.control is not ControlMode.HOLD)
         return FaultCode.NONE
+
+    def _next_step(self, limits: MachineLimits) -> tuple[float, bool]:
+        """Return the way in the next control period, and whether the crosshead then stands."""
+        if self.control is ControlMode.LOAD:
+            ramp_n = self._rate * CONTROL_PERIOD_S
+            self._setpoint_n += min(max(self.target - self._setpoint_n, -ramp_n), ramp_n)
+            wanted_mm = (self._setpoint_n - self.shown_n) / self._stiffness_n_mm
+            reach_mm = limits.speed_max_mm_s * CONTROL_PERIOD_S
+            return min(max(wanted_mm, -reach_mm), reach_mm), False
+        if self.control is ControlMode.HOLD:
+            speed_mm_s = self.drive.braked(self.speed_mm_s)
+            return speed_mm_s * CONTROL_PERIOD_S, speed_mm_s == 0.0
+        wanted_mm = self.target - self.displacement_mm
+        towards_mm_s = copysign(self.drive.approach_mm_s(abs(wanted_mm), self._rate), wanted_mm)
+        speed_mm_s = self.drive.next_speed(self.speed_mm_s, towards_mm_s)
+        step_mm = speed_mm_s * CONTROL_PERIOD_S
+        reaches = step_mm * wanted_mm >= 0.0 and abs(step_mm) >= abs(wanted_mm)
+        # A faster crosshead cannot stop in one period. It passes a target that is too near, and comes back.
+        if reaches and abs(speed_mm_s) <= self.drive.step_mm_s * (1.0 + _ROUNDING):
+            return wanted_mm, True
+        return step_mm, False
 
     def _step(self, step_mm: float) -> None:
         before_n = self.shown_n

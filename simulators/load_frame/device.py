@@ -9,15 +9,27 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from enum import Enum
 
 import numpy as np
 
 from drivers.clock import Clock
 from simulators.load_frame.crosshead import CONTROL_PERIOD_S, ControlMode, Crosshead, LoadString
+from simulators.load_frame.drive import Drive, DriveSettings
 from simulators.load_frame.load_cell import Lie, LoadCell, LoadCellSettings
 from simulators.load_frame.state import FaultCode, FrameReadings, MachineLimits, Refusal, RefusedError
 
 DISPLACEMENT_NOISE_MM = 0.2e-3
+
+
+class SpeedFault(Enum):
+    """What is wrong with the machine's changes of speed."""
+
+    NONE = "none"
+    STUCK = "stuck"
+    """The controller confirms and reports the new speed, but the crosshead keeps the old one."""
+    WRONG = "wrong"
+    """The controller takes, and reports, half of the commanded speed."""
 
 
 class LoadFrameDevice:
@@ -52,7 +64,7 @@ class LoadFrameDevice:
         load_max_n: float = 50_000.0,
         displacement_min_mm: float = -10.0,
         displacement_max_mm: float = 100.0,
-        speed_max_mm_s: float = 5.0,
+        speed_max_mm_s: float = 10.0,
         load_rate_max_n_s: float = 10_000.0,
         rng: np.random.Generator | None = None,
     ) -> None:
@@ -74,6 +86,7 @@ class LoadFrameDevice:
         self._estop = False
         self._cell_broken = False
         self._watchdog_lost = False
+        self._speed_fault = SpeedFault.NONE
         self._frozen: FrameReadings | None = None
         self._switch_on()
 
@@ -96,6 +109,11 @@ class LoadFrameDevice:
         with self._lock:
             self._load_noise_n = settings.noise_n
             self._crosshead.cell = LoadCell(settings.error_percent)
+
+    def fit_drive(self, settings: DriveSettings) -> None:
+        """Fit a drive with the given acceleration and lag."""
+        with self._lock:
+            self._crosshead.drive = Drive(settings, CONTROL_PERIOD_S)
 
     def load_n(self) -> float:
         """The present real load in N, relative to the zero set by `tare`."""
@@ -163,6 +181,7 @@ class LoadFrameDevice:
                 load_n=math.nan if self._cell_broken else crosshead.shown_n + load_error_n,
                 displacement_mm=crosshead.displacement_mm + displacement_error_mm,
                 speed_mm_s=crosshead.speed_mm_s,
+                set_speed_mm_s=crosshead.set_mm_s,
                 target=crosshead.target,
             )
             if (frozen := self._frozen) is None:
@@ -189,11 +208,28 @@ class LoadFrameDevice:
             inside = limits.load_min_n <= load_n <= limits.load_max_n
             self._go(ControlMode.LOAD, load_n, inside, rate_n_s, limits.load_rate_max_n_s)
 
+    def change_speed(self, speed_mm_s: float) -> None:
+        """Go on to the same position at another speed; raise `RefusedError` without such a motion."""
+        with self._now():
+            crosshead = self._crosshead
+            if not 0 < speed_mm_s <= self._limits.speed_max_mm_s:
+                raise RefusedError(Refusal.TOO_FAST)
+            if crosshead.control is not ControlMode.DISPLACEMENT or crosshead.at_target:
+                raise RefusedError(Refusal.NO_MOTION)
+            self._note(f"speed {speed_mm_s:g}")
+            match self._speed_fault:
+                case SpeedFault.STUCK:
+                    crosshead.change_speed(crosshead.rate_mm_s, speed_mm_s)
+                case SpeedFault.WRONG:
+                    crosshead.change_speed(0.5 * speed_mm_s, 0.5 * speed_mm_s)
+                case _:
+                    crosshead.change_speed(speed_mm_s, speed_mm_s)
+
     def hold(self) -> None:
-        """Stop the crosshead and hold its position."""
+        """Brake the crosshead, and hold its position."""
         with self._now():
             self._note("hold")
-            self._crosshead.stand(ControlMode.HOLD)
+            self._crosshead.hold()
 
     def tare(self) -> None:
         """Set the zeros to the current load and position; raise `RefusedError` during motion."""
@@ -259,6 +295,11 @@ class LoadFrameDevice:
         with self._now():
             self._watchdog_lost = lost
             self._watchdog_s = 0.0
+
+    def spoil_speed(self, fault: SpeedFault) -> None:
+        """Let the later changes of speed fail in this way; `SpeedFault.NONE` repairs them."""
+        with self._lock:
+            self._speed_fault = fault
 
     def break_specimen(self) -> None:
         """Break the specimen in the grips."""

@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from simulators.load_frame.device import LoadFrameDevice
+from simulators.load_frame.device import LoadFrameDevice, SpeedFault
 from simulators.load_frame.load_cell import Lie
 from simulators.wire.faults import FaultPanel
 
@@ -12,6 +12,7 @@ LIES = {
     "reversed-load": Lie.REVERSED,
     "stuck-load": Lie.STUCK,
 }
+SPEED_FAULTS = {"stuck-speed": SpeedFault.STUCK, "wrong-speed": SpeedFault.WRONG}
 
 
 def load_frame_faults(panel: FaultPanel, device: LoadFrameDevice) -> FaultPanel:
@@ -26,6 +27,8 @@ def load_frame_faults(panel: FaultPanel, device: LoadFrameDevice) -> FaultPanel:
     panel.when("watchdog-off", lambda: device.lose_watchdog(True), lambda: device.lose_watchdog(False))
     for name, lie in LIES.items():
         panel.when(name, partial(device.lie, lie), partial(device.lie, Lie.NONE))
+    for name, fault in SPEED_FAULTS.items():
+        panel.when(name, partial(device.spoil_speed, fault), partial(device.spoil_speed, SpeedFault.NONE))
     panel.when(
         "drifting-load",
         lambda: device.lie(Lie.DRIFTING, float(panel.take("drifting-load") or 0.0)),

@@ -65,7 +65,7 @@ class RegisterLayout:
     bits : mapping of str to int
         Bit number of each status, such as ``moving``, in the status word.
     commands : mapping of int to str
-        The commands ``hold``, ``displacement``, ``load`` and ``tare`` by their codes.
+        The commands ``hold``, ``displacement``, ``load``, ``speed`` and ``tare`` by their codes.
     word_order : str
         Order of the bytes A (most significant) to D of a 32-bit value in two registers.
     request_max : int
@@ -153,7 +153,7 @@ GENERIC = RegisterLayout(
     state=_block(
         0,
         revision="u16", sample="u32", status="u16", fault="u16", executed="u16", result="u16", spare="u16",
-        load="f32", displacement="f32", speed="f32", target="f32", device_time_ms="u32",
+        load="f32", displacement="f32", speed="f32", target="f32", device_time_ms="u32", set_speed="f32",
     ),
     identity=_block(32, serial="u32", firmware="u16"),
     command=_block(
@@ -166,7 +166,7 @@ GENERIC = RegisterLayout(
         "ready": 0, "moving": 1, "at_target": 2, "holding": 3, "limit": 4, "watchdog": 5, "estop": 6,
         "load_valid": 7,
     },
-    commands={1: "hold", 2: "displacement", 3: "load", 4: "tare"},
+    commands={1: "hold", 2: "displacement", 3: "load", 4: "tare", 5: "speed"},
 )  # fmt: skip
 """A simple layout: values in N, mm and s as 32-bit floats, and the device time in ms."""
 
@@ -177,7 +177,7 @@ SCALED_INTEGERS = RegisterLayout(
     state=_block(
         256,
         revision="u16", status="u16", sample="u32", fault="u16", executed="u16", result="u16", spare="u16",
-        load=_NEWTONS, displacement=_MILLIMETRES,
+        load=_NEWTONS, displacement=_MILLIMETRES, set_speed=_MM_S,
     ),
     identity=_block(288, serial="u32", firmware="u16"),
     command=_block(
@@ -192,7 +192,7 @@ SCALED_INTEGERS = RegisterLayout(
     watchdog=_block(576, timeout=("u16", 0.001)),
     heartbeat=_block(577, heartbeat="u16"),
     bits={"moving": 0, "at_target": 1, "holding": 2, "watchdog": 4, "estop": 5, "load_valid": 8},
-    commands={1: "hold", 2: "displacement", 3: "load", 4: "tare"},
+    commands={1: "hold", 2: "displacement", 3: "load", 4: "tare", 5: "speed"},
     word_order="CDAB",
     request_max=16,
     one_table=True,
@@ -209,7 +209,7 @@ SEPARATE_WORDS = RegisterLayout(
     watchdog=_block(64, timeout="f32"),
     heartbeat=_block(66, heartbeat="u16"),
     bits={"load_valid": 0, "moving": 8, "at_target": 9, "holding": 10, "watchdog": 12, "estop": 13},
-    commands={0x0100: "hold", 0x0201: "displacement", 0x0202: "load", 0x0400: "tare"},
+    commands={0x0100: "hold", 0x0201: "displacement", 0x0202: "load", 0x0203: "speed", 0x0400: "tare"},
 )
 """A layout in which the command word and the status word have blocks of their own."""
 

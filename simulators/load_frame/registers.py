@@ -130,6 +130,7 @@ class LoadFrameRegisters:
             "load": readings.load_n,
             "displacement": readings.displacement_mm,
             "speed": readings.speed_mm_s,
+            "set_speed": readings.set_speed_mm_s,
             "target": readings.target,
             "device_time_ms": round(readings.time_s * 1000),
         }
@@ -169,6 +170,8 @@ class LoadFrameRegisters:
                     device.go_to_displacement(values["displacement"], values["speed"])
                 case "load":
                     device.go_to_load(values["load"], values["load_rate"])
+                case "speed":
+                    device.change_speed(values["speed"])
                 case "tare":
                     device.tare()
                 case _:

@@ -24,6 +24,7 @@ class Refusal(IntEnum):
     TOO_FAST = 2
     NOT_READY = 3
     UNKNOWN = 4
+    NO_MOTION = 5
 
 
 class RefusedError(Exception):
@@ -51,7 +52,11 @@ class MachineLimits(LoadFrameLimits):
 
 @dataclass(frozen=True)
 class FrameReadings:
-    """The readings of a load frame in one control period."""
+    """The readings of a load frame in one control period.
+
+    `speed_mm_s` is the crosshead's speed, negative inwards. `set_speed_mm_s` is the speed to which the
+    present motion to a displacement is set, or 0.
+    """
 
     sample: int
     time_s: float
@@ -63,4 +68,5 @@ class FrameReadings:
     load_n: float
     displacement_mm: float
     speed_mm_s: float
+    set_speed_mm_s: float
     target: float

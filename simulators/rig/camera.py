@@ -2,6 +2,8 @@
 
 import math
 import threading
+from collections import deque
+from dataclasses import replace
 from datetime import datetime, timedelta
 from zlib import crc32
 
@@ -13,22 +15,23 @@ from drivers.interfaces import CameraInfo, Frame, OpenContext, Setting
 from drivers.registry import DriverSpec
 from drivers.streams.stream import CAPACITY, FrameStream
 from simulators.rig.camera_settings import CameraSettings
-from simulators.rig.exposures import Beat, Exposure, Film
-from simulators.rig.picture_faults import PictureFaults
-from simulators.scene.render import render
+from simulators.rig.exposures import LOOKS, Beat, Exposure, Film, Start, TimedLook
+from simulators.rig.picture_faults import Taken
+from simulators.rig.surroundings import Surroundings
+from simulators.scene.between import Look, moments
 from simulators.scene.scene import Scene, Surface, scene_of
-from simulators.wire.faults import CAMERA, FaultPanel
-from simulators.wire.rig_faults import RigFaults
 
 # The bit that V4L2 sets in the flags of a damaged buffer.
 FLAG_ERROR = 0x40
+EXPOSURES_KEPT = 256
+_NO_IMAGE = np.empty((0, 0), np.uint8)
 SILENCE_S = 1.0
 SILENCE_FRAMES = 10
 """A stream ends if no frame comes for this time, or for this number of frame times if that is longer."""
 
 
 class SimulatedCamera:
-    """A camera that renders the state of the scene in the middle of each exposure.
+    """A camera that shows the mean of the moving scene over each exposure.
 
     The image noise depends only on the scene's seed, the camera's name and the frame's number. Therefore the
     images of a repeated run are identical.
@@ -37,12 +40,21 @@ class SimulatedCamera:
     that of a uniform distribution over the time that this took: 0 on a simulated clock, which stands still
     meanwhile.
 
+    Parameters
+    ----------
+    name : str
+    settings : CameraSettings
+    scene : Scene
+    clock : Clock
+    around : Surroundings, optional
+        The faults of the rig, and how pictures are drawn. Default: without faults, exactly.
+
     Attributes
     ----------
     info : CameraInfo
     optics : PinholeCamera
-    shown : Surface or None
-        The surface in the last frame.
+    exposure : Exposure or None
+        The exposure of the last frame, with its true times and the true surface, without the picture.
     """
 
     def __init__(
@@ -51,8 +63,7 @@ class SimulatedCamera:
         settings: CameraSettings,
         scene: Scene,
         clock: Clock,
-        faults: FaultPanel | None = None,
-        pictures: PictureFaults | None = None,
+        around: Surroundings | None = None,
     ) -> None:
         self.info = CameraInfo(
             vendor="offaxis",
@@ -63,13 +74,15 @@ class SimulatedCamera:
             height_px=settings.height_px,
             bits=settings.bits,
         )
+        around = around or Surroundings.of(clock)
         self.optics = settings.optics()
-        self.shown: Surface | None = None
-        self._faults = faults or FaultPanel(CAMERA)
-        self._pictures = pictures or PictureFaults(clock)
+        self.exposure: Exposure | None = None
+        self._exposures: deque[Exposure] = deque(maxlen=EXPOSURES_KEPT)
+        self._name = name.removeprefix("cameras.")
+        self._faults, self._pictures, self._plan = around.faults, around.pictures, around.plan
         self._before: Frame | None = None
         self._settings = settings
-        self._sensor = settings.sensor()
+        self._painter = around.painter(settings, scene, name)
         self._scene = scene
         self._clock = clock
         self._sequence = 0
@@ -92,14 +105,32 @@ class SimulatedCamera:
             self._require_open("grab")
             return self._grab(timeout_s)
 
+    def exposure_of(self, frame: Frame) -> Exposure | None:
+        """Return the exposure of a frame, if it is one of the last `EXPOSURES_KEPT` frames."""
+        known = (each for each in reversed(self._exposures) if each.taken.sequence == frame.sequence)
+        return next(known, None)
+
+    @property
+    def shown(self) -> Surface | None:
+        """The surface in the middle of the last frame's exposure."""
+        return None if self.exposure is None else self.exposure.surface
+
     @property
     def _exposure_s(self) -> float:
         return self._settings.exposure_us * 1e-6
 
-    def _next_exposure(self, asked_s: float) -> tuple[int, float]:
-        """Return the number and the start of the next exposure that is not lost."""
+    def _next_exposure(self, asked_s: float) -> Start:
+        """Return the start of the next exposure that is not lost."""
         lost = int(self._faults.take("drop") is not None)
-        return self._sequence + lost, asked_s
+        return self._begin(self._sequence + lost, asked_s)
+
+    def _begin(self, number: int, meant_s: float) -> Start:
+        """Return when an exposure begins that was meant to begin at a time."""
+        late_s = self._settings.delay_us * 1e-6
+        if self._settings.jitter_us:
+            rng = np.random.default_rng([self._scene.seed, crc32(self.info.serial.encode()), number, 1])
+            late_s += rng.uniform(0.0, self._settings.jitter_us) * 1e-6
+        return Start(number, meant_s + late_s, late_s)
 
     def _grab(self, timeout_s: float) -> Frame:
         asked_s = self._clock.now_s()
@@ -108,13 +139,15 @@ class SimulatedCamera:
         if self._faults.take("stale") is not None and self._before is not None:
             return self._before
         readout_s = self._readout_s()
-        number, begins_s = self._next_exposure(asked_s)
-        needed_s = begins_s - asked_s + self._exposure_s + readout_s
+        start = self._next_exposure(asked_s)
+        needed_s = start.begins_s - asked_s + self._exposure_s + readout_s
         if not needed_s <= timeout_s:  # also True for NaN
             raise self._too_late(timeout_s, f"it takes {needed_s:g} s")
-        utc = self._utc_of(begins_s)
-        self._clock.sleep(begins_s + self._exposure_s / 2 - asked_s)
-        exposure = self._expose(number, begins_s, utc, readout_s)
+        looks = []
+        for part in LOOKS:
+            self._clock.sleep(start.begins_s + part * self._exposure_s - self._clock.now_s())
+            looks.append(self._look())
+        exposure = self._develop(start, looks, readout_s)
         self._clock.sleep(exposure.arrives_s - self._clock.now_s())
         return self._read_out(exposure)
 
@@ -129,47 +162,71 @@ class SimulatedCamera:
             "shorten the exposure or allow more time, and check the camera's trigger and power",
         )
 
-    def _expose(self, number: int, begins_s: float, utc: datetime, readout_s: float) -> Exposure:
-        """Look at the scene, now in the middle of the exposure, and draw the picture."""
+    def _look(self) -> TimedLook:
+        """Look at the scene now."""
         before_s = self._clock.now_s()
         surface = self._scene.surface()
         after_s = self._clock.now_s()
-        reflectance = self._pictures.alter(render(self.optics, surface))
-        image = self._sensor.expose(
-            reflectance, self._settings.exposure_us, self._settings.gain, self._noise_of(number)
-        )
+        time_s = (before_s + after_s) / 2
+        try:
+            self._plan.look(time_s, self._scene.specimen.state)
+        except ValueError as error:
+            raise DeviceFault(
+                self.info.serial,
+                "look for planned faults",
+                "faults that this rig can have",
+                str(error),
+                "correct [[simulation.faults]]",
+            ) from error
+        return TimedLook(time_s, surface, (after_s - before_s) / math.sqrt(12.0))
+
+    def _develop(self, start: Start, looks: list[TimedLook], readout_s: float) -> Exposure:
+        """Draw the picture of an exposure that is over."""
+        taken = Taken(self._name, start.number, start.begins_s, self._exposure_s)
+        seen = [
+            Look(look.time_s, self._pictures.seen(self._name, self.optics, look.surface, look.time_s))
+            for look in looks
+        ]
+        light, faults = self._pictures.light(taken, self._settings.height_px)
+        image = self._painter.paint(moments(self.optics, seen, self._exposure_s), light, start.number)
+        middle = looks[1]
         return Exposure(
-            number,
-            exposed_s=begins_s,
-            middle_s=(before_s + after_s) / 2,
-            middle_std_s=(after_s - before_s) / math.sqrt(12.0),
-            utc=utc,
-            surface=surface,
-            image=image,
-            arrives_s=begins_s + self._exposure_s + readout_s,
+            taken,
+            middle.time_s,
+            middle.std_s,
+            self._utc_of(start.begins_s),
+            middle.surface,
+            image,
+            arrives_s=taken.end_s + readout_s,
+            faults=faults,
+            late_s=start.late_s,
         )
 
     def _read_out(self, exposure: Exposure) -> Frame:
         """Return the frame of an exposure that arrives now, with the faults that are on now."""
-        image = exposure.image
-        if self._before is not None and self._pictures.frozen():
+        image, taken, settings = exposure.image, exposure.taken, self._settings
+        if self._before is not None and self._pictures.frozen(self._name):
+            self._pictures.note("frozen", taken)
             image = self._before.image.copy()
         damaged = self._faults.take("corrupt") is not None
         if damaged:
+            self._pictures.note("corrupt", taken, taken.begins_s)
             image[len(image) // 2 :] = 0
-        self.shown = exposure.surface
-        self._sequence = exposure.number + 1
+        self.exposure = replace(exposure, image=_NO_IMAGE)
+        self._exposures.append(self.exposure)
+        self._sequence = taken.sequence + 1
+        unknown_s = exposure.late_s if settings.stamp == "meant" else 0.0
         self._before = Frame(
             image=image,
-            exposed_s=exposure.exposed_s,
+            exposed_s=taken.begins_s - unknown_s,
             received_s=self._clock.now_s(),
-            utc=exposure.utc,
-            sequence=exposure.number,
+            utc=exposure.utc - timedelta(seconds=unknown_s),
+            sequence=taken.sequence,
             flags=FLAG_ERROR if damaged else 0,
-            exposure_us=self._settings.exposure_us,
-            gain=self._settings.gain,
-            middle_s=exposure.middle_s,
-            middle_std_s=exposure.middle_std_s,
+            exposure_us=settings.exposure_us,
+            gain=settings.gain,
+            middle_s=exposure.middle_s - unknown_s,
+            middle_std_s=math.hypot(exposure.middle_std_s, settings.stamp_std_us * 1e-6),
         )
         return self._before
 
@@ -188,9 +245,6 @@ class SimulatedCamera:
     def close(self) -> None:
         """Release the camera; a repeated call does nothing."""
         self._open = False
-
-    def _noise_of(self, sequence: int) -> np.random.Generator:
-        return np.random.default_rng([self._scene.seed, crc32(self.info.serial.encode()), sequence])
 
     def _require_open(self, step: str) -> None:
         if not self._open:
@@ -222,14 +276,15 @@ class FreeRunningCamera(SimulatedCamera):
         settings: CameraSettings,
         scene: Scene,
         clock: Clock,
-        faults: FaultPanel | None = None,
-        pictures: PictureFaults | None = None,
+        around: Surroundings | None = None,
     ) -> None:
-        super().__init__(name, settings, scene, clock, faults, pictures)
+        super().__init__(name, settings, scene, clock, around)
         if settings.fps is None:
             raise DeviceFault(name, "open", "a camera with fps", "none", "give fps")
-        self._beat = Beat(0, settings.shift_us * 1e-6, 1 / settings.fps)
+        interval_s = (1.0 - settings.fast_ppm * 1e-6) / settings.fps
+        self._beat = Beat(0, settings.shift_us * 1e-6, interval_s)
         self._stream: FrameStream | None = None
+        self._stalled: Taken | None = None
 
     def grab(self, timeout_s: float) -> Frame:
         """Return the next frame that begins after the call. Raise `DeviceFault` if a stream is open.
@@ -247,8 +302,16 @@ class FreeRunningCamera(SimulatedCamera):
         with self._turn:
             self._require_open("stream")
             self._require_no_stream("stream")
-            beat, middle_s = self._beat, self._exposure_s / 2
-            film = Film(self._clock, beat, middle_s, self._expose_streamed, self._read_out_streamed)
+            beat = self._beat
+            film = Film(
+                self._clock,
+                beat,
+                self._exposure_s,
+                start=lambda number: self._begin(number, beat.start_s(number)),
+                look=self._look_streamed,
+                develop=self._develop_streamed,
+                read_out=self._read_out_streamed,
+            )
             length_s = self._exposure_s + self._settings.readout_us * 1e-6
             self._stream = FrameStream(
                 self.info.serial,
@@ -272,19 +335,30 @@ class FreeRunningCamera(SimulatedCamera):
         if stream is not None:
             stream.close()
 
-    def _next_exposure(self, asked_s: float) -> tuple[int, float]:
+    def _next_exposure(self, asked_s: float) -> Start:
         number = self._beat.next(asked_s) + int(self._faults.take("drop") is not None)
-        return number, self._beat.start_s(number)
+        return self._begin(number, self._beat.start_s(number))
 
-    def _expose_streamed(self, number: int, begins_s: float) -> Exposure | None:
-        """Expose frame `number` of a stream, in the middle of its exposure. Return None if it is lost."""
+    def _look_streamed(self) -> TimedLook:
         self._require_open("stream")
-        if "stall" in self._faults.active or self._faults.take("drop") is not None:
+        return self._look()
+
+    def _develop_streamed(self, start: Start, looks: list[TimedLook]) -> Exposure | None:
+        """Draw the picture of an exposure that is over. Return None if it is lost."""
+        taken = Taken(self._name, start.number, start.begins_s, self._exposure_s)
+        if "stall" in self._faults.active:
+            self._stalled = self._stalled or taken
+            self._pictures.note("stall", taken, self._stalled.begins_s)
             return None
-        return self._expose(number, begins_s, self._utc_of(begins_s), self._readout_s())
+        self._stalled = None
+        if self._faults.take("drop") is not None:
+            self._pictures.note("drop", taken, taken.begins_s)
+            return None
+        return self._develop(start, looks, self._readout_s())
 
     def _read_out_streamed(self, exposure: Exposure) -> Frame:
         if self._faults.take("stale") is not None and self._before is not None:
+            self._pictures.note("stale", exposure.taken, exposure.taken.begins_s)
             return self._before
         return self._read_out(exposure)
 
@@ -303,11 +377,9 @@ class FreeRunningCamera(SimulatedCamera):
 
 
 def _open(settings: CameraSettings, context: OpenContext) -> SimulatedCamera:
-    faults = getattr(context.environment, "faults", None)
-    panel = faults[CAMERA] if isinstance(faults, RigFaults) else None
-    pictures = getattr(context.environment, "picture_faults", None)
     kind = SimulatedCamera if settings.fps is None else FreeRunningCamera
-    camera = kind(context.name, settings, scene_of(context), context.clock, panel, pictures)
+    around = Surroundings.found(context)
+    camera = kind(context.name, settings, scene_of(context), context.clock, around)
     camera.require_plugged("open")
     return camera
 

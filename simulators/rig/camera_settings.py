@@ -45,6 +45,24 @@ class CameraSettings(Settings):
     shift_us: float = Field(
         default=0.0, ge=0, description="with fps, time by which all frames start later than k / fps"
     )
+    fast_ppm: float = Field(
+        default=0.0,
+        ge=-1000,
+        le=1000,
+        description="with fps, how much faster the camera's own clock runs: its beat rolls past the others'",
+    )
+    delay_us: float = Field(
+        default=0.0, ge=0, le=1e6, description="time by which each exposure starts later than it is meant to"
+    )
+    jitter_us: float = Field(
+        default=0.0, ge=0, le=1e6, description="width of the uniform distribution of a further delay"
+    )
+    stamp: Literal["true", "meant"] = Field(
+        default="true", description="whether the frame's times know the delays, or tell what was meant"
+    )
+    stamp_std_us: float = Field(
+        default=0.0, ge=0, le=1e6, description="standard deviation that the frame states for its times"
+    )
     # 32 500 electrons give a noise of one grey level (8 bit) in mid-grey.
     full_well_e: float = Field(
         default=32_500.0, gt=0, description="number of electrons for the highest grey level"
@@ -66,6 +84,12 @@ class CameraSettings(Settings):
     def _fits_between_frames(self) -> "CameraSettings":
         if self.fps is not None and self.exposure_us * self.fps > 1e6:
             raise ValueError(f"exposure_us must not be longer than a frame ({1e6 / self.fps:.0f} µs at fps)")
+        if self.fps is not None and (self.exposure_us + self.jitter_us) * self.fps > 1e6:
+            raise ValueError(
+                f"exposure_us and jitter_us must fit into a frame ({1e6 / self.fps:.0f} µs at fps)"
+            )
+        if self.fps is None and self.fast_ppm:
+            raise ValueError("fast_ppm needs fps: a camera that exposes when it is asked has no beat")
         if self.fps is None and self.shift_us:
             raise ValueError("shift_us needs fps: a camera that exposes when it is asked has no beat")
         return self

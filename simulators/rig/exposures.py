@@ -11,7 +11,19 @@ from numpy.typing import NDArray
 
 from drivers.clock import Clock
 from drivers.interfaces import Frame
+from simulators.rig.picture_faults import Taken
+from simulators.scene.between import Look
 from simulators.scene.scene import Surface
+
+LOOKS = (0.0, 0.5, 1.0)
+"""Parts of an exposure at which the camera looks at the scene."""
+
+
+@dataclass(frozen=True)
+class TimedLook(Look):
+    """What a camera saw, and the standard deviation of the time, in s, because looking takes time."""
+
+    std_s: float
 
 
 @dataclass(frozen=True)
@@ -43,25 +55,41 @@ class Exposure:
 
     Attributes
     ----------
-    number : int
-    exposed_s, middle_s, middle_std_s : float
-        See `drivers.interfaces.Frame`.
+    taken : Taken
+        Number, and true beginning and length.
+    middle_s, middle_std_s : float
+        True middle, and its standard deviation: see `drivers.interfaces.Frame`.
     utc : datetime
+        Of the true beginning.
     surface : Surface
         What the camera saw in the middle of the exposure.
     image : ndarray of uint8 or uint16, shape (height, width)
     arrives_s : float
         Time at which the program receives the frame, in seconds on the rig's clock.
+    faults : tuple of str
+        Names of the faults that the picture shows.
+    late_s : float
+        Time from the beginning that was meant to the true one.
     """
 
-    number: int
-    exposed_s: float
+    taken: Taken
     middle_s: float
     middle_std_s: float
     utc: datetime
     surface: Surface
     image: NDArray[np.uint8] | NDArray[np.uint16]
     arrives_s: float
+    faults: tuple[str, ...] = ()
+    late_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Start:
+    """The start of exposure `number`: at `begins_s`, which is `late_s` after the time that was meant."""
+
+    number: int
+    begins_s: float
+    late_s: float = 0.0
 
 
 class Film:
@@ -74,11 +102,13 @@ class Film:
     ----------
     clock : Clock
     beat : Beat
-    middle_s : float
-        Time from the start of an exposure to its middle, in seconds.
-    expose : callable
-        ``expose(number, begun_s)`` is called in the middle of an exposure, with the time of its start. It
-        returns None for a lost picture.
+    exposure_s : float
+    start : callable
+        ``start(number)`` returns the start of an exposure.
+    look : callable
+        ``look()`` is called at the start, in the middle and at the end of an exposure.
+    develop : callable
+        ``develop(start, looks)`` is called at the end of an exposure, and returns None for a lost picture.
     read_out : callable
         ``read_out(exposure)`` returns the frame when it has arrived.
     """
@@ -87,32 +117,43 @@ class Film:
         self,
         clock: Clock,
         beat: Beat,
-        middle_s: float,
-        expose: Callable[[int, float], Exposure | None],
+        exposure_s: float,
+        *,
+        start: Callable[[int], Start],
+        look: Callable[[], TimedLook],
+        develop: Callable[[Start, list[TimedLook]], Exposure | None],
         read_out: Callable[[Exposure], Frame],
     ) -> None:
         self._clock = clock
         self._beat = beat
-        self._middle_s = middle_s
-        self._expose = expose
-        self._read_out = read_out
-        self._next = beat.next(clock.now_s())
+        self._exposure_s = exposure_s
+        self._begin, self._look = start, look
+        self._develop, self._read_out = develop, read_out
+        self._start = start(beat.next(clock.now_s()))
+        self._looks: list[TimedLook] = []
         self._exposed: deque[Exposure] = deque()
 
     def next_frame(self, timeout_s: float) -> Frame | None:
         """Return the next frame, or None if none arrives within `timeout_s` seconds."""
         deadline_s = self._clock.now_s() + timeout_s
         while True:
-            begins_s = self._beat.start_s(self._next)
-            middle_s = begins_s + self._middle_s
+            look_s = self._start.begins_s + LOOKS[len(self._looks)] * self._exposure_s
             arrives_s = self._exposed[0].arrives_s if self._exposed else math.inf
-            event_s = min(middle_s, arrives_s)
+            event_s = min(look_s, arrives_s)
             self._clock.sleep(min(event_s, deadline_s) - self._clock.now_s())
             if event_s > deadline_s:
                 return None
-            if arrives_s <= middle_s:
+            if arrives_s <= look_s:
                 return self._read_out(self._exposed.popleft())
-            exposure = self._expose(self._next, begins_s)
-            if exposure is not None:
-                self._exposed.append(exposure)
-            self._next = max(self._next + 1, self._beat.next(self._clock.now_s() - self._middle_s))
+            self._looks.append(self._look())
+            if len(self._looks) == len(LOOKS):
+                self._finish()
+
+    def _finish(self) -> None:
+        """Draw the picture of the exposure that is over, and turn to the next one."""
+        looks, self._looks = self._looks, []
+        exposure = self._develop(self._start, looks)
+        if exposure is not None:
+            self._exposed.append(exposure)
+        number = self._start.number + 1
+        self._start = self._begin(max(number, self._beat.next(self._clock.now_s() - self._exposure_s / 2)))

@@ -11,6 +11,7 @@ from drivers.interfaces import OpenContext, OperatorAction
 from simulators.rig.camera import SPEC as CAMERA_SPEC
 from simulators.rig.operator import Asked, SimulatedOperator, notice
 from simulators.rig.places import ServerAddresses, served
+from simulators.rig.planned_faults import FaultPlan
 from simulators.rig.rig_tables import RigTables
 from simulators.rig.scene_wire import SceneServer
 from simulators.rig.truth_log import TruthLog
@@ -18,7 +19,9 @@ from simulators.rig.virtual_rig import VirtualRig
 from simulators.wire.faults import FAULTS, NOT_IN_RIG
 
 HELP = (
-    "fault DEVICE.FAULT   switch a fault on, such as stage.drop:2",
+    "fault DEVICE.FAULT   switch a fault on, such as stage.drop:2 or picture.cover@off_axis",
+    "fault FAULT after SECONDS   switch it on later",
+    "fault FAULT when QUANTITY above NUMBER   switch it on in a state, such as axial_strain; or below",
     "clear [DEVICE[.FAULT]]   switch off one fault, all faults of a device, or all faults",
     "faults   list the faults that are on",
     "truth   print the current true state",
@@ -128,10 +131,22 @@ class Simulation:
                     return list(HELP)
         except (ValueError, OSError) as error:
             return [str(error)]
-        return [f"on: {', '.join(faults.active) or 'nothing'}"]
+        planned = "".join(f"; planned: {plan}" for plan in self.rig.plan.plans)
+        return [f"on: {', '.join(faults.active) or 'nothing'}{planned}"]
 
     def switch_on(self, fault: str) -> None:
-        """Switch a fault on; raise `ValueError` if the text of the fault has a mistake."""
+        """Switch a fault on, or plan it; raise `ValueError` if the text of the fault has a mistake.
+
+        ``picture.cover after 3`` begins 3 s from now, and ``picture.tear when axial_strain above 0.01`` in a
+        state.
+        """
+        if len(fault.split()) > 1:
+            plan = FaultPlan.read(fault)
+            if plan.after_s is not None:
+                opened_ago_s = self._clock.now_s() - self.rig.plan.opened_s
+                plan = plan.model_copy(update={"after_s": plan.after_s + opened_ago_s})
+            self.rig.plan.add(plan)
+            return
         self.rig.faults.switch_on(fault)
         self.log.write("fault", fault=fault.strip(), on=True)
 

@@ -3,6 +3,7 @@
 import json
 import threading
 from contextlib import suppress
+from dataclasses import asdict
 from datetime import timedelta
 from pathlib import Path
 from typing import Any, Protocol
@@ -24,7 +25,8 @@ class _Commanded(Protocol):
 class TruthLog:
     """A log file with one line, a JSON object, for each sample, command, frame and fault.
 
-    Every line has the key ``what`` (``specimen``, ``sample``, ``command``, ``frame`` or ``fault``), the time
+    Every line has the key ``what`` (``specimen``, ``sample``, ``command``, ``frame``, ``fault``, or
+    ``picture`` for the first exposure of a camera that shows a fault, or is lost by it), the time
     ``time_s`` of the rig's clock, and the date ``utc``. The first line has the exact material properties of
     the specimen. A sample has the values of `VirtualRig.truth`. A frame has the pose and the deformation
     gradient of the rendered surface, the load and the position of the crosshead, all in the middle of the
@@ -39,6 +41,7 @@ class TruthLog:
         self._devices: dict[str, _Commanded] = {"stage": rig.stage, "load_frame": rig.load_frame}
         if rig.box is not None:
             self._devices["closed_machine"] = rig.box
+        self._begun = self._first = 0
         self._told = dict.fromkeys(self._devices, 0)
         try:
             self.write("specimen", **rig.exact_properties)
@@ -56,23 +59,45 @@ class TruthLog:
             for time_s, command in done[self._told[name] :]:
                 self.write("command", time_s=time_s, device=name, command=command)
             self._told[name] = len(done)
+        self._write_pictures()
         self.write("sample", **self._rig.truth())
+
+    def _write_pictures(self) -> None:
+        """Write the planned faults and the first pictures with faults since the last sample."""
+        begun, first = self._rig.plan.begun, self._rig.picture_faults.first
+        for time_s, fault in begun[self._begun :]:
+            self.write("fault", time_s=time_s, fault=fault, on=True)
+        for each in first[self._first :]:
+            self.write(
+                "picture",
+                time_s=each.taken.begins_s,
+                fault=each.fault,
+                since_s=each.since_s,
+                camera=each.taken.camera,
+                sequence=each.taken.sequence,
+                exposure_s=each.taken.exposure_s,
+            )
+        self._begun, self._first = len(begun), len(first)
 
     def frame(self, name: str, camera: SimulatedCamera, frame: Frame) -> None:
         """Write the true state of the surface in a camera's frame."""
-        shown = camera.shown
+        exposure = camera.exposure_of(frame)
+        shown = None if exposure is None else exposure.surface
         self.write(
             "frame",
-            time_s=frame.exposed_s,
+            time_s=frame.exposed_s if exposure is None else exposure.taken.begins_s,
             camera=name,
             sequence=frame.sequence,
             flags=frame.flags,
+            middle_s=frame.middle[0] if exposure is None else exposure.middle_s,
+            faults=[] if exposure is None else list(exposure.faults),
             texture="" if shown is None else type(shown.texture).__name__,
             rotation=[] if shown is None else shown.pose.rotation.tolist(),
             translation_mm=[] if shown is None else shown.pose.translation_mm.tolist(),
             deformation_gradient=[] if shown is None else shown.deformation_gradient.tolist(),
             load_n=0.0 if shown is None else shown.load_n,
             displacement_mm=0.0 if shown is None else shown.displacement_mm,
+            band=None if shown is None or shown.band is None else asdict(shown.band),
         )
 
     def write(self, what: str, **values: Any) -> None:

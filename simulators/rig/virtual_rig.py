@@ -1,7 +1,8 @@
 """The virtual rig: servers for a stage and a load frame, and the specimen that the devices move."""
 
+import sys
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,12 +19,15 @@ from simulators.closed_machine.modbus import AnalogueBoxServer, box_faults
 from simulators.closed_machine.settings import ClosedMachineSettings
 from simulators.interlock.module import InputModule, InputModuleServer
 from simulators.load_frame.device import LoadFrameDevice
+from simulators.load_frame.drive import DriveSettings
 from simulators.load_frame.faults import load_frame_faults
 from simulators.load_frame.layout import LAYOUTS
 from simulators.load_frame.load_cell import LoadCellSettings
 from simulators.load_frame.modbus import LoadFrameRtuServer, LoadFrameServer
 from simulators.rig.picture_faults import PictureFaults
 from simulators.rig.places import Link, ServerAddresses
+from simulators.rig.planned_faults import FaultPlan, PlannedFaults
+from simulators.rig.surroundings import PreparedSettings, Surroundings
 from simulators.scene.exact_properties import exact_properties
 from simulators.scene.scene import Misalignment, Scene
 from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings, SpecimenState
@@ -59,8 +63,15 @@ class VirtualRigSettings(Settings):
         description="real time for which a driver waits longer for an answer, as other programs may keep "
         "this computer busy while simulated time stands still; 0 for tests of missing answers",
     )
+    prepared: PreparedSettings | None = Field(
+        default=None, description="draw frames fast, from pictures that are prepared beforehand"
+    )
+    faults: list[FaultPlan] = Field(
+        default=[], description="tables [[simulation.faults]]: faults that begin at a time or in a state"
+    )
     misalignment: Misalignment = Misalignment()
     load_cell: LoadCellSettings = LoadCellSettings()
+    drive: DriveSettings = DriveSettings()
     specimen: SpecimenSettings = SpecimenSettings()
     closed_machine: ClosedMachineSettings | None = Field(
         default=None, description="a machine that takes no command pulls the specimen, not the load frame"
@@ -84,6 +95,8 @@ class VirtualRig:
         A clock that replaces the clock from the settings.
     places : ServerAddresses, optional
         Addresses of the rig's servers. Default: any free addresses.
+    say : callable, optional
+        Called with lines about the preparation of pictures. Default: a line on standard error.
 
     Raises
     ------
@@ -110,6 +123,10 @@ class VirtualRig:
         Faults that can be switched on while the rig runs.
     picture_faults : PictureFaults
         The effects of the faults ``picture.…`` on all cameras.
+    plan : PlannedFaults
+        Faults that begin at a time or in a state.
+    around_cameras : Surroundings
+        The faults of the cameras, and how they draw their pictures.
     scene : Scene
         The scene that the cameras see.
     stage : StageDevice
@@ -125,6 +142,7 @@ class VirtualRig:
         settings: VirtualRigSettings | None = None,
         clock: Clock | None = None,
         places: ServerAddresses | None = None,
+        say: Callable[[str], None] | None = None,
     ) -> None:
         settings = settings or VirtualRigSettings()
         self.clock: Clock = clock or (SystemClock() if settings.real_time else VirtualClock())
@@ -137,6 +155,7 @@ class VirtualRig:
         in_frame = specimen if self.closed_machine is None else SimulatedSpecimen(settings.specimen)
         self.load_frame = LoadFrameDevice(self.clock, in_frame, rng=np.random.default_rng(settings.seed))
         self.load_frame.mount_load_cell(settings.load_cell)
+        self.load_frame.fit_drive(settings.drive)
         self.interlocks = InputModule()
         self.scene = Scene(
             seed=settings.seed,
@@ -146,14 +165,19 @@ class VirtualRig:
             load_n=self._load_n,
         )
         self.picture_faults = PictureFaults(self.clock)
+        of_cameras = FaultPanel(CAMERA)
         self.faults = RigFaults(
             stage_faults(FaultPanel(STAGE), self.stage),
             stage_faults(FaultPanel(NEWPORT), self.stage),
             load_frame_faults(FaultPanel(LOAD_FRAME), self.load_frame),
             FaultPanel(INTERLOCK),
             box_faults(FaultPanel(CLOSED_MACHINE), self.box),
-            FaultPanel(CAMERA),
+            of_cameras,
             self.picture_faults.panel,
+        )
+        self.plan = PlannedFaults(list(settings.faults), self.faults, self.picture_faults, self.clock.now_s())
+        self.around_cameras = Surroundings(
+            of_cameras, self.picture_faults, self.plan, settings.prepared, say or _say_beside
         )
         with ExitStack() as started:
             self.addresses: Mapping[str, str] = self._start(settings, places or ServerAddresses(), started)
@@ -238,7 +262,20 @@ class VirtualRig:
             "thickness_strain": state.thickness_strain,
             "broken": state.broken,
             "grid_attached": self.scene.grid_attached,
+            **self._band_truth(),
             **self._program_truth(),
+        }
+
+    def _band_truth(self) -> dict[str, float | bool]:
+        """Return the true place of a Lüders band's front, and the strain of the middle of the specimen."""
+        specimen = self.scene.specimen
+        if (point := specimen.settings.yield_point) is None or point.band is None:
+            return {}
+        band = specimen.state.band
+        return {
+            "band_travels": band is not None,
+            "band_front_mm": specimen.front_mm(),
+            "middle_strain": specimen.state.axial_strain if band is None else band.strain_at(0.0),
         }
 
     def _program_truth(self) -> dict[str, float | bool]:
@@ -255,6 +292,12 @@ class VirtualRig:
     def close(self) -> None:
         """Stop every server; a repeated call does nothing."""
         self._started.close()
+
+
+def _say_beside(line: str) -> None:
+    """Write a line to standard error, as the results of a command are written to standard output."""
+    with suppress(OSError, ValueError):
+        sys.stderr.write(line + "\n")
 
 
 def _open(settings: VirtualRigSettings, context: OpenContext) -> VirtualRig:

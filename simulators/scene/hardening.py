@@ -10,6 +10,7 @@ from typing import Annotated, Literal, Protocol
 from pydantic import Field, model_validator
 
 from drivers.settings import Settings
+from simulators.scene.band import BandSettings
 
 _HALVINGS = 200
 
@@ -72,13 +73,16 @@ class YieldPoint(Settings):
     """Upper yield point and plateau.
 
     The stress falls linearly from the upper to the lower yield strength, and keeps this value until the end
-    of the plateau. Then the stress rises by as much as the stress of the hardening law.
+    of the plateau. Then the stress rises by as much as the stress of the hardening law. The plastic strains
+    are those of the whole parallel length. Without `band` the strain is the same everywhere. With `band` a
+    Lüders band travels along the sheet during the drop and the plateau.
     """
 
     upper_mpa: float = Field(gt=0)
     lower_mpa: float = Field(gt=0)
     drop_strain: float = Field(default=0.002, gt=0, description="plastic strain during the drop")
     plateau_strain: float = Field(default=0.015, gt=0, le=0.1, description="plastic strain at the end")
+    band: BandSettings | None = Field(default=None, description="a Lüders band that travels along the sheet")
 
     @model_validator(mode="after")
     def _drops(self) -> "YieldPoint":

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 # Barrel distortion, k < 0: the distorted radius r_d = r (1 + k r²) increases with the radius r only up to r²
 # = 1 / (3|k|). At this largest radius, r_d = (2/3) r and k r_d² = -4/27.
-_FOLD = -4.0 / 27.0
+FOLD = -4.0 / 27.0
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,10 @@ class PinholeCamera:
 
     def __post_init__(self) -> None:
         corner_px2 = float(np.sum(self.principal_point_px**2))
-        if self.k1_per_px2 * corner_px2 <= _FOLD:
+        if self.k1_per_px2 * corner_px2 <= FOLD:
             raise ValueError(
                 f"k1_per_px2 = {self.k1_per_px2:g} folds the image over before its corners; "
-                f"it must exceed {_FOLD / corner_px2:.3g} for {self.width_px} x {self.height_px} px"
+                f"it must exceed {FOLD / corner_px2:.3g} for {self.width_px} x {self.height_px} px"
             )
 
     @property

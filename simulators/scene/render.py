@@ -22,11 +22,11 @@ def render(
     interpolation. `quadrature_order` is the number of Gauss points per pixel and direction. The default is
     the quadrature order of the texture.
     """
-    order = quadrature_order or surface.texture.quadrature_order
+    columns = np.arange(camera.width_px)
 
     def band(first_row: int) -> NDArray[np.float64]:
-        last_row = min(first_row + _ROWS_AT_ONCE, camera.height_px)
-        return _render_rows(camera, surface, np.arange(first_row, last_row), order)
+        rows = np.arange(first_row, min(first_row + _ROWS_AT_ONCE, camera.height_px))
+        return render_part(camera, surface, rows, columns, quadrature_order)
 
     first_rows = range(0, camera.height_px, _ROWS_AT_ONCE)
     if len(first_rows) == 1:
@@ -35,15 +35,24 @@ def render(
         return np.concatenate(list(threads.map(band, first_rows)))
 
 
-def _render_rows(
-    camera: PinholeCamera, surface: Surface, rows: NDArray[np.int_], quadrature_order: int
+def render_part(
+    camera: PinholeCamera,
+    surface: Surface,
+    rows: NDArray[np.int_],
+    columns: NDArray[np.int_],
+    quadrature_order: int | None = None,
 ) -> NDArray[np.float64]:
-    nodes, weights = np.polynomial.legendre.leggauss(quadrature_order)
+    """Return the mean reflectance in the pixels of some rows and columns, shape (rows, columns).
+
+    See `render`. The function works on the calling thread.
+    """
+    order = quadrature_order or surface.texture.quadrature_order
+    nodes, weights = np.polynomial.legendre.leggauss(order)
     offsets = nodes / 2
-    x = (np.arange(camera.width_px)[:, None] + offsets).ravel()
+    x = (columns[:, None] + offsets).ravel()
     y = (rows[:, None] + offsets).ravel()
     px = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     samples = surface.texture.reflectance(surface.material(*camera.ray(px)))
-    by_pixel = samples.reshape(len(rows), quadrature_order, camera.width_px, quadrature_order)
+    by_pixel = samples.reshape(len(rows), order, len(columns), order)
     mean: NDArray[np.float64] = np.einsum("rjci,j,i->rc", by_pixel, weights / 2, weights / 2)
     return mean

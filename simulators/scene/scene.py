@@ -11,6 +11,7 @@ from pydantic import Field
 from drivers.errors import DeviceError
 from drivers.interfaces import OpenContext
 from drivers.settings import Settings
+from simulators.scene.band import Band
 from simulators.scene.jit import compiled
 from simulators.scene.pose import Pose
 from simulators.scene.specimen import SimulatedSpecimen
@@ -75,10 +76,11 @@ class Misalignment(Settings):
 
 @dataclass(frozen=True)
 class Surface:
-    """A plane surface in the world with a uniform in-plane deformation.
+    """A plane surface in the world with an in-plane deformation, which is uniform without a band.
 
     A material point X in mm moves to ``deformation_gradient · X + shift_mm`` in the plane z = 0. `pose` then
-    moves the plane z = 0 to its position in the world.
+    moves the plane z = 0 to its position in the world. With a band, the plastic strain of the band moves X
+    first, and `deformation_gradient` is that of the sheet ahead of the front.
 
     Attributes
     ----------
@@ -88,6 +90,8 @@ class Surface:
     shift_mm : ndarray, shape (2,)
     load_n, displacement_mm : float
         The true load and position of the crosshead at the time of the surface.
+    band : Band or None
+        A Lüders band in the sheet.
     """
 
     texture: Texture
@@ -96,9 +100,12 @@ class Surface:
     shift_mm: Array = field(default_factory=lambda: np.zeros(2))
     load_n: float = 0.0
     displacement_mm: float = 0.0
+    band: Band | None = None
 
     def world(self, material_mm: Array) -> Array:
         """Return the world positions (n, 3) in mm of material points (n, 2) in mm."""
+        if self.band is not None:
+            material_mm = self.band.stretched(material_mm)
         within = material_mm @ self.deformation_gradient.T + self.shift_mm
         return self.pose.apply(np.column_stack([within, np.zeros(len(within))]))
 
@@ -110,7 +117,8 @@ class Surface:
         to_surface = self.pose.inverse()
         unstretch = np.asarray(np.linalg.inv(self.deformation_gradient), dtype=np.float64)
         origin = to_surface.apply(origin_mm[None, :])[0]
-        return _meet(origin, directions, to_surface.rotation, unstretch, self.shift_mm)
+        met = _meet(origin, directions, to_surface.rotation, unstretch, self.shift_mm)
+        return met if self.band is None else self.band.material(met)
 
 
 @compiled
@@ -170,23 +178,28 @@ class Scene:
 
     def surface(self) -> Surface:
         """Return the surface that the cameras see now: the specimen, or the grid attached to the specimen."""
+        return self.surface_with(grid=self.grid_attached)
+
+    def surface_with(self, *, grid: bool) -> Surface:
+        """Return the surface that the cameras would see now with or without the grid."""
         self._load_n()
         state = self.specimen.state
         motion = self.misalignment.loaded(state.load_n).after(self._recession())
         motion = motion.after(self.misalignment.turned(self._angle_deg()))
         mounted = self.misalignment.mounted()
         pose = mounted.after(motion)
-        if self.grid_attached:
+        if grid:
             grid_pose = pose.after(mounted.inverse())
             return Surface(self._grid, grid_pose, load_n=state.load_n, displacement_mm=state.displacement_mm)
-        travel_mm = self.specimen.settings.centre_travel * state.displacement_mm
+        band, travel_mm = state.band, self.specimen.settings.centre_travel * state.displacement_mm
         return Surface(
             self._speckle,
             pose,
-            state.deformation_gradient(),
-            np.array([0.0, travel_mm]),
+            state.deformation_gradient() if band is None else band.elastic_gradient,
+            np.array([0.0, travel_mm + (0.0 if band is None else band.shift_mm)]),
             state.load_n,
             state.displacement_mm,
+            band,
         )
 
     def _recession(self) -> Pose:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from drivers.settings import Settings
+from simulators.scene.band import Band, front_at
 from simulators.scene.first_loading import YIELD_STRAIN, ByFlowCurve, FirstLoading, RambergOsgood
 from simulators.scene.hardening import FlowCurve, HardeningLaw, YieldPoint
 
@@ -138,7 +139,8 @@ class SpecimenState:
     """State of the specimen at one time of a test.
 
     The axial strain along Y, the transverse strain along X and the strain of the thickness are engineering
-    strains of the gauge section.
+    strains of the gauge section. While a Lüders band travels along it, they belong to the mean plastic strain
+    of the parallel length, and `band` tells the strain at each place.
     """
 
     displacement_mm: float = 0.0
@@ -147,6 +149,7 @@ class SpecimenState:
     transverse_strain: float = 0.0
     broken: bool = False
     thickness_strain: float = 0.0
+    band: Band | None = None
 
     def deformation_gradient(self) -> NDArray[np.float64]:
         """Return the deformation gradient F (2, 2) of the gauge section, in X and Y."""
@@ -162,8 +165,9 @@ class SimulatedSpecimen:
     Load frame and grips add their elastic compliance and the slip ``slip (1 - exp(-load / slip load))`` of
     the highest load. Unloading is elastic: plastic strain and slip do not change. In compression the specimen
     is elastic up to its buckling load. Beyond, its load falls exponentially with the travel, and the way back
-    is the same. Beyond the fracture strain, the specimen is broken. The strain is always uniform: there are
-    no bands on the plateau, and there is no neck after the largest load.
+    is the same. Beyond the fracture strain, the specimen is broken. The strain is uniform, except for a
+    Lüders band (`simulators.scene.band`) if `yield_point.band` is given. There is no neck after the largest
+    load.
 
     Elastic strain narrows the sheet by Poisson's ratio. Plastic flow does not change the volume. With the
     strain ratio r and the plastic strain p, the plastic stretch of the width is (1 + p)^(-r / (1 + r)), and
@@ -198,6 +202,17 @@ class SimulatedSpecimen:
         """Break the specimen at its current strain."""
         self.state = self._state_at(self.state.displacement_mm, 0.0, True)
 
+    def front_mm(self) -> float:
+        """Return the place Y of the front of the Lüders band: before and after its way, the end of this way.
+
+        Raise `ValueError` if the specimen has no such band.
+        """
+        s, point = self.settings, self.settings.yield_point
+        if point is None or point.band is None:
+            raise ValueError("a specimen without a yield_point.band has no front")
+        plastic = min(self._virgin.at(self._furthest_mpa).plastic, point.plateau_strain)
+        return front_at(plastic, point.plateau_strain, point.band, s.parallel_length_mm)
+
     def _held_n(self, elastic_n: float) -> float:
         """Return the load that the specimen carries where an elastic specimen would carry `elastic_n`."""
         buckling_n = self.settings.buckling_load_n
@@ -218,7 +233,24 @@ class SimulatedSpecimen:
         narrowed = -self.settings.poisson_ratio * elastic - 1.0
         across = narrowed + (1.0 + plastic) ** (-r / (1.0 + r))
         through = narrowed + (1.0 + plastic) ** (-1.0 / (1.0 + r))
-        return SpecimenState(displacement_mm, load_n, elastic + plastic, across, broken, through)
+        band = self._band(plastic, elastic)
+        return SpecimenState(displacement_mm, load_n, elastic + plastic, across, broken, through, band)
+
+    def _band(self, plastic: float, elastic: float) -> Band | None:
+        """Return the Lüders band at a mean plastic strain, or None while there is none."""
+        s, point = self.settings, self.settings.yield_point
+        if point is None or point.band is None or not 0.0 < plastic < point.plateau_strain:
+            return None
+        return Band(
+            front_mm=front_at(plastic, point.plateau_strain, point.band, s.parallel_length_mm),
+            front_width_mm=point.band.front_width_mm,
+            upward=point.band.start == "lower",
+            strain=point.plateau_strain,
+            elastic=elastic,
+            elastic_across=-s.poisson_ratio * elastic,
+            narrowing=s.strain_ratio / (1.0 + s.strain_ratio),
+            length_mm=s.parallel_length_mm,
+        )
 
     def _virgin_load_n(self, path_mpa: float) -> float:
         return self._virgin.at(path_mpa).stress_mpa * self.settings.area_mm2

@@ -117,6 +117,10 @@ FAULTS = {
             highest=100_000,
         ),
         Fault("frozen-counter", "the readings and their counter do not change", (LOAD_FRAME,)),
+        Fault(
+            "stuck-speed", "a change of speed is confirmed, but the crosshead keeps its speed", (LOAD_FRAME,)
+        ),
+        Fault("wrong-speed", "a change of speed takes half of the commanded speed", (LOAD_FRAME,)),
         Fault("broken-specimen", "the specimen breaks and stays broken", (LOAD_FRAME,)),
         Fault("broken-sensor", "the box has no value of its inputs", (CLOSED_MACHINE,)),
         Fault("overflow", "the amplifiers of the machine's outputs are at their end", (CLOSED_MACHINE,)),
@@ -124,6 +128,41 @@ FAULTS = {
         Fault("light", "the light is PERCENT of what it was", (PICTURE,), "PERCENT", "50", True, 0, 10000),
         Fault("defocus", "the lens is out of focus by PIXELS", (PICTURE,), "PIXELS", "4", True, 0, 100),
         Fault("blur", "the specimen moves by PIXELS along x", (PICTURE,), "PIXELS", "8", True, 0, 1000),
+        Fault("glare", "a reflection grows by PX_S px per second", (PICTURE,), "PX_S", "50", False, 0, 10000),
+        Fault("cover", "the lens is covered within SECONDS", (PICTURE,), "SECONDS", "0", False, 0, 3600),
+        Fault(
+            "tear",
+            "the pattern tears, by UM_S µm per second",
+            (PICTURE,),
+            "UM_S",
+            "50",
+            False,
+            1,
+            10**6,
+        ),
+        Fault(
+            "creep",
+            "a camera creeps by UM_S µm per second",
+            (PICTURE,),
+            "UM_S",
+            "10",
+            False,
+            1,
+            10**6,
+        ),
+        Fault(
+            "roll",
+            "a camera turns by MDEG_S mdeg per second",
+            (PICTURE,),
+            "MDEG_S",
+            "10",
+            False,
+            1,
+            10**6,
+        ),
+        Fault(
+            "flicker", "the lamps flicker at 100 Hz by PERCENT", (PICTURE,), "PERCENT", "20", False, 0, 100
+        ),
         Fault("dropout", "a camera is gone for SECONDS", (PICTURE,), "SECONDS", "5", True, 0, 3600),
         Fault("watchdog-off", "the machine's watchdog is off and stays off", (LOAD_FRAME,)),
     )

@@ -23,6 +23,7 @@ from drivers.interfaces import OpenContext
 from drivers.testing.common import assert_says_all
 from drivers.triggers.modbus import ModbusPulseSettings, open_pulse
 from simulators.instrument.meter import Meter, MeterServer
+from simulators.load_frame.device import SpeedFault
 from tests.drivers.box import BOX_LINES, WatchedBox
 from tests.drivers.load_frames.test_contract import LINES as FRAME_LINES, Machine, opened
 from tests.drivers.stages.test_contract import LINES as STAGE_LINES, bench_on
@@ -113,6 +114,65 @@ def test_a_frame_in_trouble(line, seed):
                 tried(bench.load_frame.read)
     finally:
         server.close()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("line", FRAME_LINES)
+def test_a_change_of_speed_in_trouble(line, seed):
+    """Whatever a change met on the line, it is executed once at most, and the hold is the last word."""
+    rng = random.Random(seed)
+    serve, url, map_name = FRAME_LINES[line]
+    machine = Machine(map_name)
+    device, clock = machine.device, machine.clock
+    server = serve(device, registers=machine.registers, faults=machine.panel)
+    try:
+        with opened(machine, url.format(server.address), map_name, 0.1) as bench:
+            frame = bench.load_frame
+            for number in range(ROUNDS):
+                frame.hold()
+                target_mm = 0.0 if number % 2 else 1.0
+                frame.go_to_displacement(target_mm, 0.05)
+                clock.sleep(rng.uniform(0.0, 0.5))
+                sticks = rng.random() < 0.2
+                device.spoil_speed(SpeedFault.STUCK if sticks else SpeedFault.NONE)
+                motions = machine.motions
+                trouble(rng, machine.panel)
+                if rng.random() < 0.3:
+                    tried(frame.hold)
+                # far from the speed before, so that the travel tells them apart
+                speed_mm_s = rng.choice((0.01, 0.25))
+                changed = tried(partial(said, frame.change_speed, speed_mm_s))
+                machine.panel.clear()
+                assert machine.motions - motions <= 1
+                if changed and device.read().moving:
+                    travelled = tried(partial(followed, frame, clock, speed_mm_s))
+                    assert travelled is not True if sticks else travelled is not False
+                tried(frame.hold)
+                frame.hold()
+                stood_mm = device.displacement_mm()
+                clock.sleep(1.0)
+                assert (device.read().moving, device.displacement_mm()) == (False, stood_mm)
+    finally:
+        server.close()
+
+
+def said(command: Callable[[float], None], value: float) -> bool:
+    command(value)
+    return True
+
+
+def followed(frame: Any, clock: VirtualClock, speed_mm_s: float) -> bool | None:
+    """Return whether a crosshead travels at a speed; None if it reaches its target before this is known."""
+    clock.sleep(1.0)
+    first = frame.read()
+    for _ in range(4):
+        clock.sleep(0.5)
+        last = frame.read()
+    if not last.moving:
+        return None
+    way_mm = abs(last.displacement_mm - first.displacement_mm)
+    return abs(way_mm - speed_mm_s * (last.time_s - first.time_s)) < 0.01
 
 
 @pytest.mark.long

@@ -40,19 +40,26 @@ from tests.fault_matrix.camera_benches import (
 )
 from tests.fault_matrix.channel_benches import DaqBench, ModbusChannelsBench, ModbusPulseBench
 from tests.fault_matrix.interlock_benches import ContactBench, RegisterBench
-from tests.fault_matrix.machine_benches import LoadFrameBench, StageBench
+from tests.fault_matrix.machine_benches import LoadFrameBench, SpeedBench, StageBench
 from tests.fault_matrix.text_benches import IDENTIFIED, AskedBench, MqttBench, SendingMeterBench
 from tests.tcp_servers import interlocks_rtu_on_tcp, load_frame_rtu_on_tcp, zaber_on_tcp
+
+SPEED = "change of speed"
+"""The table of the changes of a load frame's speed in motion."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """One driver on one kind of line. `needs` are packages without which the column is not tried."""
+    """One driver on one kind of line. `needs` are packages without which the column is not tried.
+
+    `table` is the table of the document that has the column; by default that of its kind of device.
+    """
 
     name: str
     device: str
     make: Callable[[], Bench]
     needs: tuple[str, ...] = ()
+    table: str = ""
 
     @property
     def missing(self) -> list[str]:
@@ -86,6 +93,24 @@ COLUMNS = [
         "modbus-frame, RTU over TCP, separate-words",
         LOAD_FRAME,
         lambda: LoadFrameBench(load_frame_rtu_on_tcp, "separate-words", "rtu://"),
+    ),
+    Column(
+        "change of speed, modbus-frame, TCP, generic",
+        LOAD_FRAME,
+        lambda: SpeedBench(LoadFrameServer, "generic"),
+        table=SPEED,
+    ),
+    Column(
+        "change of speed, modbus-frame, RTU, scaled-integers",
+        LOAD_FRAME,
+        lambda: SpeedBench(LoadFrameRtuServer, "scaled-integers"),
+        table=SPEED,
+    ),
+    Column(
+        "change of speed, modbus-frame, RTU over TCP, separate-words",
+        LOAD_FRAME,
+        lambda: SpeedBench(load_frame_rtu_on_tcp, "separate-words", "rtu://"),
+        table=SPEED,
     ),
     Column("modbus-input, contact, TCP", INTERLOCK, lambda: ContactBench(InputModuleServer)),
     Column(

@@ -218,5 +218,75 @@ class LoadFrameBench(Bench):
             raise WrongAnswerError("a hold confirmed for a machine that does not hold")
 
 
+class SpeedBench(LoadFrameBench):
+    """A load frame in a long motion, whose speed is changed while the machine or its line has a fault."""
+
+    def __init__(self, serve: Callable[..., Any], map_name: str, prefix: str = "") -> None:
+        super().__init__(serve, map_name, prefix)
+        self._speed_mm_s = 0.02
+        self._changes: list[float] = []
+        self._confirmed = False
+        self.uses = {
+            "change": lambda: self._change(0.11 - self._speed_mm_s),
+            "travel": self._read_travel,
+            "stop": self._hold,
+        }
+
+    def prepare(self) -> None:
+        """Begin a motion of more than a minute."""
+        self._command(self._travel_mm + 2.0, self._speed_mm_s)
+        self.clock.sleep(1.0)
+        self.driver.read()
+
+    def set_in_motion(self) -> None:
+        """Do nothing, because the crosshead moves already."""
+
+    def executed_twice(self) -> list[str]:
+        """Return the motions and changes that were executed more often than the driver was called."""
+        done = [float(name.split()[1]) for _, name in self.device.executed if name.startswith("speed")]
+        changes = self._changes
+        return super().executed_twice() + [
+            f"{speed:g} mm/s" for speed in done if _count(done, speed) > _count(changes, speed)
+        ]
+
+    def works(self) -> None:
+        """Read the load frame, move it, change its speed on the way, and check that it arrives."""
+        super().works()
+        self._travel_mm += 0.1
+        self._command(self._travel_mm, 0.02)
+        self.clock.sleep(0.5)
+        self._change(0.09)
+        for _ in range(20):
+            self.clock.sleep(0.1)
+            self.driver.read()
+        if not self.device.read().at_target:
+            raise WrongAnswerError(f"not at its target: {self.device.read()}")
+
+    def _change(self, speed_mm_s: float) -> None:
+        before = len(self.device.executed)
+        self._speed_mm_s = speed_mm_s
+        self._changes.append(self._speed_mm_s)
+        self._confirmed = False
+        self.driver.change_speed(self._speed_mm_s)
+        self._confirmed = True
+        if len(self.device.executed) != before + 1:
+            raise WrongAnswerError(f"{self.device.executed[before:]} executed for one change")
+
+    def _read_travel(self) -> None:
+        """Read for three seconds. The crosshead must travel at a speed that was confirmed."""
+        for _ in range(2):
+            self.clock.sleep(0.5)
+            before = last = self.driver.read()
+        for _ in range(4):
+            self.clock.sleep(0.5)
+            last = self.driver.read()
+        if last.faults:
+            raise ReportedFault(last.faults)
+        way_mm = last.displacement_mm - before.displacement_mm
+        confirmed_mm = self._speed_mm_s * (last.time_s - before.time_s) if last.moving else 0.0
+        if self._confirmed and abs(way_mm - confirmed_mm) > 0.01:
+            raise WrongAnswerError(f"{way_mm:g} mm in 2 s, {self._speed_mm_s:g} mm/s confirmed")
+
+
 def _count(values: list[float], wanted: float) -> int:
     return sum(math.isclose(value, wanted, abs_tol=1e-5) for value in values)

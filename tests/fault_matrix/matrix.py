@@ -16,7 +16,7 @@ from functools import partial
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from simulators.wire.faults import CAMERA, CLOSED_MACHINE, DAQ, FAULTS, INSTRUMENT, INTERLOCK, MQTT, Fault
 from tests.fault_matrix.bench import Bench, ReportedFault, UnprovenError, WrongAnswerError
-from tests.fault_matrix.columns import COLUMNS, Column
+from tests.fault_matrix.columns import COLUMNS, SPEED, Column
 from tests.open_lines import open_lines
 from tests.places import DOCS
 
@@ -24,7 +24,7 @@ DOCUMENT = DOCS / "fault-matrix.md"
 HEADING = "## The tables\n"
 IN_MOTION = {"reset", "stall", "limit", "e-stop", "broken-specimen", "frozen-counter"}
 """Faults that are switched on while the device moves; all other faults while it stands still."""
-_TALK = {"read", "move", "open"}
+_TALK = {"read", "move", "change", "travel", "open"}
 _ONCE = {*_TALK, "sample", "pulse"}
 """`sample` and `pulse` repeat a request within one call, so that a late answer to it may be used."""
 MUST_FAIL = {
@@ -43,13 +43,14 @@ MUST_FAIL = {
     "unplug": {*_ONCE, "stop", "image", "stream", "line"},
     "broken-sensor": {"sample"},
     "overflow": {"sample"},
-    "reset": {"read", "move"},
-    "stall": {"read", "sample", "image", "stream"},
-    "limit": {"read"},
-    "e-stop": {"read", "move"},
+    "reset": {"read", "move", "change", "travel"},
+    "stall": {"read", "travel", "sample", "image", "stream"},
+    "limit": {"read", "change", "travel"},
+    "e-stop": {"read", "move", "change", "travel"},
     "nan-load": _TALK,
-    "frozen-counter": {"read", "move"},
-    "watchdog-off": {"move", "open"},
+    "frozen-counter": {"read", "move", "travel"},
+    "stuck-speed": {"travel"},
+    "watchdog-off": {"move", "change", "open"},
 }
 """For each fault the calls that must not succeed. Other calls may succeed if their results are true."""
 LIES = {"zero-load", "tenth-load", "reversed-load", "stuck-load", "drifting-load"}
@@ -57,7 +58,7 @@ LIES = {"zero-load", "tenth-load", "reversed-load", "stuck-load", "drifting-load
 MUST_WORK = {"split:1", "split", "delay", "duplicate:1", "duplicate"}
 """Faults with which every call of a driver must succeed, because nothing is lost or late."""
 AT_A_TIME = 7
-_OWN_TABLE = (INTERLOCK, CLOSED_MACHINE, DAQ, INSTRUMENT, MQTT, CAMERA)
+_OWN_TABLE = (SPEED, INTERLOCK, CLOSED_MACHINE, DAQ, INSTRUMENT, MQTT, CAMERA)
 DEADLINE_S = 5.0
 """A longer call counts as hanging. The longest calls take a few reply times, or a stop's deadline."""
 SIGNS = {DeviceTimeout: "T", LinkLost: "L", DeviceFault: "F", DeviceError: "E"}
@@ -229,7 +230,8 @@ def table(columns: dict[str, dict[str, str]]) -> str:
 
 def tables(found: dict[str, dict[str, Cell]]) -> str:
     """Return a table of the machines, and one for each other kind of device."""
-    kinds = {column.name: column.device if column.device in _OWN_TABLE else "" for column in COLUMNS}
+    tables = {column.name: column.table or column.device for column in COLUMNS}
+    kinds = {name: kind if kind in _OWN_TABLE else "" for name, kind in tables.items()}
     told = {name: {form: str(cell) for form, cell in cells.items()} for name, cells in found.items()}
     return "\n\n".join(
         table({name: cells for name, cells in told.items() if kinds[name] == kind})

@@ -26,6 +26,7 @@ KINDS: dict[str, Mapping[str, Maker]] = {
     "areas": AREAS,
     "region": REGIONS,
     "alignment": JSONS,
+    "heartbeat": JSONS,
     "gauges": GAUGES,
     "curve": CURVES,
     # a byte order mark is allowed here, as in other files that only dic reads

@@ -52,6 +52,8 @@ COMMANDS: dict[str, list[str]] = {
     "plan a tension": ["rig", "plan", "{tension}", "--rig", "{rig}"],
     "run": ["rig", "run", "{protocol}", "--rig", "{rig}", "-o", "{new}.h5"],
     "check": ["rig", "check", "{rig}"],
+    "focus": ["rig", "focus", "{rig}", "--once", "--grid", "{protocol}"],
+    "watch": ["rig", "watch", "{heartbeat}", "--once"],
     "verify": ["rig", "verify", "{run}"],
     "repair": ["rig", "repair", "{run}"],
     "replay": ["rig", "replay", "{run}"],

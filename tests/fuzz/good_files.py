@@ -134,6 +134,7 @@ def make_good_files(folder: Path) -> GoodFiles:
     files["tension"] = Path(shutil.copy(EXAMPLES / "tension.toml", folder))
     files |= {name: folder / f"{name}.h5" for name in ("run", "results", "calibration")}
     _do(run_rig("run", files["protocol"], "--rig", files["rig"], "-o", files["run"]))
+    files["heartbeat"] = folder / "run.heartbeat.json"
     _do(run_dic("process", files["run"], "-o", files["results"]))
     _do(run_dic("export", files["results"], "dice", "-o", folder / "exports"))
     files["peer"] = folder / "peer.txt"

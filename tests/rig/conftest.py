@@ -228,7 +228,7 @@ class FakeRig:
         self.load_frame = FakeLoadFrame(self.clock, self.calls) if "load_frame" in devices else None
         self.stage = FakeStage(self.clock, self.calls) if "stage" in devices else None
 
-    def engine(self, *, on_status=(), on_step=(), reopen=None, **options) -> Engine:
+    def engine(self, *, on_status=(), on_step=(), reopen=None, live=None, **options) -> Engine:
         rig = Rig(
             self.clock,
             self.operator,
@@ -268,6 +268,8 @@ class FakeRig:
             self.protocol, rig, recorder, on_status=[self._note, *on_status], on_step=on_step, **options
         )
         engine.leaving_s = self.leaving_s
+        if live is not None:
+            engine.measure_gauges_with(live)
         return engine
 
     def events(self) -> list[str]:

@@ -1,11 +1,13 @@
 """The machine gets the narrower limits of rig and protocol, and enforces them itself."""
 
 import tomllib
+from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from rig.devices import open_rig
-from rig.facts import RigFacts, narrowed, objections
+from rig.facts import RigFacts, confirm, facts_of_file, narrowed, objections
 from rig.protocol.phased import PhasesProtocol
 from rig.protocol.protocol import RotationProtocol, TensionProtocol
 from rig.rigfile import read_rig
@@ -60,6 +62,15 @@ def test_motions_to_a_load_are_refused_in_one_sentence_if_the_load_frame_control
         "phase 1 (preload): rate_n_s, phase 2 (to-load): rate_n_s, phase 3 (hold): rate"
     )
     assert objections(tension(13000.0, 5.2), RigFacts(load_rate_max_n_s=1000.0)) == []
+
+
+def test_whether_the_speed_of_a_motion_can_be_changed_is_known_before_and_after_opening(rig_file):
+    before = facts_of_file(rig_file)
+    assert before.changes_speed is True
+    with open_rig(rig_file) as rig:
+        assert confirm(replace(before, changes_speed=None), rig).changes_speed is True
+        with_plain = replace(rig, load_frame=SimpleNamespace(limits=rig.load_frame.limits))
+        assert confirm(before, with_plain).changes_speed is False
 
 
 def test_motions_to_displacements_need_no_control_of_the_load():

@@ -1,7 +1,7 @@
 """Send commands to a load frame on Modbus. Each command has a number. A hold command goes first."""
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 from drivers.clock import Clock
 from drivers.errors import DeviceTimeout, LinkLost
@@ -100,14 +100,33 @@ class LoadFrameCommands:
                 self._safety.unhurried().read_status("check the connection for hold")
             self._hold_proven_s = now_s
 
-    def give(self, step: str, command: int, values: Mapping[str, float]) -> None:
-        """Send one command. Check by its sequence number that the machine executed and accepted it."""
+    @property
+    def holds(self) -> int:
+        """Number of holds that were requested so far."""
+        return self._sequence.holds
+
+    def distrust(self, doubt: str) -> None:
+        """Refuse every motion until a hold is confirmed. `doubt` says why."""
+        self._doubt = doubt
+
+    def give(
+        self,
+        step: str,
+        command: int,
+        values: Mapping[str, float],
+        permit: Callable[[dict[str, Number]], None] = lambda state: None,
+    ) -> dict[str, Number]:
+        """Send one command. Check by its sequence number that the machine executed and accepted it.
+
+        `permit` is called with the state before the command, and may raise an error to prevent it. Return the
+        state after the command.
+        """
         if self._doubt:
             remedy = "call for a hold, then look at the specimen"
             raise self._work.fault(step, "a machine in a known state", self._doubt, remedy)
         holds = self._sequence.holds
         # read the state first, in order to refuse a motion if the machine cannot measure or was restarted
-        self.state(step)
+        permit(self.state(step))
         with self._doubting():
             self._refuse_lost_settings(step)
         self.stay_in_charge()
@@ -136,6 +155,7 @@ class LoadFrameCommands:
             reason = self._map.results.get(f"{state['result']:g}", f"result {state['result']:g}")
             remedy = "correct the protocol or clear the machine's fault"
             raise self._work.fault(step, "acceptance", reason, remedy)
+        return state
 
     def hold(self) -> None:
         """Repeat the hold command until the machine confirms it. Raise `DeviceTimeout` at the deadline."""

@@ -116,6 +116,11 @@ class ModbusLoadFrameSettings(ModbusPlaceSettings):
         return 0.0 if self.watchdog_off else self.watchdog_s
 
     @property
+    def changes_speed(self) -> bool:
+        """True if the register map has the command that changes the speed of a motion."""
+        return load_map(self.map).commands.change_speed is not None
+
+    @property
     def limits(self) -> LoadFrameLimits:
         """All limits of the machine in one object."""
         return LoadFrameLimits(**{each.name: getattr(self, each.name) for each in fields(LoadFrameLimits)})

@@ -71,7 +71,7 @@ def number(text: str) -> float:
 
 def leave_undrawn(patch: pytest.MonkeyPatch) -> None:
     """Let an empty picture stand for every picture in PNG format of a run's report."""
-    for name in ("page.pixels_uri", "calibration.png_uri", "setup_figures.png_uri"):
+    for name in ("field_pictures.pixels_uri", "calibration.png_uri", "setup_figures.png_uri"):
         patch.setattr(f"dic.report.{name}", lambda drawn, **how: UNDRAWN)
 
 
@@ -84,7 +84,7 @@ def written(tmp_path: Path, *results: RunResult, fields: bool = True, drawn: boo
     path = tmp_path / "report.html"
     with pytest.MonkeyPatch.context() as patch:
         if not fields:
-            patch.setattr("dic.report.page.field_pictures", lambda run: [])
+            patch.setattr("dic.report.page.field_pictures", lambda run, proof: [])
         if not drawn:
             leave_undrawn(patch)
         write_report(results, path)

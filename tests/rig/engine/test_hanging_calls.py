@@ -3,12 +3,16 @@
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import closing
 from typing import Any
 
 import pytest
 
 from drivers.errors import DeviceFault, DeviceTimeout
 from drivers.interfaces import StageState
+from rig.devices import Rig
+from rig.engine.calls import Calls
+from rig.engine.devices import Devices, called
 from rig.engine.status import State
 from rig.recorder import StepRecord
 from rig.rigfile import CALL_TIMEOUT_S
@@ -273,3 +277,28 @@ def test_devices_are_watched_while_too_many_images_wait_for_the_disk(rotation_ta
     assert engine.run().status == "completed"
     assert asked[:3] == ["on_axis", "off_axis", "off_axis"]
     assert len(reads) > 5
+
+
+def engine_devices(rig: FakeRig) -> tuple[Devices, Calls]:
+    calls = Calls(rig.clock, lambda: None)
+    made = Rig(rig.clock, rig.operator, rig.cameras, load_frame=rig.load_frame)
+    return called(made, calls), calls
+
+
+def test_a_change_of_speed_that_hangs_ends_at_the_deadline_of_a_call(tension):
+    tension.load_frame.change_speed = lambda speed_mm_s: None
+    hung_s = hang_in(tension, tension.load_frame, "change_speed", 2)
+    devices, calls = engine_devices(tension)
+    assert devices.can_change_speed
+    with tension.clock.activity(), closing(calls):
+        devices.change_speed(0.02)
+        with pytest.raises(DeviceTimeout, match=r"change the speed to 0\.03 mm/s: .* within 0\.7 s"):
+            devices.change_speed(0.03)
+        assert tension.clock.now_s() - hung_s[0] == pytest.approx(CALL_TIMEOUT_S)
+
+
+def test_a_frame_that_cannot_change_its_speed_is_not_asked_to(tension):
+    devices, calls = engine_devices(tension)
+    assert not devices.can_change_speed
+    with closing(calls), pytest.raises(DeviceFault, match="one that cannot"):
+        devices.change_speed(0.02)

@@ -16,6 +16,7 @@ from rig.protocol.images import Images
 from simulators.rig.camera import SimulatedCamera
 from simulators.rig.camera_settings import CameraSettings
 from simulators.rig.picture_faults import PictureFaults
+from simulators.rig.surroundings import Surroundings
 from simulators.rig.virtual_rig import VirtualRig
 
 WIDTH, HEIGHT, PERIOD_PX, MEAN, SWING = 400, 404, 16, 100.0, 50.0
@@ -128,7 +129,7 @@ def simulated():
     rig = VirtualRig(clock=clock)
     faults = PictureFaults(clock)
     settings = CameraSettings(width_px=400, height_px=400)
-    camera = SimulatedCamera("one", settings, rig.scene, clock, pictures=faults)
+    camera = SimulatedCamera("one", settings, rig.scene, clock, Surroundings.of(clock, pictures=faults))
     made = ImageChecks(camera.info, Images())
     frame = camera.grab(5.0)
     made.accept(frame, made.measure(frame), reference=True)

@@ -67,7 +67,7 @@ def test_a_load_that_a_yielding_specimen_never_carries_ends_at_the_travel_limit(
     assert state.fault is FaultCode.DISPLACEMENT_LIMIT
     assert state.holding
     # tripped within one control period at the greatest speed
-    assert 3.0 < state.displacement_mm < 3.0 + 5.0 * CONTROL_PERIOD_S + 1e-3
+    assert 3.0 < state.displacement_mm < 3.0 + 10.0 * CONTROL_PERIOD_S + 1e-3
 
 
 def test_the_load_limit_trips_on_the_way_out_and_leaves_the_way_back_free(frame, clock):
@@ -87,7 +87,7 @@ def test_the_load_limit_trips_on_the_way_out_and_leaves_the_way_back_free(frame,
         (lambda frame: frame.go_to_load(20_001.0, 1.0), Refusal.BEYOND_LIMITS),
         (lambda frame: frame.go_to_load(float("nan"), 1.0), Refusal.BEYOND_LIMITS),
         (lambda frame: frame.go_to_displacement(50.1, 1.0), Refusal.BEYOND_LIMITS),
-        (lambda frame: frame.go_to_displacement(1.0, 5.1), Refusal.TOO_FAST),
+        (lambda frame: frame.go_to_displacement(1.0, 10.1), Refusal.TOO_FAST),
         (lambda frame: frame.go_to_displacement(1.0, 0.0), Refusal.TOO_FAST),
         (lambda frame: frame.set_limits(MachineLimits(0, 20_001.0, 0, 1, 1, 1)), Refusal.BEYOND_LIMITS),
         (lambda frame: frame.set_limits(MachineLimits(0, float("nan"), 0, 1, 1, 1)), Refusal.BEYOND_LIMITS),

@@ -84,8 +84,8 @@ def test_the_same_or_an_older_number_does_nothing(server, client, clock):
 @pytest.mark.parametrize(
     ("request_", "exception"),
     [
-        ("04 000A 0009", "84 02"),  # beyond the block
-        ("04 0012 0001", "84 02"),  # between blocks
+        ("04 000C 0009", "84 02"),  # beyond the block
+        ("04 0014 0001", "84 02"),  # between blocks
         ("03 0040 0004", "83 02"),  # across two blocks
         ("04 0000 0000", "84 03"),  # no registers
         ("04 0000 007E", "84 03"),  # 126 registers

@@ -12,6 +12,7 @@ from drivers.interfaces import Frame
 from drivers.streams.losses import LossKind
 from simulators.rig.camera import FreeRunningCamera
 from simulators.rig.camera_settings import CameraSettings
+from simulators.rig.surroundings import Surroundings
 from simulators.scene.render import render
 from simulators.scene.scene import Misalignment, Scene
 from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
@@ -26,7 +27,7 @@ DEADLINE_S = 60.0
 class Turning:
     """A specimen that turns by 20° per second, seen by one camera."""
 
-    def __init__(self, clock=None, name="left", **settings):
+    def __init__(self, clock=None, name="left", around=(), **settings):
         self.clock = clock or VirtualClock()
         self.faults = FaultPanel("camera")
         specimen = SimulatedSpecimen(SpecimenSettings())
@@ -38,7 +39,8 @@ class Turning:
             load_n=lambda: specimen.stretch_to(0.0),
         )
         settings = CameraSettings(**FAST | settings)
-        self.camera = FreeRunningCamera(name, settings, self.scene, self.clock, self.faults)
+        around = Surroundings.of(self.clock, self.faults, **dict(around))
+        self.camera = FreeRunningCamera(name, settings, self.scene, self.clock, around)
 
     def seen_at(self, time_s):
         """Return the noise-free picture of the specimen at a time of a new simulated clock."""
@@ -159,7 +161,7 @@ def test_in_real_time_the_middle_is_when_the_camera_looked():
     bench.scene.surface = watched
     with bench.camera.stream() as stream:
         frames = [stream.next(DEADLINE_S) for _ in range(4)]
-    for frame, looked_s in zip(frames, looked, strict=False):
+    for frame, looked_s in zip(frames, looked[1::3], strict=False):
         assert abs(frame.middle_s - looked_s) <= frame.middle_std_s * np.sqrt(12.0)
         assert 0.0 < frame.middle_std_s < 0.05
         assert frame.exposed_s + 0.0039 <= frame.middle_s <= frame.received_s

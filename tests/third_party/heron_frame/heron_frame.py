@@ -2,7 +2,8 @@
 
 The machine controls the displacement only. It answers lines of text: ``ID?`` with its name, ``S?`` with
 sample, load in N, displacement in mm, state, fault and number of the last motion. ``LIM``, ``GO`` and
-``TARE`` are answered with ``OK`` or ``NO`` and a reason; ``HOLD`` has no answer.
+``TARE`` are answered with ``OK`` or ``NO`` and a reason; ``HOLD`` has no answer. ``SPD`` changes the speed
+of a motion, and is refused without one.
 """
 
 import math
@@ -20,6 +21,7 @@ from drivers.lines.channel import Channel, open_device
 from drivers.lines.line_guard import LineTalk, guard_spec
 from drivers.lines.line_port import LinePort, LineSyntax, Proof
 from drivers.lines.stop_deadline import STOP_TIMES, stop_until_confirmed
+from drivers.load_frames.travel import Travel
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
 
@@ -37,6 +39,7 @@ class HeronSettings(Settings):
     speed_max_mm_s: float = Field(default=1.0, gt=0)
     reply_timeout_s: float = Field(default=0.25, gt=0, le=10)
     load_rate_max_n_s: ClassVar[float] = 0.0  # without control of the load
+    changes_speed: ClassVar[bool] = True
 
     @property
     def limits(self) -> LoadFrameLimits:
@@ -86,6 +89,7 @@ class HeronFrame:
         self._connect = partial(open_device, self._name, address, BAUD, timeout_s, context.relay)
         self._timeout_s = timeout_s
         self._closed = self._in_doubt = False
+        self._travel, self._moved_after = Travel(), -1
         self._holds, self._sample, self._sampled_s = 0, -1, -math.inf
         self._reopen()
         try:
@@ -104,7 +108,17 @@ class HeronFrame:
     @one_call
     def read(self) -> LoadFrameState:
         """Return the state. Raise `DeviceFault` if the readings are old, or the load is no number."""
+        asked_s = self._clock.now_s()
         status = self._status()
+        if status.state != "MOVE" or self._holds != self._moved_after:
+            self._travel.end()
+        try:
+            self._travel.check(status.displacement_mm, asked_s, self._clock.now_s())
+        except ValueError as error:
+            self._in_doubt = True
+            raise self._fault(
+                "read", "the confirmed speed", str(error), "hold, and check the motor"
+            ) from error
         fault = () if status.fault == "-" else (status.fault.lower(),)
         return LoadFrameState(
             status.load_n,
@@ -132,18 +146,34 @@ class HeronFrame:
             raise self._fault(step, "a speed within the limits", f"{speed_mm_s:g} mm/s", "correct it")
         if self._in_doubt:
             raise self._fault(step, "a confirmed hold", "silence before", "hold the load frame first")
+        self._travel.end()
         before = self._status().motion
-
-        def permit() -> None:
-            if self._holds != holds:
-                raise self._fault(step, "no hold meanwhile", "a hold", "command the motion again")
-
         try:
-            self._command(f"GO {displacement_mm:.4f} {speed_mm_s:.4f}", step, permit)
+            go = f"GO {displacement_mm:.4f} {speed_mm_s:.4f}"
+            self._command(go, step, lambda: self._refuse_held(step, holds))
         except DeviceTimeout:
             self._in_doubt = self._status().motion == before
             if self._in_doubt:
                 raise
+        self._moved_after = holds
+        self._travel.begin(displacement_mm, speed_mm_s)
+
+    @one_call
+    def change_speed(self, speed_mm_s: float) -> None:
+        """Change the speed of the present motion. The command is sent once, and the machine confirms it."""
+        step, holds, asked_s = f"change the speed to {speed_mm_s:g} mm/s", self._holds, self._clock.now_s()
+        if not 0 < speed_mm_s <= self.limits.speed_max_mm_s:
+            raise self._fault(step, "a speed within the limits", f"{speed_mm_s:g} mm/s", "correct it")
+        in_motion = self._travel.begun and self._holds == self._moved_after and not self._in_doubt
+        if not in_motion or self._status().state != "MOVE":
+            raise self._fault(step, "a motion to a displacement", "none", "change it in motion only")
+        try:
+            self._command(f"SPD {speed_mm_s:.6f}", step, lambda: self._refuse_held(step, holds))
+        except DeviceTimeout:
+            self._in_doubt = True
+            raise
+        place_mm = self._status().displacement_mm
+        self._travel.change(speed_mm_s, place_mm, asked_s, self._clock.now_s())
 
     @one_call
     def tare(self) -> None:
@@ -182,6 +212,11 @@ class HeronFrame:
         answer = self._port.ask(command, str, 1, permit)
         if not answer.startswith("OK"):
             raise self._fault(step, "acceptance", answer, "see the machine's display")
+
+    def _refuse_held(self, step: str, holds: int) -> None:
+        """Raise `DeviceFault` just before a command is sent, if a hold was requested since `holds`."""
+        if self._holds != holds:
+            raise self._fault(step, "no hold meanwhile", "a hold", "command it again if needed")
 
     def _reopen(self) -> None:
         if hasattr(self, "_port"):

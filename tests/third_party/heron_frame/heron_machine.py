@@ -66,6 +66,9 @@ class HeronMachine(LineServer):
                 case "GO":
                     self.device.go_to_displacement(*map(float, words))
                     self.motions += 1
+                case "SPD":
+                    self.device.change_speed(float(words[0]))
+                    self.motions += 1
                 case "TARE":
                     self.device.tare()
                 case "HOLD":

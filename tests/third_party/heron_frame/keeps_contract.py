@@ -12,6 +12,7 @@ from drivers.clock import VirtualClock
 from drivers.errors import LinkLost
 from drivers.interfaces import OpenContext
 from drivers.testing import LoadFrameBench, LoadFrameContract
+from simulators.load_frame.device import SpeedFault
 
 LIMITS = {"load_max_n": 5000.0, "displacement_max_mm": 5.0}
 
@@ -39,6 +40,7 @@ class TestHeronFrame(LoadFrameContract):
                 freeze=device.freeze,
                 press_estop=device.press_estop,
                 release_estop=device.release_estop,
+                stick_speed=partial(device.spoil_speed, SpeedFault.STUCK),
             )
 
 

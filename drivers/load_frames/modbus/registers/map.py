@@ -59,10 +59,15 @@ class Commands(Settings):
     go_to_displacement: int = Field(ge=0, le=0xFFFF)
     go_to_load: int = Field(ge=0, le=0xFFFF)
     tare: int = Field(ge=0, le=0xFFFF)
+    # changes the speed of the present motion to a displacement. The machine must refuse the command without
+    # such a motion, so a second `go_to_displacement` is no substitute. Without the command, the key is left
+    # out.
+    change_speed: int | None = Field(default=None, ge=0, le=0xFFFF)
 
     @model_validator(mode="after")
     def _distinct(self) -> Self:
         values = [self.hold, self.go_to_displacement, self.go_to_load, self.tare]
+        values += [] if self.change_speed is None else [self.change_speed]
         if len(set(values)) < len(values):
             raise ValueError("every command must have a value of its own")
         return self

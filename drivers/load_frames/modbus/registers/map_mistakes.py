@@ -29,6 +29,8 @@ NEEDED: dict[str, dict[str, Unit]] = {
     "watchdog": {"timeout": "s"},
     "heartbeat": {"heartbeat": ""},
 }  # fmt: skip
+# The unit of a register that a block may have, and that the driver uses then.
+OPTIONAL: dict[str, Unit] = {"set_speed": "mm/s"}
 # The registers of each optional block, and the mandatory block that has these registers in a map without the
 # optional block.
 APART = {
@@ -122,7 +124,8 @@ class _Understood:
         ]
         for name, register in self.placed:
             where = f"{self.where}.registers.{name}"
-            unit = needed.get(name, register.unit)
+            optional = OPTIONAL if self.name in ("state", "status") else {}
+            unit = needed.get(name, optional.get(name, register.unit))
             if register.unit != unit:
                 mistakes.append(f"{where}.unit: must be {unit!r}, got {register.unit!r}; convert by scale")
             if unit or name not in needed:

@@ -68,7 +68,7 @@ def test_the_same_address_in_two_tables_is_no_overlap(table):
 
 def test_a_block_too_long_for_one_request(table):
     table["request_max"] = 16
-    assert mistakes(table) == ["blocks.state: 18 registers, more than 16 in one request"]
+    assert mistakes(table) == ["blocks.state: 20 registers, more than 16 in one request"]
 
 
 def test_a_wrong_unit(table):
@@ -76,6 +76,19 @@ def test_a_wrong_unit(table):
     assert mistakes(table) == [
         "blocks.state.registers.load.unit: must be 'N', got 'mm'; convert by scale",
     ]
+
+
+def test_a_set_speed_in_another_unit_than_the_driver_compares(table):
+    table["blocks"]["state"]["registers"]["set_speed"]["unit"] = "mm"
+    assert mistakes(table) == [
+        "blocks.state.registers.set_speed.unit: must be 'mm/s', got 'mm'; convert by scale"
+    ]
+
+
+def test_a_change_of_speed_must_differ_from_the_other_commands(table):
+    """A command that begins a motion may not serve as one that only changes its speed."""
+    table["commands"]["change_speed"] = table["commands"]["go_to_displacement"]
+    assert mistakes(table) == ["commands: every command must have a value of its own"]
 
 
 def test_a_written_block_in_the_input_table(table):
@@ -177,10 +190,10 @@ def test_a_number_that_is_no_measurement_stands_as_it_is(table, block, name, cha
 
 def test_names_of_the_driver_mean_nothing_in_other_blocks(table):
     """A heartbeat must be a plain u16 where the driver writes it, but not among the readings."""
-    table["blocks"]["state"]["registers"]["heartbeat"] = {"address": 18, "type": "f32", "unit": "N"}
+    table["blocks"]["state"]["registers"]["heartbeat"] = {"address": 20, "type": "f32", "unit": "N"}
     blocks = parse_map(table, "map.toml").blocks
-    # 1.5 N as IEEE 754 writes it, in the two words behind the 18 of the map
-    assert blocks.state.decode([0] * 18 + [0x3FC0, 0], "ABCD", {"heartbeat"}) == {"heartbeat": 1.5}
+    # 1.5 N as IEEE 754 writes it, in the two words behind the 20 of the map
+    assert blocks.state.decode([0] * 20 + [0x3FC0, 0], "ABCD", {"heartbeat"}) == {"heartbeat": 1.5}
     assert blocks.heartbeat.registers["heartbeat"].type == "u16"
 
 
