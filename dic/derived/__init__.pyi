@@ -29,6 +29,7 @@ from .gauge_series import (
     write_gauge_picture as write_gauge_picture,
 )
 from .image_clock import ImageClock as ImageClock
+from .kept_readings import KeptReadings as KeptReadings
 from .ontology_facts import about_curve as about_curve, about_series as about_series
 from .run_tables import write_run_tables as write_run_tables
 from .series_files import GAUGE_FILE as GAUGE_FILE, SeriesFiles as SeriesFiles, SeriesOutputs as SeriesOutputs
