@@ -372,16 +372,17 @@ def simulate(
 @cli.command()
 @click.option("-o", "--output", type=_PATH, default=Path("demo"), show_default=True, help="Output folder.")
 def demo(output: Path) -> None:
-    """Run the paper's tension and rotation tests and a tensile test on virtual rigs, and write a report.
+    """Run the paper's tension and rotation tests and two tensile tests on virtual rigs, and write a report.
 
-    The tensile test gives E, Poisson's ratio and Rp0.2, which are printed beside the exact values.
+    The first tensile test gives E, Poisson's ratio and Rp0.2, which are printed beside the exact values. The
+    second one is continuous; its live gauges are drawn beside the gauges from its images.
     """
     from rig.commands.demo import run_demo
 
     made = run_demo(output, say)
-    for line in made.properties:
+    for line in (*made.properties, *made.live):
         say(line)
-    say(f"open {made.report.resolve()}")
+    say(f"open {made.report.resolve()} and {made.curves.resolve()}")
 
 
 for _command in (channels, focus, status, hold, unload, jog, queue, watch):

@@ -3,11 +3,10 @@ from .animation import (
     write_animation as write_animation,
 )
 from .channel_tables import (
-    ChannelRows as ChannelRows,
     ChannelSummary as ChannelSummary,
+    ChannelTable as ChannelTable,
     channel_summaries as channel_summaries,
     write_channels as write_channels,
-    write_lines as write_lines,
 )
 from .compared import compare_results as compare_results
 from .export import (

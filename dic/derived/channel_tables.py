@@ -105,7 +105,30 @@ class ChannelRows:
             yield block
 
 
-def write_lines(table: CsvTable, block: NDArray[Any]) -> None:
+class ChannelTable:
+    """Writes samples as CSV as they come, to an open text file whose lines end as they are written.
+
+    `devices` are those of `ChannelRows`.
+    """
+
+    def __init__(self, file: Any, devices: Mapping[str, Mapping[str, Delayed]]) -> None:
+        self._rows = ChannelRows(devices)
+        self._table = CsvTable(file, decimal_comma=False)
+        self._table.write(self._rows.heading)
+
+    @staticmethod
+    def encoding(devices: Mapping[str, Mapping[str, Delayed]]) -> str:
+        """Return the encoding of the file. Text beyond ASCII needs a byte order mark for spreadsheets."""
+        heading = ChannelRows(devices).heading
+        return "utf-8" if all(title.isascii() for title in heading) else "utf-8-sig"
+
+    def add(self, device: str, time_s: Float, time_std_s: Float, values: Float) -> None:
+        """Write samples, as for `ChannelRows.blocks`."""
+        for block in self._rows.blocks(device, time_s, time_std_s, values):
+            _write_lines(self._table, block)
+
+
+def _write_lines(table: CsvTable, block: NDArray[Any]) -> None:
     """Write the lines of a block of `ChannelRows`; a value that is missing or invalid is an empty cell."""
     comma = table.decimal_comma
     for time_s, std_s, *values in block.tolist():
@@ -154,7 +177,7 @@ def write_channels(
     with new_table(table_path, decimal_comma=decimal_comma, only_ascii=only_ascii) as table:
         table.write(rows.heading)
         for first in range(0, len(whole), _BLOCK):
-            write_lines(table, whole[first : first + _BLOCK])
+            _write_lines(table, whole[first : first + _BLOCK])
     return len(whole)
 
 

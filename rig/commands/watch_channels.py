@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dic.derived import ChannelRows, write_lines
-from dic.results.csv import CsvTable
+from dic.derived import ChannelTable
 from drivers.signals import Signal
 from rig.channels.run_channels import RunChannels
 from rig.commands.check_channels import noise_of, rate_of
@@ -122,25 +121,22 @@ class ChannelWatch:
         self._rig = rig
         self._lock = threading.Lock()
         self._recent = {name: _Recent() for name in rig.channels}
-        signals = {
+        self._signals = {
             name: {each.name: each for each in device.signals} for name, device in rig.channels.items()
         }
-        self._rows = ChannelRows(signals)
         self._path = table
-        self._table: CsvTable | None = None
+        self._table: ChannelTable | None = None
         self._failure: OSError | None = None
         self._channels = RunChannels(rig.channels, rig.clock, self._record, any_value=True)
 
     @contextmanager
     def reading(self) -> Iterator[None]:
         """Read the channels until the end of the block. Raise `DeviceError` if one gives no sample."""
-        # text beyond ASCII needs a byte order mark, without which spreadsheets show wrong letters
-        encoding = "utf-8" if all(title.isascii() for title in self._rows.heading) else "utf-8-sig"
+        encoding = ChannelTable.encoding(self._signals)
         file = nullcontext() if self._path is None else self._path.open("w", newline="", encoding=encoding)
         with self._rig.clock.activity(), file as opened:
             if opened is not None:
-                self._table = CsvTable(opened, decimal_comma=False)
-                self._table.write(self._rows.heading)
+                self._table = ChannelTable(opened, self._signals)
             try:
                 self._channels.begin()
                 while not self._channels.are_ready:
@@ -195,8 +191,7 @@ class ChannelWatch:
             if self._table is None or self._failure is not None:
                 return
             try:
-                for block in self._rows.blocks(name, timed.time_s, timed.time_std_s, timed.values):
-                    write_lines(self._table, block)
+                self._table.add(name, timed.time_s, timed.time_std_s, timed.values)
             except OSError as error:
                 self._failure = error
 

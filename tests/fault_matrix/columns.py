@@ -28,10 +28,8 @@ from simulators.wire.ports import LOCALHOST
 from tests.fault_matrix.bench import Bench
 from tests.fault_matrix.camera_benches import (
     AravisBench,
-    AravisLineBench,
     AravisStreamBench,
     GentlBench,
-    GentlLineBench,
     GentlStreamBench,
     OpencvBench,
     SimulatedCameraBench,
@@ -40,6 +38,7 @@ from tests.fault_matrix.camera_benches import (
 )
 from tests.fault_matrix.channel_benches import DaqBench, ModbusChannelsBench, ModbusPulseBench
 from tests.fault_matrix.interlock_benches import ContactBench, RegisterBench
+from tests.fault_matrix.line_benches import AravisLineBench, GentlLineBench
 from tests.fault_matrix.machine_benches import LoadFrameBench, SpeedBench, StageBench
 from tests.fault_matrix.text_benches import IDENTIFIED, AskedBench, MqttBench, SendingMeterBench
 from tests.tcp_servers import interlocks_rtu_on_tcp, load_frame_rtu_on_tcp, zaber_on_tcp

@@ -84,11 +84,11 @@ def test_a_device_that_fails_and_a_full_disk_end_it_in_one_sentence(tmp_path):
     watching, _ = watch(tmp_path / "t.csv")
     full = OSError(28, "No space left on device")
 
-    def write(_):
+    def add(*_):
         raise full
 
     with watching.reading():
-        watching._table.write = write
+        watching._table.add = add
         with pytest.raises(RigError, match=r"t\.csv: .*No space left"):
             watching.wait(5.0)
 
