@@ -211,7 +211,14 @@ class MachineDrive:
             self._change(control.speed_mm_s)
 
     def _change(self, speed_mm_s: float) -> None:
-        self._run.devices.change_speed(speed_mm_s)
+        try:
+            self._run.devices.change_speed(speed_mm_s)
+        except DeviceFault:
+            # A machine that was held for a pause or an abort, or that has arrived meanwhile, refuses it.
+            self._run.check_abort()
+            if not self._run.pauses.switch.on and not self._arrived(self._run.read()):
+                raise
+            return
         self._speed_mm_s = speed_mm_s
         self._run.watch.change_speed(speed_mm_s)
 
