@@ -52,7 +52,8 @@ class Times:
     """Times of all pairs of frames of a run, ms, and the number of pairs measured per second.
 
     `wall`: from the call that offers the first frame to the values of both. `offer`, `copy`: processor time
-    and elapsed time of the copying of both frames.
+    and elapsed time of the copying of both frames; where no processor is free, the elapsed time contains the
+    measurement, which goes first.
     """
 
     wall: NDArray[np.float64]
@@ -65,7 +66,7 @@ class Times:
     def text(self) -> str:
         """Return medians and percentiles as text."""
         parts = (
-            ("elapsed", self.wall), ("of it copying", self.copy), ("copying, processor", self.offer),
+            ("elapsed", self.wall), ("offering", self.copy), ("offering, processor", self.offer),
             ("wake-up late", self.wake_up),
         )  # fmt: skip
         times = ", ".join(f"{name} {_text(ms)}" for name, ms in parts)
@@ -302,7 +303,7 @@ def main() -> None:
         print(
             f"  processor time of its process: {each:.2f} ms per pair; frames left out: {rig.live.left_out}"
         )
-        rest = np.median(runs[-1].wall) - np.median(processor) - np.median(runs[-1].copy)
+        rest = np.median(runs[-1].wall) - np.median(processor) - np.median(runs[-1].offer)
         print(f"  the rest, wake-up and messages: {rest:.2f} ms")
         last = rig.wait_until_valid()
     for name, value in (last.gauges if last is not None else {}).items():
