@@ -45,7 +45,7 @@ is added: yielding begins, and until the next speed is in force the gain rises f
 _FALL = 0.3
 """The measured gain changes by at most this share from one value to the next, against outliers."""
 _BEFORE_S, _NEWEST_S = 0.6, 0.09
-"""The stiffness of the newest readings is compared with that of the readings before, over these times in s."""
+"""The stiffness of the newest readings is compared with that before, over these times in s."""
 _NEWEST_LEAST, _BEFORE_LEAST = 4, 8
 _FALL_SIGMAS = 4.0
 """A stiffness that is lower by this many standard deviations has fallen."""

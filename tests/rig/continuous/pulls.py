@@ -124,10 +124,11 @@ class Pulled:
 
 
 def rig_text(cameras: dict[str, dict[str, Any]], specimen: dict[str, Any], **simulation: Any) -> str:
-    """Return a rig file. Other keys are those of the table [simulation]."""
+    """Return a rig file. Other keys are those of the table [simulation]. None leaves a key of `STEEL` out."""
+    specimen = {key: value for key, value in (STEEL | specimen).items() if value is not None}
     tables = {
         "rig": {"name": "a rig of the campaign", "call_timeout_s": CALL_S},
-        "simulation": {"driver": "virtual-rig", "specimen": STEEL | specimen, **simulation},
+        "simulation": {"driver": "virtual-rig", "specimen": specimen, **simulation},
         "load_frame": {
             "driver": "modbus-frame",
             "address": "@load_frame",
@@ -135,6 +136,7 @@ def rig_text(cameras: dict[str, dict[str, Any]], specimen: dict[str, Any], **sim
             "displacement_max_mm": 20.0,
             "reply_timeout_s": 20.0,
         },
+        "mounting": {"shift_std_um": 1.0, "fixed_face": "front"},
         "operator": {"driver": "simulated-operator"},
     }
     parts = [toml_table([name], table) for name, table in tables.items()]
@@ -159,7 +161,10 @@ def drive(
     seed: int = 0,
     look: Callable[[VirtualRig], None] = lambda _: None,
 ) -> Pulled:
-    """Execute a test. With `noise`, the live gauge knows the true strain; `look` is called at each reading."""
+    """Execute a test. With `noise`, the live gauge knows the true strain.
+
+    `look` is called at each reading of the engine.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "protocol.toml").write_text(protocol)
     (folder / "rig.toml").write_text(rig_file)
