@@ -150,7 +150,7 @@ class LiveCamera:
             readings = {kind: gauge.read(kind, field, valid) for kind, field in fields.items()}
             why, figures = gauge.objection(valid, status, readings["raw"], time_s)
             # Every group takes its own items of both iterators.
-            if sum([next(faint) for _ in gauge.groups]):
+            if sum([next(faint) for _ in gauge.groups]) and not why:
                 why, figures = Reason.FAINT, ""
             if sum([next(bright) for _ in gauge.groups]):
                 why, figures = Reason.SATURATED, ""
