@@ -13,7 +13,7 @@ STEADY_S = (3.0, 6.0)
 
 
 def hold_time(folder, number, seed):
-    """Send a signal to the live process; return the time from the first exposure without value to the hold."""
+    """Send a signal to the live process; return the time from the first exposure without a value to hold."""
     rng = random.Random(seed)
     processes, sent_s, due_s = [], [], []
 
@@ -27,7 +27,7 @@ def hold_time(folder, number, seed):
             os.kill(processes[0].pid, number)
 
     phases = PHASES.replace("return_s = 10.0\n", "").replace("DURATION", "30.0")
-    simulation = {"real_time": True, "prepared": {"margin_px": 40}}
+    simulation = {"real_time": True, "prepared": {"margin_px": 64}}
     text = rig_text({"front": SEES}, {"machine_stiffness_n_mm": 60_000.0}, seed=seed, **simulation)
     text = text.replace('"simulated-operator"', '"simulated-operator"\nduration_s = 0.5')
     pulled = drive(folder, protocol_text(phases, LIVE), text, look=look, on_live=processes.append)

@@ -28,7 +28,7 @@ until.displacement_mm = 2.0
 """
 JITTER_US, DELAY_S = 20_000.0, (0.0, 0.04)
 STAMP = {"jitter_us": JITTER_US, "stamp": "meant", "stamp_std_us": JITTER_US / np.sqrt(3.0)}
-"""Exposures begin late by up to the jitter, which their stamp does not know; its root mean square is stated."""
+"""Exposures begin late by up to the jitter; their stamps do not know it, and state its root mean square."""
 
 
 def errors_of(folder, speed_mm_s, seed, *, jitter):
@@ -66,7 +66,8 @@ def test_without_jitter_the_load_is_exact_to_a_hundredth_of_a_reading(tmp_path):
     error_n, _, change_n = errors_of(tmp_path, 0.05, 1, jitter=False)
     share = np.abs(error_n[1:]) / change_n[1:]
     print(
-        f"{len(share)} images: median {np.median(share):.2%} of the change between readings, most {share.max():.2%}"
+        f"{len(share)} images: median {np.median(share):.2%} of the change between two readings, "
+        f"most {share.max():.2%}"
     )
     # The simulated machine moves in steps of 20 ms, which alone are worth 1.0 %.
     assert len(share) > 150
@@ -80,6 +81,7 @@ def test_with_jitter_and_delay_the_error_of_the_load_is_as_stated(speed_mm_s, se
     error_n, std_n, _ = errors_of(tmp_path, speed_mm_s, seed, jitter=True)
     within = np.mean(np.abs(error_n) <= 1.96 * std_n)
     print(
-        f"{len(error_n)} images: {within:.1%} within 1.96 standard deviations, rms z {np.sqrt(np.mean((error_n / std_n) ** 2)):.2f}"
+        f"{len(error_n)} images: {within:.1%} within 1.96 standard deviations, "
+        f"rms z {np.sqrt(np.mean((error_n / std_n) ** 2)):.2f}"
     )
     assert within >= 0.95
