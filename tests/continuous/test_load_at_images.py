@@ -7,7 +7,7 @@ import pytest
 
 from dic.runfile.at_exposure import steps_at_exposure
 from dic.runfile.reader import RunFile
-from tests.rig.continuous.pulls import TINY, drive, protocol_text, rig_text
+from tests.continuous.pulls import TINY, drive, protocol_text, rig_text
 
 PHASES = """
 [[phases]]

@@ -6,8 +6,8 @@ import signal
 
 import pytest
 
-from tests.rig.continuous.pulls import SEES, drive, protocol_text, rig_text
-from tests.rig.continuous.test_faults import LIVE, MARGIN_S, PERIOD_S, PHASES
+from tests.continuous.pulls import SEES, drive, protocol_text, rig_text
+from tests.continuous.test_faults import LIVE, MARGIN_S, PERIOD_S, PHASES
 
 STEADY_S = (3.0, 6.0)
 

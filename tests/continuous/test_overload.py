@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.rig.continuous.overloads import INCREMENT_N, drive_lying
+from tests.continuous.overloads import INCREMENT_N, drive_lying
 
 LIES = ("stuck-load", "tenth-load", f"drifting-load:{round(0.05 * INCREMENT_N)}")
 READING = 0.01

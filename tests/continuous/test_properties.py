@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.rig.continuous.specimens import LADDER, PULL, draw, measured
+from tests.continuous.specimens import LADDER, PULL, draw, measured
 
 NAMES = ("E_gpa", "Rp02_mpa", "Rm_mpa")
 MANY, KNOWN_LEAST = 100, 0.8

@@ -4,7 +4,7 @@ import random
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.rig.continuous.pulls import AREA_MM2, TINY, drive, protocol_text, rig_text
+from tests.continuous.pulls import AREA_MM2, TINY, drive, protocol_text, rig_text
 
 MODULUS_MPA, YIELD_MPA, LENGTH_MM = 205_000.0, 360.0, 60.0
 YIELD_N = YIELD_MPA * AREA_MM2

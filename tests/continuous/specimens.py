@@ -12,7 +12,7 @@ from dic.gauges import GaugeImage, GaugeSeries, PointGauge, Reading
 from dic.properties import Properties, PropertySettings
 from dic.runfile.at_exposure import steps_at_exposure
 from dic.runfile.reader import RunFile
-from tests.rig.continuous.pulls import AREA_MM2, LENGTH_MM, TINY, Pulled, drive, protocol_text, rig_text
+from tests.continuous.pulls import AREA_MM2, LENGTH_MM, TINY, Pulled, drive, protocol_text, rig_text
 
 NOISE, LOAD_STD_PERCENT = 1.5e-5, 0.3
 POINT = PointGauge(name="point", at=(1, 1))
