@@ -24,7 +24,7 @@ EXTRAS := http tables pdf cluster
 
 help:
 	@echo "make install    the virtual environment in $(VENV)"
-	@echo "make demo       the paper's experiments and a tensile test on a virtual rig; report in $(DEMO)/report.html"
+	@echo "make demo       the paper's experiments and two tensile tests on a virtual rig; report in $(DEMO)/report.html"
 	@echo "make test       lint, types, import laws and the tests of every module, in minutes"
 	@echo "make test-extended  whole matrices, damaged files, packaging, programs by others, pages: the second part of CI"
 	@echo "make test-kernel  the camera drivers on a real kernel and a real GigE Vision peer, with their figures"

@@ -10,6 +10,7 @@ _COMMANDS = {
     "assess": "dic.commands.assess:assess",
     "calibrate": "dic.commands.calibrate:calibrate",
     "campaign": "dic.commands.campaign:campaign",
+    "channels": "dic.commands.channels:channels",
     "compare": "dic.commands.compare:compare",
     "correlate": "dic.commands.correlate:correlate",
     "draw": "dic.commands.draw:draw",

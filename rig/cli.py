@@ -11,6 +11,7 @@ from dic.shell.console import run as run_command, say
 from dic.shell.output_paths import FORCE, require_places
 from drivers.errors import ConfigurationError, DeviceError
 from rig import RigError
+from rig.commands.channels_command import channels
 from rig.commands.focus_command import focus
 from rig.commands.hand_commands import hold, jog, status, unload
 from rig.commands.output import JSON as _JSON, PATH as _PATH, NumberRange, finish as _finish, write as _write
@@ -132,6 +133,12 @@ def run(
     help="Measure only the delay of this channel against the cameras: switch a light that the cameras see, "
     "whose voltage is the channel.",
 )
+@click.option(
+    "--line",
+    type=click.Choice(["rising", "falling"]),
+    help="With --delay: the channel is no light but a line of the camera, its trigger or its exposure "
+    "output. This edge of it is the beginning of an exposure.",
+)
 @click.option("--seconds", type=NumberRange(5.0, 600.0), help="Film for this time with --delay. Default: 30.")
 @_JSON
 @FORCE
@@ -139,6 +146,7 @@ def check(
     rig_path: Path,
     output: Path | None,
     delay: str | None,
+    line: str | None,
     seconds: float | None,
     json_path: Path | None,
     force: bool,
@@ -151,10 +159,10 @@ def check(
     if delay is not None:
         if output is not None:
             raise click.UsageError("give -o only without --delay")
-        _check_delay(rig_path, delay, seconds, json_path, force)
+        _check_delay(rig_path, delay, line, seconds, json_path, force)
         return
-    if seconds is not None:
-        raise click.UsageError("give --seconds only with --delay")
+    if seconds is not None or line is not None:
+        raise click.UsageError("give --seconds and --line only with --delay")
     from rig import open_rig, read_rig
     from rig.commands.check import check_rig, keep_in
     from rig.guardian.lock import machines_locked
@@ -176,15 +184,24 @@ def check(
 
 
 def _check_delay(
-    rig_path: Path, delay: str, seconds: float | None, json_path: Path | None, force: bool
+    rig_path: Path, delay: str, line: str | None, seconds: float | None, json_path: Path | None, force: bool
 ) -> None:
     from rig import open_rig, read_rig
-    from rig.commands.check_delay import SECONDS, measure_delay, only_delay
+    from rig.commands.check_delay import SECONDS, measure_delay, measure_line_delay, only_delay
 
     rig_file, signal = only_delay(read_rig(rig_path), delay)
     require_places([rig_path], [json_path], force=force)
+
+    def tell(sentence: str) -> None:
+        say(f"rig: {sentence}", err=True)
+
+    film_s = seconds or SECONDS
     with open_rig(rig_file) as rig:
-        found = measure_delay(rig, signal, seconds or SECONDS, lambda line: say(f"rig: {line}", err=True))
+        found = (
+            measure_delay(rig, signal, film_s, tell)
+            if line is None
+            else measure_line_delay(rig, signal, film_s, rising=line == "rising", say=tell)
+        )
     for sentence in found.failed.values():
         say(f"rig: {sentence}", err=True)
     lines = found.lines + [f"not good: {problem}" for problem in found.problems]
@@ -355,17 +372,18 @@ def simulate(
 @cli.command()
 @click.option("-o", "--output", type=_PATH, default=Path("demo"), show_default=True, help="Output folder.")
 def demo(output: Path) -> None:
-    """Run the paper's tension and rotation tests and a tensile test on virtual rigs, and write a report.
+    """Run the paper's tension and rotation tests and two tensile tests on virtual rigs, and write a report.
 
-    The tensile test gives E, Poisson's ratio and Rp0.2, which are printed beside the exact values.
+    The first tensile test gives E, Poisson's ratio and Rp0.2, which are printed beside the exact values. The
+    second one is continuous; its live gauges are drawn beside the gauges from its images.
     """
     from rig.commands.demo import run_demo
 
     made = run_demo(output, say)
-    for line in made.properties:
+    for line in (*made.properties, *made.live):
         say(line)
-    say(f"open {made.report.resolve()}")
+    say(f"open {made.report.resolve()} and {made.curves.resolve()}")
 
 
-for _command in (focus, status, hold, unload, jog, queue, watch):
+for _command in (channels, focus, status, hold, unload, jog, queue, watch):
     cli.add_command(_command)

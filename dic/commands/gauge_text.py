@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import dic
-from dic.shell.shortened import left_out_text, shown
+from dic.files import left_out_text, shown
 
 _NAME_WIDTH, _CELL_WIDTH, _MOST_WIDTH = 24, 19, 100
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import click
@@ -28,6 +30,23 @@ class GaugeOutputs:
     json_file: Path | None = option("--json", help="JSON file of all readings.")
     picture: Path | None = option("--picture", help="Picture of the gauges on the reference image.")
     force: bool = force()
+
+    @contextmanager
+    def kept(
+        self, results: Path, gauges: tuple[dic.gauges.Gauge, ...], camera: str | None
+    ) -> Iterator[dic.derived.KeptReadings | None]:
+        """Keep finished readings beside the first output file until all files are written; without one, not.
+
+        The same command goes on with them if it was killed.
+        """
+        output = self.output or self.json_file or self.picture
+        if output is None:
+            yield None
+            return
+        path = output.with_name(f".{output.name}.readings.partial")
+        with dic.derived.KeptReadings(path, results, gauges, camera) as readings:
+            yield readings
+            readings.done()
 
     def files(self, gauges: tuple[dic.gauges.Gauge, ...]) -> list[Path | None]:
         """Return the paths of all files to write."""
@@ -63,19 +82,20 @@ def gauges(
     """
     declared = dic.read_gauges(gauges_file, texts)
     require_places([results, gauges_file, *record.files], outputs.files(declared), force=outputs.force)
-    found, joined = record.joined_to(dic.measure_gauges(results, declared, camera=camera))
-    for line in gauge_lines(found):
-        say(line)
-    if joined is not None:
-        say(joined_line(joined))
-    if outputs.output is not None:
-        dic.gauges.write_gauge_table(found, outputs.output, decimal_comma=outputs.decimal_comma)
-    if outputs.json_file is not None:
-        content = found.as_dict() | ({} if joined is None else {"record": joined.as_dict()})
-        write_text(outputs.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
-    if outputs.picture is not None:
-        dic.derived.write_gauge_picture(results, declared, outputs.picture, camera=camera)
-        say(f"picture: {outputs.picture}")
+    with outputs.kept(results, declared, camera) as kept:
+        found, joined = record.joined_to(dic.measure_gauges(results, declared, camera=camera, kept=kept))
+        for line in gauge_lines(found):
+            say(line)
+        if joined is not None:
+            say(joined_line(joined))
+        if outputs.output is not None:
+            dic.gauges.write_gauge_table(found, outputs.output, decimal_comma=outputs.decimal_comma)
+        if outputs.json_file is not None:
+            content = found.as_dict() | ({} if joined is None else {"record": joined.as_dict()})
+            write_text(outputs.json_file, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+        if outputs.picture is not None:
+            dic.derived.write_gauge_picture(results, declared, outputs.picture, camera=camera)
+            say(f"picture: {outputs.picture}")
     for image in found.images:
         if image.failure is not None:
             fail(f"{image.label}: {image.failure}" if image.label not in image.failure else image.failure)

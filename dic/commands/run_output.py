@@ -14,10 +14,9 @@ from dic.commands.options import option, options
 from dic.commands.run_table import as_dict
 from dic.commands.shared_options import comma, csv, fields_from, force, gauges, json_file
 from dic.errors import CorrelationError, OutputError
-from dic.files import write_text
+from dic.files import some_sentences, write_text
 from dic.shell.console import fail, say
 from dic.shell.output_paths import require_places, same_or_new
-from dic.shell.shortened import some_of
 
 _ALL_IN = "--json has"
 
@@ -138,7 +137,7 @@ def problems(run: str, result: dic.pipeline.RunResult) -> int:
         for label, objection in map(attrgetter("label", "objection"), camera.measurements)
         if objection is not None
     ]
-    for sentence in some_of(failures, _ALL_IN) + some_of(bad, _ALL_IN):
+    for sentence in some_sentences(failures, _ALL_IN) + some_sentences(bad, _ALL_IN):
         fail(sentence)
     return 2 if failures else 1 if bad else 0
 

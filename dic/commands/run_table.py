@@ -11,8 +11,7 @@ import numpy as np
 import dic
 from dic.commands.series_text import strains_of
 from dic.commands.strain_table import Column, StrainTable, share_text
-from dic.files import by_index
-from dic.shell.shortened import left_out_text, shown
+from dic.files import by_index, left_out_text, shown
 
 _READINGS = (("load_n", "load N", 0), ("displacement_mm", "displ. mm", 3), ("angle_deg", "angle °", 1))
 """The device readings in the table: attribute of a step, heading, and number of decimals."""

@@ -2,6 +2,12 @@ from .animation import (
     Animation as Animation,
     write_animation as write_animation,
 )
+from .channel_tables import (
+    ChannelSummary as ChannelSummary,
+    ChannelTable as ChannelTable,
+    channel_summaries as channel_summaries,
+    write_channels as write_channels,
+)
 from .compared import compare_results as compare_results
 from .export import (
     Export as Export,
@@ -23,6 +29,7 @@ from .gauge_series import (
     write_gauge_picture as write_gauge_picture,
 )
 from .image_clock import ImageClock as ImageClock
+from .kept_readings import KeptReadings as KeptReadings
 from .ontology_facts import about_curve as about_curve, about_series as about_series
 from .run_tables import write_run_tables as write_run_tables
 from .series_files import GAUGE_FILE as GAUGE_FILE, SeriesFiles as SeriesFiles, SeriesOutputs as SeriesOutputs

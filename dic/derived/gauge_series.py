@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.calibration.calibration import Calibration
+from dic.derived.kept_readings import KeptReadings
 from dic.errors import GaugeError, RunFileError
 from dic.files.reading import opened
 from dic.gauges.channel import gauge_channels
@@ -64,7 +65,13 @@ class GaugeReader:
         return GaugeImage(image.label, readings, known, digest=measurement.digest)
 
 
-def measure_gauges(results: Results, gauges: Sequence[Gauge], *, camera: str | None = None) -> GaugeSeries:
+def measure_gauges(
+    results: Results,
+    gauges: Sequence[Gauge],
+    *,
+    camera: str | None = None,
+    kept: KeptReadings | None = None,
+) -> GaugeSeries:
     """Read gauges in all images of a measurement, without correlating again.
 
     Parameters
@@ -76,6 +83,8 @@ def measure_gauges(results: Results, gauges: Sequence[Gauge], *, camera: str | N
         From `read_gauges`, or made in Python.
     camera : str, optional
         Camera of a run. Default: all cameras of the run, if all gauges are in millimetres.
+    kept : KeptReadings, optional
+        Readings of a command that was killed; only the images after them are read, and are added to them.
 
     Raises
     ------
@@ -84,12 +93,19 @@ def measure_gauges(results: Results, gauges: Sequence[Gauge], *, camera: str | N
     RunFileError
         If the result file cannot be read.
     """
-    found = with_results(results, partial(_read_all, gauges=tuple(gauges), camera=camera))
+    found = with_results(results, partial(_read_all, gauges=tuple(gauges), camera=camera, kept=kept))
     return replace(found, source=str(results)) if isinstance(results, str | Path) else found
 
 
-def _read_all(results: Loaded, gauges: Sequence[Gauge], camera: str | None) -> GaugeSeries:
-    images = tuple(_images(results, gauges, camera))
+def _read_all(
+    results: Loaded, gauges: Sequence[Gauge], camera: str | None, kept: KeptReadings | None
+) -> GaugeSeries:
+    known = [] if kept is None else list(kept.finished())
+    for image in _images(results, gauges, camera, len(known)):
+        if kept is not None:
+            kept.add(image)
+        known.append(image)
+    images = tuple(known)
     source, run = getattr(results, "source", ""), getattr(results, "info", None)
     outcomes: Sequence[ImageOutcome] | None = getattr(results, "outcomes", None)
     in_order = outcomes is None or bool(outcomes)
@@ -167,12 +183,15 @@ def reader_of(
         yield view, GaugeReader(gauges, view.calibration, view.series.reference.shape)
 
 
-def _images(results: Loaded, gauges: Sequence[Gauge], camera: str | None) -> Iterator[GaugeImage]:
+def _images(results: Loaded, gauges: Sequence[Gauge], camera: str | None, first: int) -> Iterator[GaugeImage]:
+    """Yield the readings of all images after the first ones; images of several cameras follow each other."""
     for view, reader in reader_of(results, gauges, camera):
-        for k, image in enumerate(view.series.images):
+        images, passed = view.series.images, min(first, len(view.series.images))
+        first -= passed
+        for k in range(passed, len(images)):
             known = view.known(k) if view.camera else {}
             names = ["camera", "step", *reading_names([known])]
-            yield reader.read(image, **{name: known[name] for name in names if name in known})
+            yield reader.read(images[k], **{name: known[name] for name in names if name in known})
 
 
 def _contents(images: Sequence[GaugeImage], outcomes: Sequence[ImageOutcome]) -> tuple[str, ...]:

@@ -1,8 +1,8 @@
 """Gauges that fit an affine displacement to their points: areas and points."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from dic.gauges.planes import lie_on_one_line, sums_at
 from dic.gauges.points import GridPlaces
 from dic.gauges.reading import Reading, SharedPart
 from dic.gauges.strains import along_weights, elongation
-from dic.gauges.sums import covariance_at_points, kept_correlations
-from dic.strain.displacement import Displacement
+from dic.gauges.sums import PointErrors, covariance_at_points, kept_correlations
+from dic.strain.displacement import Displacement, Noise
 from dic.strain.measures import MEASURES
 from dic.strain.strain import STRAIN_KEYS, strain_of_gradient, with_shared
 from dic.typing import Float, Indices
@@ -108,17 +108,13 @@ class PreparedFit:
             return Reading(unit, points=points, declared=declared, values=unknown, reason=self.reason)
         displacement, direction = field.displacement, self.placed.direction
         fitted = self.sums @ displacement.vector[self.rows, self.columns]
-        gradient, covariance = fitted[1:].T, None
-        if displacement.noise is not None:
-            covariance = covariance_at_points(
-                self.rows, self.columns, self._weights, displacement.noise, self.known
-            )
+        gradient = fitted[1:].T
         strain, by_gradient = elongation(gradient, direction)
+        covariance, of_images = self._errors(displacement.noise, by_gradient)
         size = MEASURES[field.measure].by_engineering(1.0 + strain) ** 2
         weights = along_weights(direction)
         images, shared = (size * part for part in field.along(weights))
-        of_images = np.nan if covariance is None else by_gradient @ covariance[_OF_GRADIENT] @ by_gradient
-        images += float(of_images)
+        images += of_images
         return Reading(
             unit,
             strain=strain,
@@ -131,6 +127,25 @@ class PreparedFit:
             shared=SharedPart(field.shared, np.sqrt(size) * weights, field.mounting),
         )
 
+    def _errors(self, noise: Noise | None, by_gradient: Float) -> tuple[Callable[[], Float | None], float]:
+        """Return a function that returns the covariance (6, 6) of the sums, and the variance of the strain.
+
+        The function computes it when it is called, from the errors as they are now, if that is possible.
+        """
+        if noise is None:
+            return partial(_same, None), np.nan
+        if self.known is None:
+            covariance = covariance_at_points(self.rows, self.columns, self._weights, noise)
+            return partial(_same, covariance), float(by_gradient @ covariance[_OF_GRADIENT] @ by_gradient)
+        errors = PointErrors.of(self.rows, self.columns, noise, self.known)
+        later = partial(errors.covariance, self._weights)
+        return later, errors.variance(self._gradient_weights @ by_gradient)
+
+    @cached_property
+    def _gradient_weights(self) -> Float:
+        """Weights, shape (n, 2, 4), in the elements of the gradient."""
+        return np.ascontiguousarray(self._weights[:, :, GRADIENT])
+
     @cached_property
     def _weights(self) -> Float:
         """Weights, shape (n, 2, 6), of the displacements in u and v at the gauge's place, and in the elements
@@ -139,15 +154,25 @@ class PreparedFit:
         return np.asarray(np.einsum("ik,jn->nikj", np.eye(2), self.sums).reshape(-1, 2, 6))
 
 
+def _same(value: Float | None) -> Float | None:
+    return value
+
+
 class _FitValues(Mapping[str, float]):
     """The values of a reading by their names; they are computed when the first of them is used.
 
     `moved`, shape (2,), and `gradient`, shape (2, 2): displacement and its gradient at the gauge's place.
-    `covariance`, shape (6, 6): their covariance; None if it is not known. `points`: number of points.
+    `covariance`: function that returns their covariance, shape (6, 6); None if it is not known. `points`:
+    number of points.
     """
 
     def __init__(
-        self, moved: Float, gradient: Float, covariance: Float | None, points: int, field: GaugeField
+        self,
+        moved: Float,
+        gradient: Float,
+        covariance: Callable[[], Float | None],
+        points: int,
+        field: GaugeField,
     ) -> None:
         self._fit = moved, gradient, covariance, points
         self._shared, self._measure = field.common_noise + field.shared, field.measure
@@ -166,7 +191,8 @@ class _FitValues(Mapping[str, float]):
 
     @cached_property
     def _known(self) -> dict[str, float]:
-        moved, gradient, covariance, points = self._fit
+        moved, gradient, errors, points = self._fit
+        covariance = errors()
         of_gradient = None if covariance is None else covariance[_OF_GRADIENT]
         mean = with_shared(strain_of_gradient(gradient, of_gradient, points, self._measure), self._shared)
         stds = np.full(2, np.nan) if covariance is None else np.sqrt(np.diag(covariance)[MOVED])

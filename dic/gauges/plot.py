@@ -41,6 +41,8 @@ NAMES = {
     "u": "displacement to the right",
     "v": "displacement upwards",
 }
+LIVE_PREFIX, LIVE = "channels.gauge.", "live"
+"""The channels of gauges that were measured while the test ran are called so, and their lines."""
 _IN_KN = 1000.0
 """If the largest load is at least this value, in N, loads are drawn in kN."""
 
@@ -186,7 +188,9 @@ def _of_channels(series: GaugeSeries, against: str) -> Iterator[_Line]:
     for name, channel in series.channels.items():
         if channel.is_strain:
             values, std = channel.strain(known), channel.strain_std(known)
-            yield _Line(name, "", MEASURED, x, values, std, channel.unit)
+            live = name.removeprefix(LIVE_PREFIX)
+            shown, kind = (live, LIVE) if live != name else (name, MEASURED)
+            yield _Line(shown, "", kind, x, values, std, channel.unit)
 
 
 def _places(series: GaugeSeries, images: Sequence[GaugeImage], against: str) -> Float:

@@ -5,7 +5,7 @@ correlated errors, so the variance of the sum is larger than for independent poi
 common to all points.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,17 +33,55 @@ def covariance_at_points(
     if known is None and len(rows) > _FEW:
         return _by_transforms(rows, columns, weights, noise)
     overlap = correlations(rows, columns, noise) if known is None else known
-    # For few points, `einsum` would take several times as long as products of matrices.
-    count, sums = len(rows), weights.shape[2]
-    to_sums = np.swapaxes(weights, 1, 2)
-    parts = to_sums @ noise.factors[rows, columns]
-    shared = (overlap @ parts.reshape(count, 2 * sums)).reshape(count, sums, 2)
-    one, other = (np.swapaxes(each, 0, 1).reshape(sums, 2 * count) for each in (parts, shared))
-    covariance = one @ other.T
-    if noise.bias is not None:
-        bias = (to_sums @ noise.bias[rows, columns]).sum(axis=0)
-        covariance += bias @ bias.T
-    return np.asarray(covariance)
+    return PointErrors.of(rows, columns, noise, overlap).covariance(weights)
+
+
+@dataclass(frozen=True)
+class PointErrors:
+    """The errors of the displacements of n points, as they were at one image.
+
+    Attributes
+    ----------
+    factors, bias : ndarray, shape (n, 2, 2)
+        Those of `Noise` at the points; `bias` may be None.
+    overlap : ndarray, shape (n, n)
+        `correlations` of the points.
+    """
+
+    factors: Float
+    bias: Float | None
+    overlap: Float
+
+    @classmethod
+    def of(cls, rows: Indices, columns: Indices, noise: Noise, overlap: Float) -> "PointErrors":
+        """Return the errors at points, with copies of what later images may change."""
+        bias = None if noise.bias is None else noise.bias[rows, columns]
+        return cls(noise.factors[rows, columns], bias, overlap)
+
+    def covariance(self, weights: Float) -> Float:
+        """Return the covariance (p, p) of p sums with weights (n, 2, p)."""
+        # For few points, `einsum` would take several times as long as products of matrices.
+        count, sums = len(weights), weights.shape[2]
+        to_sums = np.swapaxes(weights, 1, 2)
+        parts = to_sums @ self.factors
+        shared = (self.overlap @ parts.reshape(count, 2 * sums)).reshape(count, sums, 2)
+        one, other = (np.swapaxes(each, 0, 1).reshape(sums, 2 * count) for each in (parts, shared))
+        covariance = one @ other.T
+        if self.bias is not None:
+            bias = (to_sums @ self.bias).sum(axis=0)
+            covariance += bias @ bias.T
+        return np.asarray(covariance)
+
+    def variance(self, weights: Float) -> float:
+        """Return the variance of one sum with weights (n, 2)."""
+        factors = self.factors
+        # A product of many small matrices would take several times as long.
+        parts = weights[:, :1] * factors[:, 0] + weights[:, 1:] * factors[:, 1]
+        variance = float(np.vdot(parts, self.overlap @ parts))
+        if self.bias is not None:
+            bias = weights.ravel() @ self.bias.reshape(-1, 2)
+            variance += float(bias @ bias)
+        return variance
 
 
 def kept_correlations(rows: Indices, columns: Indices, noise: Noise | None, *, often: bool) -> Float | None:

@@ -165,6 +165,7 @@ class MotionTrack:
         self.by_values = np.full((3, VALUES), np.nan)
         """Derivatives of the mean strains exx, eyy, exy of the gauges' points by the values of the motion."""
         self.last: FieldMotion | None = None
+        self._better = "held"
 
     def take(self, motion: FieldMotion, by_values: Float) -> None:
         """Take the motion of a field. One that was not corrected, or is older than the last, changes nothing.
@@ -183,15 +184,16 @@ class MotionTrack:
         self.last = motion
         self._times_s = [self._times_s[-1], motion.time_s]
         self._values = [self._values[-1], motion.values]
-
-    def at(self, time_s: float) -> tuple[Float, Float]:
-        """Return the values (9,) that are expected now, and the covariance (9, 9) of their errors by age."""
         to_strain = np.nan_to_num(self.by_values)
-        name = min(
+        self._better = min(
             self._errors,
             key=lambda each: float(np.trace(to_strain @ self._errors[each] @ to_strain.T)),
             default="held",
         )
+
+    def at(self, time_s: float) -> tuple[Float, Float]:
+        """Return the values (9,) that are expected now, and the covariance (9, 9) of their errors by age."""
+        name = self._better
         unknown = np.full((VALUES, VALUES), np.nan)
         return self._expected(name, time_s), self._errors.get(name, unknown) * self.age_s(time_s) ** 2
 

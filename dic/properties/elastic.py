@@ -153,6 +153,11 @@ def _noise_of_slope(record: Record, line: FittedLine, x: Float, y: Float) -> tup
     # Points with correlated errors, as in a filtered signal, contain less information than independent ones.
     alike = float(np.clip((rest[1:] @ rest[:-1]) / max(float(rest @ rest), 1e-300), 0.0, 0.98))
     std *= np.sqrt((1.0 + alike) / (1.0 - alike))
+    # The points of a short window may show less of the correlation than the whole record.
+    parts = ((record.strained_stress, 1.0), (record.strain, line.slope))
+    known = [(record.alike(values), factor * record.noise(values)) for values, factor in parts]
+    least = root_sum(*(size * np.sqrt((1.0 + like) / (1.0 - like)) for like, size in known if like > 0.0))
+    std = max(std, least / np.sqrt(across))
     return std, line.slope * record.noise(x) ** 2 * len(x) / across
 
 

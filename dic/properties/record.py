@@ -24,6 +24,11 @@ MARKER_EQUAL, MARKER_TIMES, MARKER_SHARE = 0.99, 3.0, 0.1
 """Loads of at least `MARKER_EQUAL` of the largest one are no loads if they exceed all others by
 `MARKER_TIMES` and are at most this share of the points.
 """
+FAR_TIMES, MOST_GROWTH, LEAST_GROWTH = 30, 2.0, 1.2
+"""Noise is sought in differences of values whose distance is at most 1 / `FAR_TIMES` of the record. It may
+grow by `MOST_GROWTH` when the distance doubles, and is that of neighbours unless it is larger by
+`LEAST_GROWTH`.
+"""
 BROKEN_SHARE, LOOP_SHARE = 0.1, 0.02
 LADDER_TIMES, LADDER_SHARE, LADDER_STEPS = 5.0, 0.7, 4
 
@@ -94,11 +99,42 @@ class Record:
         return int(below[-1]) + 1 if below.size else 0, stop
 
     def noise(self, values: Float) -> float:
-        """Return a robust standard deviation of the white noise of values, from third differences."""
-        if len(values) < 8:
+        """Return a robust standard deviation of the noise of values, from third differences."""
+        return self._noise(values)[0]
+
+    def alike(self, values: Float) -> float:
+        """Return the correlation of the noise of neighbouring values; 0 for white noise.
+
+        The noise of the third differences of neighbours has the share 1 - 1.5 r + 0.6 r² - 0.1 r³ of the
+        variance, if the noise is that of a filter of first order with the correlation r.
+        """
+        whole, near = self._noise(values)
+        if whole <= near:
             return 0.0
-        # The third difference of white noise has 1 + 9 + 9 + 1 = 20 times its variance.
-        return float(1.4826 * np.median(np.abs(np.diff(values, n=3))) / np.sqrt(20.0))
+        known = np.linspace(0.98, 0.0, 99)
+        shares = 1.0 - 1.5 * known + 0.6 * known**2 - 0.1 * known**3
+        return float(np.interp((near / whole) ** 2, shares, known))
+
+    def _noise(self, values: Float) -> tuple[float, float]:
+        """Return the noise of values, and what differences of neighbours show of it.
+
+        Neighbouring values of a filtered or quickly sampled signal have nearly the same noise, which their
+        differences do not show. So values farther apart are compared, as long as the differences grow as
+        those of noise do: the differences of the curve itself grow by 8 when the distance doubles.
+        """
+        if len(values) < 8:
+            return 0.0, 0.0
+        seen = [_third_differences(values, 1)]
+        apart = 2
+        while FAR_TIMES * apart <= len(values):
+            further = _third_differences(values, apart)
+            if further > MOST_GROWTH * seen[-1]:
+                break
+            seen.append(further)
+            apart *= 2
+        # The last differences may contain the curve.
+        whole = max(seen[:-1], default=seen[0])
+        return (whole if whole > LEAST_GROWTH * seen[0] else seen[0]), seen[0]
 
     def stress_noise(self, stress: Float) -> float:
         """Return the standard deviation of the noise of stresses of the record, MPa.
@@ -136,6 +172,13 @@ class Record:
         rise = float(self.stress[stop] - self.stress[0])
         enough = np.count_nonzero(large) >= LADDER_STEPS and np.count_nonzero(large) <= 0.4 * len(steps)
         return bool(enough and steps[large].sum() > LADDER_SHARE * rise)
+
+
+def _third_differences(values: Float, apart: int) -> float:
+    """Return the noise that the third differences of values at a distance show, as if it were white."""
+    first, second, third, fourth = (values[k * apart : len(values) - (3 - k) * apart] for k in range(4))
+    # The third difference of white noise has 1 + 9 + 9 + 1 = 20 times its variance.
+    return float(1.4826 * np.median(np.abs(fourth - first + 3.0 * (second - third))) / np.sqrt(20.0))
 
 
 def record_of(curve: Curve, area_mm2: float) -> Record:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dic.properties.crossing import Crossing, crossing
+from dic.properties.crossing import Crossing, Noise, crossing
 from dic.properties.elastic import Elastic
 from dic.properties.record import Record
 from dic.properties.settings import PropertySettings
@@ -52,17 +52,18 @@ def offset_strength(
     """Return the offset yield strength: the stress at which the plastic strain reaches the offset."""
     rule, offset = OFFSET_RULE.format(offset_percent), offset_percent / 100.0
     stress, strain = record.strained_stress, record.strain
-    at = _crossing(strain, stress, elastic, offset, 0.0)
+    noise = _noise(record)
+    at = _crossing(strain, stress, elastic, offset, 0.0, noise)
     if at is None:
         reason = "the record of strain ends before the shifted elastic line"
         return missing("MPa", rule, " ".join((reason, *filter(None, [record.end_reason]))))
-    turned = [_crossing(strain, stress, elastic, offset, by * elastic.std_mpa) for by in (-1.0, 1.0)]
+    turned = [_crossing(strain, stress, elastic, offset, by * elastic.std_mpa, noise) for by in (-1.0, 1.0)]
     by_line = max((abs(side.stress_mpa - at.stress_mpa) for side in turned if side is not None), default=0.0)
     # If all measured strains are too large by the share p, the true offset is at the measured offset (1 + p).
-    shifted = _crossing(strain, stress, elastic, offset * (1.0 + settings.strain_share), 0.0)
+    shifted = _crossing(strain, stress, elastic, offset * (1.0 + settings.strain_share), 0.0, noise)
     by_strain = abs(shifted.stress_mpa - at.stress_mpa) if shifted is not None else 0.0
     common = at.stress_mpa * settings.stress_share
-    std = root_sum(common, by_line, by_strain, at.std_mpa, _local_noise(record))
+    std = root_sum(common, by_line, by_strain, at.std_mpa)
     flags = [*_doubt(elastic)]
     if plateau is not None and at.point >= plateau.upper:
         flags.append(
@@ -75,10 +76,10 @@ def offset_strength(
 
 
 def _crossing(
-    strain: Float, stress: Float, elastic: Elastic, offset: float, turn_mpa: float
+    strain: Float, stress: Float, elastic: Elastic, offset: float, turn_mpa: float, noise: Noise
 ) -> Crossing | None:
     slope, foot = elastic.turned(turn_mpa)
-    return crossing(strain - foot - offset, stress, slope, elastic.line.stop)
+    return crossing(strain - foot - offset, stress, slope, elastic.line.stop, noise)
 
 
 def find_plateau(record: Record, elastic: Elastic) -> Plateau | str:
@@ -194,6 +195,13 @@ def _yield_value(
     std = root_sum(stress * settings.stress_share, noise, excess_of_extreme(noise, near))
     window = {"strain_percent": 100 * float(record.strain[at] - elastic.foot), "point": at}
     return PropertyValue(stress, std, "MPa", rule, window)
+
+
+def _noise(record: Record) -> Noise:
+    shown, stated = record.noise(record.strained_stress), _local_noise(record)
+    alike = max(record.alike(values) for values in (record.strain, record.strained_stress))
+    shared = float(np.sqrt(max(stated**2 - shown**2, 0.0)))
+    return Noise(record.noise(record.strain), shown, shared, min(alike, 0.98))
 
 
 def _local_noise(record: Record) -> float:

@@ -10,6 +10,8 @@ from dic.report.camera_images import Results
 from dic.report.tensile_record import TensileTest
 from dic.results.provenance import Provenance
 
+_MOST_IMAGES, _AT_ENDS = 500, 10
+"""Of more images than the first number, the digests of the second number at each end are shown."""
 _UNKNOWN = "not known: the result file is of an earlier version"
 
 
@@ -25,7 +27,9 @@ class Repeat:
     files: list[tuple[str, str]]
     """Name and SHA-256 of each input file except the images."""
     images: list[tuple[str, str]]
-    """Name and SHA-256 of each image of the curve."""
+    """Name and SHA-256 of each image of the curve; of a long series, those at both ends."""
+    more_images: int
+    """Number of the other images, whose digests are in the JSON file."""
 
 
 def result_of(test: TensileTest, results: Sequence[Results]) -> Results:
@@ -51,12 +55,15 @@ def repeat_of(test: TensileTest, result: Results) -> Repeat:
         for column in columns
         for label, digest in zip(column.labels, column.digests, strict=True)
     }
+    named = list(images.items())
+    kept = named if len(named) <= _MOST_IMAGES else [*named[:_AT_ENDS], *named[-_AT_ENDS:]]
     return Repeat(
         commands=[("measured the images", first.command), ("computed the properties", last.command)],
         versions=[("Images", first.versions), ("Properties", last.versions)],
         settings=json.dumps(_settings(test, first), indent=1, ensure_ascii=False),
         files=list((dict(first.inputs) | dict(last.inputs)).items()),
-        images=[(name, digest or "not known") for name, digest in images.items()],
+        images=[(name, digest or "not known") for name, digest in kept],
+        more_images=len(named) - len(kept),
     )
 
 

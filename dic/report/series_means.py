@@ -9,7 +9,10 @@ import numpy as np
 
 from dic.pipeline.measured_images import MeasuredImage
 from dic.report.numbers import fixed, micro, micro_with_std, with_std
+from dic.report.series import LONG
 from dic.report.states import names_of
+from dic.report.steps import MOST_ROWS
+from dic.report.thinning import some_of
 from dic.typing import Float
 
 NONE = "–"
@@ -86,9 +89,11 @@ class SeriesMeans:
         pairs = zip(factor * self.values[kind][index], factor * self.stds[kind][index], strict=True)
         return [_text(value, std, unit) for value, std in pairs]
 
-    def table(self) -> list[ImageRow]:
-        """Return a row for each image."""
-        return [self._row(k, row) for k, row in enumerate(self.rows)]
+    def table(self, shown: int) -> list[ImageRow]:
+        """Return a row for each image; of a long series rows of the image `shown` and of some others."""
+        count = len(self.rows)
+        some = range(count) if count <= LONG else some_of(count, MOST_ROWS, [shown])
+        return [self._row(k, self.rows[k]) for k in some]
 
     def _row(self, index: int, row: dict[str, Any]) -> ImageRow:
         strains = [text for kind in self.kinds for text in self.texts(index, kind)]

@@ -6,12 +6,14 @@ from pathlib import Path, PurePath
 
 from dic.calibration.calibration import Calibration
 from dic.errors import RunFileError, require_kind
+from dic.files.shortened import some_sentences
 from dic.files.writing import write_text
 from dic.gauges.series import GaugeSeries
 from dic.keywords import takes_settings
 from dic.pipeline.result import SeriesResult
 from dic.report.pdf import require_pdf, write_pdf
-from dic.report.series_means import NONE, ImageRow, SeriesMeans, means_of
+from dic.report.series import LONG
+from dic.report.series_means import ImageRow, SeriesMeans, means_of
 from dic.report.series_pictures import (
     DISPLACEMENTS,
     STRAINS,
@@ -42,6 +44,7 @@ class SeriesView:
     """
 
     name: str
+    title: str
     summary: list[str]
     shown: str
     component: str
@@ -53,6 +56,7 @@ class SeriesView:
     unit: str
     kinds: tuple[str, ...]
     rows: list[ImageRow]
+    left_out: str
     settings: list[tuple[str, str]]
     inputs: list[tuple[str, str]]
 
@@ -130,13 +134,15 @@ def series_dict(result: SeriesResult) -> dict[str, object]:
 
 
 def _title(results: Sequence[SeriesResult], views: Sequence[SeriesView]) -> str:
-    if len(results) > 1:
-        return f"Strain in {len(results)} series of images"
-    rows = views[0].rows
-    names = [PurePath(row.name).stem for row in rows if row.share != NONE] or [rows[0].name]
+    return views[0].title if len(results) == 1 else f"Strain in {len(results)} series of images"
+
+
+def _title_of(means: SeriesMeans) -> str:
+    total = len(means.rows)
+    names = [PurePath(means.name(k)).stem for k in means.measured] or [means.name(0)]
     if len(names) == 1:
         return f"Strain in {names[0]}"
-    count = f"{len(names)} images" if len(names) == len(rows) else f"{len(names)} of {len(rows)} images"
+    count = f"{len(names)} images" if len(names) == total else f"{len(names)} of {total} images"
     return f"Strain in {count}, {names[0]} to {names[-1]}"
 
 
@@ -145,7 +151,7 @@ def _view(result: SeriesResult, wanted: str, gauges: GaugeSeries | None, *, test
     means = means_of(series.images, calibrated=result.calibration is not None)
     settings = [("Command", result.provenance.command), ("Versions", result.provenance.versions)]
     strains = displacements = curve = sheet = shown = component = ""
-    summary = [_count(result, means)]
+    summary, at = [_count(result, means)], 0
     if not result.finished:
         summary.append(_UNFINISHED)
     if means.measured:
@@ -161,8 +167,10 @@ def _view(result: SeriesResult, wanted: str, gauges: GaugeSeries | None, *, test
         measurement = series.images[means.measured[0]].measurement
         if measurement is not None:
             settings += _settings(measurement, result.calibration)
+    rows = means.table(at)
     return SeriesView(
         name=Path(result.source).name,
+        title=_title_of(means),
         summary=summary,
         shown=shown,
         component=component,
@@ -173,7 +181,8 @@ def _view(result: SeriesResult, wanted: str, gauges: GaugeSeries | None, *, test
         sheet=sheet,
         unit=means.unit,
         kinds=means.kinds,
-        rows=means.table(),
+        rows=rows,
+        left_out=_left_out(rows, means),
         settings=settings,
         inputs=list(result.provenance.inputs.items()),
     )
@@ -192,6 +201,13 @@ def _chosen(source: str, means: SeriesMeans, wanted: str) -> int:
     return found[0]
 
 
+def _left_out(rows: Sequence[ImageRow], means: SeriesMeans) -> str:
+    """Return a sentence about the images without a row in the table; empty if all have one."""
+    if len(rows) == len(means.rows):
+        return ""
+    return f"{len(rows)} of {len(means.rows)} images; `dic strain RESULTS --csv FOLDER` writes all of them."
+
+
 def _largest(means: SeriesMeans, index: int) -> int:
     """Return the index of the component with the largest mean strain in an image."""
     sizes = [-1.0 if value != value else abs(value) for value in means.values[means.kind_at(index)][index]]
@@ -202,6 +218,11 @@ def _count(result: SeriesResult, means: SeriesMeans) -> str:
     measured, total = len(means.measured), len(means.rows)
     against = f", compared with {PurePath(result.reference_name).name}" if result.reference_name else ""
     found = "all were measured" if measured == total else f"{total - measured} could not be measured"
+    if total > LONG and measured < total:
+        failed = [
+            f"{means.name(k)}: {row['error']}" for k, row in enumerate(means.rows) if "converged" not in row
+        ]
+        found += f" ({'; '.join(some_sentences(failed, 'the JSON file has', 5))})"
     return f"{total} image{'s' if total > 1 else ''}{against}; {found}."
 
 

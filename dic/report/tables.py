@@ -5,11 +5,11 @@ from math import isfinite
 from pathlib import Path
 
 from dic.correlation.settings import CorrelationSettings
+from dic.files.shortened import some_sentences
 from dic.pipeline.image_timing import ImageTiming
 from dic.report.numbers import date, direction_text, fixed
 from dic.report.series import CameraSeries, Run
 from dic.runfile.reader import RunInfo
-from dic.shell.shortened import some_of as some_sentences
 from dic.strain.measurement import Measurement
 from dic.strain.measures import MEASURES
 from dic.strain.strain import gauge_text

@@ -15,6 +15,7 @@ from dic.report.style import (
     new_figure,
 )
 from dic.report.tensile_record import TensileColumn, TensileTest
+from dic.report.thinning import thinned
 from dic.typing import Float
 
 _MICRO = 1e6
@@ -65,8 +66,9 @@ def gauges_figure(test: TensileTest) -> Any:
         axis.plot(
             100.0 * strain, stress, color=colour, marker=marker, markersize=3, label=_gauge_label(test, gauge)
         )
-        low, high = (100.0 * (strain + side * CONFIDENCE * std) for side in (-1.0, 1.0))
-        axis.fill_betweenx(stress, low, high, color=colour, alpha=0.2, linewidth=0)
+        drawn = thinned(strain, stress, std)
+        low, high = (100.0 * (strain + side * CONFIDENCE * std)[drawn] for side in (-1.0, 1.0))
+        axis.fill_betweenx(stress[drawn], low, high, color=colour, alpha=0.2, linewidth=0)
     axis.axvline(0.0, color="0.6", linewidth=0.8)
     axis.set(xlabel="engineering strain, %", ylabel="stress, MPa")
     legend_below(figure, columns=4)

@@ -118,10 +118,10 @@ def stress_figure(run: Run) -> str:
     Without the size of the specimen, the figure shows the load. The result is an empty text if the load or
     the strain is not known.
     """
-    shown = [(each.label, each.steps, best_strain(each), order) for order, each in ordered(run)]
-    if run.pair is not None:
-        shown.append((run.pair.label, run.pair.steps, run.pair.corrected, len(shown)))
-    strains = np.concatenate([values for _, _, values, _ in shown])
+    shown = [(each.label, each.steps, best_strain(each)) for _, each in ordered(run)]
+    if run.pair is not None and np.isfinite(run.pair.corrected).any():
+        shown.append((run.pair.label, run.pair.steps, run.pair.corrected))
+    strains = np.concatenate([values for *_, values in shown])
     loads_n = np.array([step.load_n for step in run.steps])
     if not (np.isfinite(strains).any() and np.isfinite(loads_n).any()):
         return ""
@@ -129,7 +129,7 @@ def stress_figure(run: Run) -> str:
     area_mm2 = run.result.info.width_mm * run.result.info.thickness_mm
     unit, factor = ("stress, MPa", 1.0 / area_mm2) if np.isfinite(area_mm2) else ("load, kN", 1e-3)
     figure, (axis,) = new_figure(1, 4.0)
-    for k, (label, steps, values, _) in enumerate(shown):
+    for k, (label, steps, values) in enumerate(shown):
         stress = factor * np.array([step.load_n for step in steps])
         colour = ON_AXIS_COLOUR if k == 0 else OFF_AXIS_COLOURS[(k - 1) % len(OFF_AXIS_COLOURS)]
         axis.plot(1e-4 * values[:, along], stress, color=colour, linewidth=1.1, label=label)

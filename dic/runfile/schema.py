@@ -287,7 +287,7 @@ def value_of(signal: str) -> str:
 
 
 def is_about_a_gauge(signal: str) -> bool:
-    """Return True for a signal about the values of live gauges, such as "gauge.axial.std" or their latency."""
+    """Return True for a signal about the values of live gauges, such as "gauge.axial.std"."""
     return signal == "gauge_latency" or (signal.startswith("gauge.") and signal.count(".") > 1)
 
 

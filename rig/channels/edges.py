@@ -87,7 +87,7 @@ def edges_of_signal(time_s: Floats, values: Floats, levels: Levels) -> Edges:
     """Return the edges of the samples of a signal, where they pass the middle between both levels."""
     shares = levels.share(values)
     intervals, rising = [], []
-    for last, first, rises in _switches(shares):
+    for last, first, rises in switches(shares):
         # of the samples from one level to the other, the two about the middle
         before = last + int(np.argmax((shares[last + 1 : first + 1] > 0.5) == rises))
         part = (0.5 - shares[before]) / (shares[before + 1] - shares[before])
@@ -117,7 +117,7 @@ def edges_of_light(
     shares = levels.share(values)
     begins_s, ends_s = middle_s - length_s / 2, middle_s + length_s / 2
     intervals, rising = [], []
-    for last, first, rises in _switches(shares):
+    for last, first, rises in switches(shares):
         rising.append(rises)
         if saturated:
             # one bright moment is enough for a bright image
@@ -134,7 +134,7 @@ def edges_of_light(
     return Edges.between(intervals, rising)
 
 
-def _switches(shares: Floats) -> list[tuple[int, int, bool]]:
+def switches(shares: Floats) -> list[tuple[int, int, bool]]:
     """Return for each change of level the last value at the old one, the first at the new one, and if it
     rises."""
     found = []

@@ -4,6 +4,7 @@ import math
 
 from rig import EngineStatus, RigReading, State, StepRecord
 from rig.engine.timing import TimingNow
+from rig.live.values import SIGNAL_PREFIX
 from rig.protocol.step import ProtocolStep
 from rig.samples import DISPLACEMENT, LOAD
 
@@ -22,10 +23,21 @@ def is_acquiring(status: EngineStatus) -> bool:
 def what_is_taken(status: EngineStatus, now: TimingNow) -> str:
     """Return a line with the numbers of images, the rates, and the newest values of the channels."""
     paused = "PAUSED: " if status.state is State.PAUSED else ""
+    paused += _what_moves(status)
     values = channel_values(status.reading)
     if now.waits_for:
         return f"{paused}waiting for {now.waits_for}{values}"
     return f"{paused}{counts(now)}{values}"
+
+
+def _what_moves(status: EngineStatus) -> str:
+    """Return what a machine does that takes commands; nothing is claimed of another one."""
+    units = {} if status.reading is None else status.reading.by_unit()
+    if status.load_is_measured or status.reading is None:
+        return ""
+    if status.reading.moving:
+        return "the load frame MOVES, " if "N" in units else "the stage MOVES, "
+    return "nothing moves, " if status.state is State.PAUSED and "N" in units else ""
 
 
 def beside_a_machine(status: EngineStatus, step: ProtocolStep, at: str) -> str:
@@ -59,8 +71,9 @@ def counts(now: TimingNow) -> str:
 
 
 def channel_values(reading: RigReading | None) -> str:
-    """Return the newest values of the first channels with their units."""
-    signals = {} if reading is None else reading.signals
+    """Return the newest values of the first channels with their units, without the gauges."""
+    every = {} if reading is None else reading.signals
+    signals = {name: each for name, each in every.items() if not name.startswith(SIGNAL_PREFIX)}
     # Load and displacement of a load frame have a place of their own.
     shown_signals = [(name, each) for name, each in signals.items() if name not in (LOAD, DISPLACEMENT)]
     shown = [f"{name} {each.newest:.5g} {each.unit}" for name, each in shown_signals[:_SHOWN]]

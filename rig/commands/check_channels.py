@@ -39,7 +39,7 @@ def check_channels(found: RigCheck, rig: Rig, name: str) -> None:
         signal.name: _signal(found, rig, signal, values[:, k], times_s)
         for k, signal in enumerate(device.signals)
     }
-    rate_hz = _rate_hz(times_s)
+    rate_hz = rate_of(times_s)
     asked = f" of {device.rate_hz:g}" if device.rate_hz else ""
     found.lines.append(f"  {rate_hz:.4g}{asked} samples per second, {lost} lost of {len(values) + lost}")
     _judge_rate(found, where, device, rate_hz, lost)
@@ -86,7 +86,7 @@ def _is_enough(samples: list[TimedSamples], passed_s: float) -> bool:
 
 def _signal(found: RigCheck, rig: Rig, signal: Signal, values: Floats, times_s: Floats) -> dict[str, Any]:
     """Tell the newest value of a signal, its noise and its range."""
-    noise = _noise(times_s, values)
+    noise = noise_of(times_s, values)
     known = "" if math.isnan(noise) else f", noise {noise:.3g} {signal.unit}"
     quantities = [f"the {quantity}" for quantity, name in rig.measured.items() if name == signal.name]
     taken = f", taken as {quantities[0]} of the load frame" if quantities else ""
@@ -117,7 +117,7 @@ def _signal(found: RigCheck, rig: Rig, signal: Signal, values: Floats, times_s: 
     }
 
 
-def _noise(times_s: Floats, values: Floats) -> float:
+def noise_of(times_s: Floats, values: Floats) -> float:
     """Return the standard deviation about a straight line; NaN for too few samples."""
     if len(values) < _LEAST_SAMPLES // 2:
         return math.nan
@@ -128,7 +128,8 @@ def _noise(times_s: Floats, values: Floats) -> float:
     return float(np.std(values - np.polyval(line, at_s), ddof=2))
 
 
-def _rate_hz(times_s: Floats) -> float:
+def rate_of(times_s: Floats) -> float:
+    """Return the number of samples per second; NaN for less than two."""
     span_s = float(times_s[-1] - times_s[0])
     return (len(times_s) - 1) / span_s if span_s > 0.0 else math.nan
 

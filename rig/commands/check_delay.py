@@ -1,34 +1,29 @@
-"""Measure the delay of a channel against the cameras of a rig, with one light that both of them see."""
+"""Measure the delay of a channel against the cameras of a rig, with a light or a line that both know."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-import cv2
 import numpy as np
 
 from drivers.errors import DeviceError
-from drivers.interfaces import Camera, Frame
 from drivers.settings import toml_table
 from rig.channels.delay import Delay, find_delay
-from rig.channels.edges import LEAST_CONTRAST, edges_of_light, edges_of_signal, levels_of
+from rig.channels.edges import LEAST_CONTRAST, Edges, edges_of_light, edges_of_signal, levels_of
+from rig.channels.line_delay import edges_of_line, find_line_delay
 from rig.channels.run_channels import RunChannels
+from rig.commands.films import Film, LightFilm
 from rig.devices import Rig
 from rig.engine.calls import Call, Calls, Deadline
 from rig.errors import RigError
 from rig.rigfile import RigFile
-from rig.samples import Floats, TimedSamples
+from rig.samples import TimedSamples
 
 SECONDS = 30.0
-_FRAME_S = 5.0
 _SPARE_S = 30.0
 _BEFORE_S, _AFTER_S = 2.0, 0.5
 """Time in s before the film, in which the channel's times settle, and after it, for late samples."""
 _POLL_S = 0.05
-_BLOCKS = 16
-_CHOSEN_SHARE = 0.5
-_EVERY_PX = 4
-_STREAM_FRAMES = 64
 _ALIKE_TIMES = 3.0
 
 
@@ -40,46 +35,6 @@ class DelayCheck:
     delays: dict[str, Any] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
     failed: dict[str, str] = field(default_factory=dict)
-
-
-@dataclass
-class Film:
-    """The brightness of all images of a camera, in blocks, and their times."""
-
-    camera: Camera
-    bits: int
-    middles_s: list[float] = field(default_factory=list)
-    lengths_s: list[float] = field(default_factory=list)
-    blocks: list[Any] = field(default_factory=list)
-    full: list[int] = field(default_factory=list)
-
-    def take(self, now_s: Callable[[], float], until_s: float) -> None:
-        """Film until a time: all frames of the camera's stream, or images one after the other."""
-        camera: Any = self.camera
-        stream = camera.stream(_STREAM_FRAMES) if callable(getattr(camera, "stream", None)) else None
-        try:
-            while now_s() < until_s:
-                self._add(camera.grab(_FRAME_S) if stream is None else stream.next(_FRAME_S))
-        finally:
-            if stream is not None:
-                stream.close()
-
-    def _add(self, frame: Frame) -> None:
-        self.middles_s.append(frame.middle[0])
-        length_us = frame.exposure_us
-        self.lengths_s.append(0.0 if np.isnan(length_us) else 1e-6 * length_us)
-        means = cv2.resize(frame.image, (_BLOCKS, _BLOCKS), interpolation=cv2.INTER_AREA)
-        self.blocks.append(means.astype(np.float32).ravel())
-        some = frame.image[::_EVERY_PX, ::_EVERY_PX]
-        self.full.append(int(np.count_nonzero(some >= (1 << self.bits) - 1)))
-
-    def brightness(self) -> Floats:
-        """Return the mean brightness of the region whose brightness changes most, for each image."""
-        blocks = np.array(self.blocks)
-        low, high = np.percentile(blocks, (2.0, 98.0), axis=0)
-        change = high - low
-        chosen = blocks[:, change >= _CHOSEN_SHARE * change.max()]
-        return np.asarray(chosen.mean(axis=1), np.float64)
 
 
 def only_delay(rig_file: RigFile, wanted: str) -> tuple[RigFile, str]:
@@ -110,34 +65,86 @@ def measure_delay(
 
     Raise `DeviceError` if the channel device fails, and `RigError` if the channel does not switch.
     """
-    found = DelayCheck()
-    films = {name: Film(camera, camera.info.bits) for name, camera in rig.cameras.items()}
-    samples = _record(rig, films, seconds, found, say)
-    ((name, device),) = rig.channels.items()
-    column = [each.name for each in device.signals].index(signal)
-    times_s = np.concatenate([each.time_s for each in samples])
-    values = np.concatenate([each.values[:, column] for each in samples])
-    levels = levels_of(values)
+    films = {name: LightFilm(camera, camera.info.bits) for name, camera in rig.cameras.items()}
+    begun = f"switch the light on and off at irregular times, for {seconds:g} s from now"
+    recorded = _Recorded(rig, films, signal, seconds, lambda: say(begun))
+    levels = levels_of(recorded.values)
     if levels.contrast < LEAST_CONTRAST:
-        raise RigError(
-            f"channels.{signal}",
-            "a signal that switches between two levels",
-            f"one from {values.min():.6g} to {values.max():.6g} {device.signals[column].unit} without edges",
-            "wire the voltage of the light to this input, and switch the light on and off",
+        raise recorded.without_edges(
+            "wire the voltage of the light to this input, and switch the light on and off"
         )
-    edges = edges_of_signal(times_s, values, levels)
-    span_s = float(times_s[0]), float(times_s[-1])
-    for camera, film in films.items():
-        if f"cameras.{camera}" not in found.failed:
-            _tell(found, camera, signal, _delay_of(film, edges, span_s))
-    _tell_rig_file(found, name, signal)
-    return found
+    edges = edges_of_signal(recorded.times_s, recorded.values, levels)
+    return recorded.told(lambda film: _delay_of_light(film, edges, recorded.span_s), "middle")
+
+
+def measure_line_delay(
+    rig: Rig, signal: str, seconds: float, *, rising: bool, say: Callable[[str], None] = lambda _: None
+) -> DelayCheck:
+    """Film with all cameras, while the signal is a line whose edges are the beginnings of exposures.
+
+    `rising` is the direction of these edges. Raise the same errors as `measure_delay`.
+    """
+    films = {name: Film(camera, camera.info.bits) for name, camera in rig.cameras.items()}
+    recorded = _Recorded(rig, films, signal, seconds, lambda: say(f"filming for {seconds:g} s from now"))
+    line = edges_of_line(recorded.times_s, recorded.values, rising=rising)
+    if line is None:
+        raise recorded.without_edges("wire the line of the camera to this input")
+
+    def delay_of(film: Film) -> Delay | str:
+        middles_s, lengths_s = film.times
+        if not (lengths_s > 0.0).all():
+            return "the exposure time is not known, so nobody knows when an exposure begins"
+        return find_line_delay(np.unique(middles_s - lengths_s / 2), line, recorded.span_s)
+
+    return recorded.told(delay_of, "beginning")
+
+
+class _Recorded:
+    """The frames of all cameras, and the samples of a signal that were taken at the same time."""
+
+    def __init__(
+        self, rig: Rig, films: Mapping[str, Film], signal: str, seconds: float, begun: Callable[[], None]
+    ) -> None:
+        self._check, self._films, self._name = DelayCheck(), films, signal
+        ((self._device_name, device),) = rig.channels.items()
+        column = [each.name for each in device.signals].index(signal)
+        self._unit = device.signals[column].unit
+        samples = _record(rig, films, seconds, self._check, begun)
+        self.times_s = np.concatenate([each.time_s for each in samples])
+        self.values = np.concatenate([each.values[:, column] for each in samples])
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """The times of the first and the last sample."""
+        return float(self.times_s[0]), float(self.times_s[-1])
+
+    def without_edges(self, remedy: str) -> RigError:
+        """Return the error that the signal does not switch."""
+        values = self.values
+        return RigError(
+            f"channels.{self._name}",
+            "a signal that switches between two levels",
+            f"one from {values.min():.6g} to {values.max():.6g} {self._unit} without edges",
+            remedy,
+        )
+
+    def told(self, delay_of: Callable[[Any], Delay | str], moment: str) -> DelayCheck:
+        """Return the delays of all cameras. `moment` says of which moment of the exposure."""
+        for camera, film in self._films.items():
+            if f"cameras.{camera}" not in self._check.failed:
+                delay = delay_of(film) if film.middles_s else "no image was taken"
+                _tell(self._check, camera, self._name, delay, moment)
+        _tell_rig_file(self._check, self._device_name, self._name)
+        return self._check
 
 
 def _record(
-    rig: Rig, films: dict[str, Film], seconds: float, found: DelayCheck, say: Callable[[str], None]
+    rig: Rig, films: Mapping[str, Film], seconds: float, found: DelayCheck, begun: Callable[[], None]
 ) -> list[TimedSamples]:
-    """Film with all cameras at the same time, and return the samples of the channel device."""
+    """Film with all cameras at the same time, and return the samples of the channel device.
+
+    `begun` is called when the film begins.
+    """
     samples: list[TimedSamples] = []
     channels = RunChannels(rig.channels, rig.clock, lambda _, timed: samples.append(timed))
     calls = Calls(rig.clock, lambda: None, rig.lost, meanwhile=channels.read, every_s=_POLL_S)
@@ -147,7 +154,7 @@ def _record(
             while not channels.are_ready:
                 calls.pause(_POLL_S)
             calls.pause(_BEFORE_S)
-            say(f"switch the light on and off at irregular times, for {seconds:g} s from now")
+            begun()
             until_s = rig.clock.now_s() + seconds
             running = {name: _begin(calls, rig, name, film, until_s) for name, film in films.items()}
             for name, call in running.items():
@@ -169,9 +176,7 @@ def _begin(calls: Calls, rig: Rig, name: str, film: Film, until_s: float) -> Cal
     return calls.begin(f"cameras.{name}", "film", lambda: film.take(rig.clock.now_s, until_s), deadline)
 
 
-def _delay_of(film: Film, signal: Any, span_s: tuple[float, float]) -> Delay | str:
-    if not film.middles_s:
-        return "no image was taken"
+def _delay_of_light(film: LightFilm, signal: Edges, span_s: tuple[float, float]) -> Delay | str:
     values = film.brightness()
     levels = levels_of(values)
     if levels.contrast < LEAST_CONTRAST:
@@ -182,27 +187,30 @@ def _delay_of(film: Film, signal: Any, span_s: tuple[float, float]) -> Delay | s
     bright = levels.share(values) > 0.5
     full = np.array(film.full)
     saturated = bool(full[bright].mean() >= full[~bright].mean() + 1.0)
-    middles_s, lengths_s = np.array(film.middles_s), np.array(film.lengths_s)
-    light = edges_of_light(middles_s, lengths_s, values, levels, saturated=saturated)
+    light = edges_of_light(*film.times, values, levels, saturated=saturated)
     return find_delay(light, signal, span_s)
 
 
-def _tell(found: DelayCheck, camera: str, signal: str, delay: Delay | str) -> None:
+def _tell(found: DelayCheck, camera: str, signal: str, delay: Delay | str, moment: str) -> None:
     where = f"cameras.{camera}"
     if isinstance(delay, str):
         found.failed[where] = f"{where}: {delay}"
         return
     found.delays[camera] = asdict(delay)
     found.lines += [
-        f"{where}: channels.{signal} is {delay.delay_s:.4f} s later than the middle of the exposure",
+        f"{where}: channels.{signal} is {delay.delay_s:.4f} s later than the {moment} of the exposure",
         f"  from {delay.edges} edges, {delay.missing} others were not found; the mean is known to "
         f"{1e3 * delay.mean_std_s:.2g} ms, the delay varies by {1e3 * delay.jitter_s:.2g} ms",
     ]
     if delay.others_s:
         others = ", ".join(f"{other_s:.2f}" for other_s in delay.others_s[:3])
         found.problems.append(
-            f"{where}: the light switched so regularly that delays of {others} s fit as well; switch it at "
-            "irregular times"
+            f"{where}: the edges are so regular that delays of {others} s fit as well; "
+            + (
+                "switch the light at irregular times"
+                if moment == "middle"
+                else "let the camera film more slowly, or trigger it at irregular times"
+            )
         )
     if delay.delay_s < -_ALIKE_TIMES * delay.delay_std_s:
         found.problems.append(

@@ -1,4 +1,4 @@
-"""Run the paper's experiments and a tensile test on virtual rigs, from protocol to report, for `rig demo`."""
+"""Run the paper's experiments, a tensile test and a continuous one on virtual rigs, for `rig demo`."""
 
 import shutil
 import sysconfig
@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rig import Aborted, RigError, read_rig, run_protocol
+from rig import Aborted, RigError, read_protocol, read_rig, run_protocol
+from rig.protocol.protocol import live_table_of
 
 if TYPE_CHECKING:
     from dic.pipeline.result import RunResult
@@ -20,9 +21,12 @@ EXPERIMENTS = {
     "rotation-20": ("rotation.toml", "rig-virtual-rotation-20.toml"),
     "rotation-30": ("rotation.toml", "rig-virtual-rotation-30.toml"),
     "tensile": ("tensile.toml", "rig-virtual-tensile.toml"),
+    "continuous": ("continuous.toml", "rig-virtual-pull.toml"),
 }
 """The protocol file and the rig file of each demo run, from the folder of examples, by the run's name."""
 
+_LIVE = "continuous"
+"""The demo run whose live gauges are shown beside those that are measured from its images."""
 _PROPERTIES = "tensile"
 """The demo run whose material properties are shown beside the exact ones."""
 _MARK = ".offaxis-demo"
@@ -32,14 +36,17 @@ _MARK = ".offaxis-demo"
 class Demo:
     """The files that a demo writes: a run file and a result file per experiment, and one report.
 
-    `properties` has a line for each material property, with its exact value.
+    `properties` has a line for each material property, with its exact value, and `live` a line for each live
+    gauge, beside its strain from the images; `curves` is their picture.
     """
 
     folder: Path
     runs: dict[str, Path]
     results: dict[str, Path]
     report: Path
+    curves: Path
     properties: tuple[str, ...] = ()
+    live: tuple[str, ...] = ()
 
 
 def examples_folder() -> Path:
@@ -55,6 +62,7 @@ def examples_folder() -> Path:
 def run_demo(folder: Path, say: Callable[[str], None]) -> Demo:
     """Run the paper's experiments and a tensile test on virtual rigs, measure them and write the report.
 
+    The live gauges of a continuous test are drawn beside the gauges from its images.
     The report ends its summary with the material properties of the tensile test beside the exact ones.
 
     While one experiment runs, a second thread measures the images of the previous experiment.
@@ -73,8 +81,9 @@ def run_demo(folder: Path, say: Callable[[str], None]) -> Demo:
         {name: folder / f"{name}.h5" for name in EXPERIMENTS},
         {name: folder / f"{name}.results.h5" for name in EXPERIMENTS},
         folder / "report.html",
+        folder / f"{_LIVE}.png",
     )
-    for path in (*demo.runs.values(), *demo.results.values(), demo.report):
+    for path in (*demo.runs.values(), *demo.results.values(), demo.report, demo.curves):
         path.unlink(missing_ok=True)
     pending: list[Future[RunResult]] = []
     with ThreadPoolExecutor(1) as pool:
@@ -88,9 +97,37 @@ def run_demo(folder: Path, say: Callable[[str], None]) -> Demo:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     say("writing the report")
-    test = _tensile_test(results[list(EXPERIMENTS).index(_PROPERTIES)], folder)
-    write_report(results, demo.report, tests=[test])
-    return replace(demo, properties=tuple(_property_lines(test)))
+    by_name = dict(zip(EXPERIMENTS, results, strict=True))
+    live = _beside_live(by_name.pop(_LIVE), demo)
+    test = _tensile_test(by_name[_PROPERTIES], folder)
+    write_report(list(by_name.values()), demo.report, tests=[test])
+    return replace(demo, properties=tuple(_property_lines(test)), live=tuple(live))
+
+
+def _beside_live(result: "RunResult", demo: Demo) -> list[str]:
+    """Draw the live gauges beside the same gauges from the images, and return a line for each of them."""
+    import numpy as np
+
+    from dic import measure_gauges
+    from dic.gauges import plot_gauges
+
+    table = live_table_of(read_protocol(demo.folder / EXPERIMENTS[_LIVE][0]))
+    assert table is not None
+    series = measure_gauges(result, table.declared, camera=table.camera)
+    plot_gauges(series, demo.curves, against="load", kinds=("corrected",))
+    known = [image.known for image in series.images]
+    lines = []
+    for name in table.names:
+        strain, std = series.strain(name, "corrected")
+        live = series.channels[f"channels.gauge.{name}"].strain(known)
+        both = np.isfinite(live) & np.isfinite(strain)
+        off = (live - strain)[both]
+        within = np.mean(np.abs(off) <= 2.0 * std[both])
+        lines.append(
+            f"live gauge {name}: {1e6 * np.sqrt(np.mean(off**2)):.1f} µε rms from its strain in {both.sum()} "
+            f"images of {table.camera}, {within:.0%} within two standard deviations"
+        )
+    return lines
 
 
 def _tensile_test(result: "RunResult", folder: Path) -> "TensileTest":

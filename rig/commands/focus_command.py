@@ -9,10 +9,11 @@ import click
 
 from dic.shell.console import say
 from dic.shell.output_paths import FORCE, require_places
-from rig import RigError, RigFile
+from rig import RigError
 from rig.commands.output import JSON, PATH, NumberRange, finish
 
 if TYPE_CHECKING:
+    from rig import RigFile
     from rig.commands.focusing import Focus
 
 
@@ -82,7 +83,7 @@ def focus(
     )
 
 
-def only_cameras(rig_file: RigFile, names: tuple[str, ...]) -> RigFile:
+def only_cameras(rig_file: "RigFile", names: tuple[str, ...]) -> "RigFile":
     """Return the rig with some of its cameras, all if no name is given, and without any other device.
 
     Raise `RigError` if it has no camera, or none of a name.

@@ -19,6 +19,8 @@ from rig.commands.verify_channels import ChannelCheck, check_channels, missing_c
 from rig.protocol.acquire import AcquireProtocol
 from rig.protocol.protocol import Protocol, recorded_protocol
 
+_MOST_STEPS = 10
+"""More steps without an image have one sentence together."""
 _READINGS = {"load": "load_n", "displacement": "displacement_mm", "rotation": "angle_deg"}
 
 
@@ -161,9 +163,12 @@ def _check_steps(run: RunFile) -> list[str]:
         reading = _READINGS.get(step.kind)
         if reading is not None and not math.isfinite(getattr(step, reading)):
             problems.append(f"step {step.index} of kind {step.kind} has no {reading}")
-        problems += [
-            f"step {step.index} has no image of {name}" for name in run.cameras if not run.rows(name, step)
-        ]
+    for name in run.cameras:
+        without = [step.index for step in run.steps if not run.rows(name, step)]
+        if len(without) > _MOST_STEPS:
+            problems.append(f"steps {_listed(without)} have no image of {name}")
+        else:
+            problems += [f"step {index} has no image of {name}" for index in without]
     return problems
 
 

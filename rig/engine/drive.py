@@ -214,8 +214,9 @@ class MachineDrive:
         try:
             self._run.devices.change_speed(speed_mm_s)
         except DeviceFault:
-            # A machine that has arrived meanwhile refuses it; the next reading ends the motion.
-            if not self._arrived(self._run.read()):
+            # A machine that was held for a pause or an abort, or that has arrived meanwhile, refuses it.
+            self._run.check_abort()
+            if not self._run.pauses.switch.on and not self._arrived(self._run.read()):
                 raise
             return
         self._speed_mm_s = speed_mm_s

@@ -84,9 +84,8 @@ class Measuring:
             self._cameras[name].take(motion)
 
     def lost(self) -> "dict[str, LostPlaces]":
-        """Return the lost points of each camera that has some."""
-        found = {name: camera.lost for name, camera in self._cameras.items()}
-        return {name: lost for name, lost in found.items() if len(lost.rows)}
+        """Return the lost points of each camera in whose last frame a whole patch of them was lost."""
+        return {name: self._cameras[name].lost for name, image in self.images.items() if image.lost}
 
     def accept(self, camera: str, sought: "Sought") -> None:
         """Let the next frame of a camera start from points that a search has found."""
@@ -139,7 +138,8 @@ def middle_of(arrivals: list[Arrival]) -> tuple[float, float]:
     Half the time between them counts as a standard deviation, because each camera has its own instant.
     """
     times = [each.time_s for each in arrivals]
-    variance = sum(np.nan_to_num(each.time_std_s) ** 2 for each in arrivals) / len(arrivals)
+    stds = [each.time_std_s for each in arrivals if not math.isnan(each.time_std_s)]
+    variance = sum(std**2 for std in stds) / len(arrivals)
     return sum(times) / len(times), math.hypot(math.sqrt(variance), (max(times) - min(times)) / 2)
 
 

@@ -2,6 +2,8 @@
 
 import math
 import threading
+from collections import deque
+from dataclasses import replace
 from datetime import datetime, timedelta
 from zlib import crc32
 
@@ -21,6 +23,8 @@ from simulators.scene.scene import Scene, Surface, scene_of
 
 # The bit that V4L2 sets in the flags of a damaged buffer.
 FLAG_ERROR = 0x40
+EXPOSURES_KEPT = 256
+_NO_IMAGE = np.empty((0, 0), np.uint8)
 SILENCE_S = 1.0
 SILENCE_FRAMES = 10
 """A stream ends if no frame comes for this time, or for this number of frame times if that is longer."""
@@ -50,7 +54,7 @@ class SimulatedCamera:
     info : CameraInfo
     optics : PinholeCamera
     exposure : Exposure or None
-        The exposure of the last frame, with its true times and the true surface.
+        The exposure of the last frame, with its true times and the true surface, without the picture.
     """
 
     def __init__(
@@ -73,6 +77,7 @@ class SimulatedCamera:
         around = around or Surroundings.of(clock)
         self.optics = settings.optics()
         self.exposure: Exposure | None = None
+        self._exposures: deque[Exposure] = deque(maxlen=EXPOSURES_KEPT)
         self._name = name.removeprefix("cameras.")
         self._faults, self._pictures, self._plan = around.faults, around.pictures, around.plan
         self._before: Frame | None = None
@@ -99,6 +104,11 @@ class SimulatedCamera:
         with self._turn:
             self._require_open("grab")
             return self._grab(timeout_s)
+
+    def exposure_of(self, frame: Frame) -> Exposure | None:
+        """Return the exposure of a frame, if it is one of the last `EXPOSURES_KEPT` frames."""
+        known = (each for each in reversed(self._exposures) if each.taken.sequence == frame.sequence)
+        return next(known, None)
 
     @property
     def shown(self) -> Surface | None:
@@ -202,7 +212,8 @@ class SimulatedCamera:
         if damaged:
             self._pictures.note("corrupt", taken, taken.begins_s)
             image[len(image) // 2 :] = 0
-        self.exposure = exposure
+        self.exposure = replace(exposure, image=_NO_IMAGE)
+        self._exposures.append(self.exposure)
         self._sequence = taken.sequence + 1
         unknown_s = exposure.late_s if settings.stamp == "meant" else 0.0
         self._before = Frame(

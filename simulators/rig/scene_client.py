@@ -1,6 +1,7 @@
 """Drivers for the cameras and the operator of a virtual rig that runs in another program on this machine."""
 
 import json
+import select
 import socket
 import threading
 from contextlib import suppress
@@ -11,6 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from drivers import errors
+from drivers.clock import Clock
 from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from drivers.interfaces import (
     CameraInfo,
@@ -22,6 +24,7 @@ from drivers.interfaces import (
 )
 from drivers.registry import DriverSpec
 from drivers.settings import Settings
+from drivers.streams.stream import CAPACITY, FrameStream
 from simulators.rig.operator import Asked, notice, said
 
 ANSWER_S = 2.0
@@ -65,6 +68,12 @@ class SceneClient:
         self._address = address
         self._socket: socket.socket | None = None
 
+    def beside(self) -> "SceneClient":
+        """Return another connection to the same simulation."""
+        client = SceneClient("", self._address)
+        client.name = self.name
+        return client
+
     def ask(self, timeout_s: float, /, **request: object) -> tuple[dict[str, Any], bytes]:
         """Send a request; return the JSON object of the answer and the bytes that follow the object.
 
@@ -77,27 +86,61 @@ class SceneClient:
                 self._socket = socket.create_connection((host, int(port)), timeout_s)
             self._socket.settimeout(timeout_s)
             self._socket.sendall(json.dumps(request).encode() + b"\n")
-            with self._socket.makefile("rb") as answer:
+        except OSError as error:
+            raise self._lost(str(request["do"]), error) from error
+        return self._receive(str(request["do"]))
+
+    def _receive(self, step: str) -> tuple[dict[str, Any], bytes]:
+        assert self._socket is not None
+        try:
+            # Without a buffer, nothing of a frame that follows in a stream is read and lost.
+            with self._socket.makefile("rb", buffering=0) as answer:
                 if not (line := answer.readline()).endswith(b"\n"):
                     raise ConnectionResetError("the other end closed the connection")
                 head = json.loads(line)
-                body = answer.read(head.get("bytes", 0))
-                if len(body) < head.get("bytes", 0):
-                    raise ConnectionResetError(f"{len(body)} of {head['bytes']} bytes")
+                body = bytearray(head.get("bytes", 0))
+                filled = 0
+                while filled < len(body):
+                    if not (count := answer.readinto(memoryview(body)[filled:])):
+                        raise ConnectionResetError(f"{filled} of {len(body)} bytes")
+                    filled += count
         except (OSError, ValueError, AttributeError) as error:
-            self.close()
-            raise LinkLost(
-                self.name,
-                str(request["do"]),
-                "an answer of the simulation",
-                str(error) or type(error).__name__,
-                "start rig simulate and take the addresses that it prints",
-            ) from error
+            raise self._lost(step, error) from error
         if "error" in head:
             kind = getattr(errors, head.pop("error"), DeviceError)
             del head["device"]  # the rig file may use another name for the device
             raise kind(self.name, head.pop("step"), **head)
-        return head, body
+        return head, bytes(body)
+
+    def _lost(self, step: str, error: Exception) -> LinkLost:
+        self.close()
+        return LinkLost(
+            self.name,
+            step,
+            "an answer of the simulation",
+            str(error) or type(error).__name__,
+            "start rig simulate and take the addresses that it prints",
+        )
+
+    def await_frame(self, timeout_s: float) -> tuple[dict[str, Any], bytes] | None:
+        """Return the next frame of a stream that was asked for, None if none begins to arrive in time.
+
+        Raise the errors of `ask`.
+        """
+        assert self._socket is not None
+        if not select.select([self._socket], [], [], max(0.0, timeout_s))[0]:
+            return None
+        return self._receive("stream")
+
+    def end_stream(self, timeout_s: float) -> None:
+        """End a stream, wait until the simulation has ended it too, and close the connection."""
+        if self._socket is not None:
+            with suppress(OSError):
+                self._socket.shutdown(socket.SHUT_WR)
+                self._socket.settimeout(timeout_s)
+                while self._socket.recv(1 << 20):
+                    pass
+        self.close()
 
     def close(self) -> None:
         """Close the connection; a repeated call does nothing."""
@@ -136,9 +179,7 @@ class RemoteCamera:
             head, pixels = self._client.ask(
                 timeout_s + RENDERING_S, do="grab", camera=self._camera, timeout_s=timeout_s
             )
-        image = np.frombuffer(pixels, head.pop("dtype")).reshape(head.pop("shape"))
-        head.pop("bytes")
-        return Frame(image=image, utc=datetime.fromisoformat(head.pop("utc")), **head)
+        return _frame(head, pixels)
 
     def read_settings(self) -> dict[str, Setting]:
         """Return the settings of the simulated camera; the errors are those of `grab`."""
@@ -157,6 +198,45 @@ class RemoteCamera:
 
     def _error(self, kind: type[DeviceError], expected: str, got: str, remedy: str) -> DeviceError:
         return kind(self._client.name, "grab", expected, got, remedy)
+
+
+class FilmingRemoteCamera(RemoteCamera):
+    """A `RemoteCamera` that films by itself: its method `stream` delivers all frames.
+
+    `rate_hz` is the rate of the frames.
+    """
+
+    def __init__(self, client: SceneClient, camera: str, clock: Clock, rate_hz: float) -> None:
+        super().__init__(client, camera)
+        self._clock, self._rate_hz = clock, rate_hz
+
+    def stream(self, capacity: int = CAPACITY) -> FrameStream:
+        """Return a stream of all frames from now on, on a connection of its own.
+
+        `capacity` is the largest number of frames in the queue. Raise the errors of `grab`.
+        """
+        filming = self._client.beside()
+        filming.ask(ANSWER_S, do="stream", camera=self._camera, capacity=capacity)
+
+        def next_frame(timeout_s: float) -> Frame | None:
+            received = filming.await_frame(timeout_s)
+            return None if received is None else _frame(*received)
+
+        return FrameStream(
+            self._client.name,
+            next_frame,
+            self._clock,
+            interval_s=1.0 / self._rate_hz,
+            silence_s=max(ANSWER_S, 10.0 / self._rate_hz),
+            capacity=capacity,
+            on_close=lambda: filming.end_stream(ANSWER_S + 2.0 / self._rate_hz),
+        )
+
+
+def _frame(head: dict[str, Any], pixels: bytes) -> Frame:
+    image = np.frombuffer(pixels, head.pop("dtype")).reshape(head.pop("shape"))
+    head.pop("bytes")
+    return Frame(image=image, utc=datetime.fromisoformat(head.pop("utc")), **head)
 
 
 class RemoteOperator:
@@ -189,7 +269,12 @@ class RemoteOperator:
 
 
 def _open_camera(settings: RemoteCameraSettings, context: OpenContext) -> RemoteCamera:
-    return RemoteCamera(SceneClient(context.name, settings.address), settings.camera)
+    client = SceneClient(context.name, settings.address)
+    answer, _ = client.ask(ANSWER_S, do="settings", camera=settings.camera)
+    rate_hz = answer["settings"].get("rate_hz")
+    if rate_hz is None:
+        return RemoteCamera(client, settings.camera)
+    return FilmingRemoteCamera(client, settings.camera, context.clock, rate_hz)
 
 
 def _open_operator(settings: RemoteOperatorSettings, context: OpenContext) -> RemoteOperator:

@@ -88,5 +88,6 @@ class Surroundings:
             )
         store = None if folder is None else PictureStore(Path(folder))
         painter = PreparedPainter(settings, scene.seed, name, margin_px, store, self.say)
-        painter.prepare(scene.surface())
+        for grid in (True, False):
+            painter.prepare(scene.surface_with(grid=grid))
         return painter

@@ -81,7 +81,8 @@ class TruthLog:
 
     def frame(self, name: str, camera: SimulatedCamera, frame: Frame) -> None:
         """Write the true state of the surface in a camera's frame."""
-        exposure, shown = camera.exposure, camera.shown
+        exposure = camera.exposure_of(frame)
+        shown = None if exposure is None else exposure.surface
         self.write(
             "frame",
             time_s=frame.exposed_s if exposure is None else exposure.taken.begins_s,

@@ -26,7 +26,8 @@ class Look:
 def between(first: Surface, second: Surface, part: float) -> Surface:
     """Return the surface at the part (0 to 1) of a steady motion from one state to another.
 
-    Parts below 0 and above 1 continue the motion. Both surfaces have the same texture, that of `first`.
+    Parts below 0 and above 1 continue the motion. Both surfaces have the same
+    texture, and both or none have a band.
     """
     step = second.pose.rotation @ first.pose.rotation.T
     axis = np.array([step[2, 1] - step[1, 2], step[0, 2] - step[2, 0], step[1, 0] - step[0, 1]])
@@ -35,6 +36,14 @@ def between(first: Surface, second: Surface, part: float) -> Surface:
     if sine > 0.0:
         angle_deg = float(np.degrees(np.arctan2(sine, cosine))) * part
         pose = Pose(Pose.turned(axis, angle_deg, np.zeros(3)).rotation @ pose.rotation)
+    band = first.band
+    if band is not None and second.band is not None:
+        band = replace(
+            band,
+            front_mm=band.front_mm + part * (second.band.front_mm - band.front_mm),
+            elastic=band.elastic + part * (second.band.elastic - band.elastic),
+            elastic_across=band.elastic_across + part * (second.band.elastic_across - band.elastic_across),
+        )
     rate = second.pose.translation_mm - first.pose.translation_mm
     stretch = second.deformation_gradient - first.deformation_gradient
     return replace(
@@ -44,6 +53,7 @@ def between(first: Surface, second: Surface, part: float) -> Surface:
         shift_mm=first.shift_mm + part * (second.shift_mm - first.shift_mm),
         load_n=first.load_n + part * (second.load_n - first.load_n),
         displacement_mm=first.displacement_mm + part * (second.displacement_mm - first.displacement_mm),
+        band=band,
     )
 
 
@@ -61,11 +71,12 @@ def moments(camera: PinholeCamera, looks: Sequence[Look], exposure_s: float) -> 
     Returns
     -------
     list of (float, Surface)
-        The middle alone if the picture moves by less than `STILL_PX`. Otherwise the points of Gauss'
+        The middle alone if the picture moves by less than `STILL_PX`, or if there is no steady motion because
+        the grid is attached, a tear opens or a band begins. Otherwise the points of Gauss'
         quadrature, which are so many that they are less than a pixel apart, at most `MOMENTS_MAX`.
     """
     start, middle, end = looks
-    same = start.surface.texture == middle.surface.texture == end.surface.texture
+    same = _alike(start.surface, middle.surface) and _alike(middle.surface, end.surface)
     length_px = motion_px(camera, start.surface, end.surface) if same else 0.0
     # A machine that turns back in the middle comes to where it was: see the way to the middle as well.
     length_px = max(length_px, motion_px(camera, start.surface, middle.surface) if same else 0.0)
@@ -80,6 +91,11 @@ def moments(camera: PinholeCamera, looks: Sequence[Look], exposure_s: float) -> 
         part = off_s / span_s if span_s else 0.0
         found.append((float(weight) / 2, between(middle.surface, other.surface, part)))
     return found
+
+
+def _alike(first: Surface, second: Surface) -> bool:
+    """Return True if a steady motion leads from one surface to the other."""
+    return first.texture == second.texture and (first.band is None) == (second.band is None)
 
 
 def motion_px(camera: PinholeCamera, first: Surface, second: Surface) -> float:

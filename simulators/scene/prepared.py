@@ -30,6 +30,13 @@ PER_PIXEL = 3
 UNIT = 255.0
 """Light of the reflectance 1 in a prepared picture."""
 TILE_PX = 64
+"""Size of the tiles in which the map of pixels is of second order. With a band they are smaller."""
+SMALLEST_TILE_PX = 8
+MAP_ERROR_PX = 5e-4
+_STEEPEST = 6.0
+"""Greatest second derivative of the smooth step of a band's front."""
+_REMAINDER = 3**0.5 / 27 / 8
+"""A parabola through three points of a tile is off by this factor, times size³ and the third derivative."""
 MARGIN_PX = 64
 """Least margin of a prepared picture: the tiles at its edges reach beyond the image."""
 _ROWS_AT_ONCE = 64
@@ -94,17 +101,19 @@ class PreparedPicture:
 
         Raise `BeyondPictureError` if some pixel is not in the picture.
         """
-        across, down = self._tiles
+        tile = min(self._tile_px(surface) for _, surface in moments)
+        down, across = self._tiles(tile)
+        rays = self._rays(tile)
         nodes = (len(moments), 2 * down + 1, 2 * across + 1)
         columns, rows = np.empty(nodes), np.empty(nodes)
         drawn_at = np.full((len(moments), down, across), -1, np.int32)
         drawn: list[NDArray[np.float32]] = []
         for k, (_, surface) in enumerate(moments):
-            material = surface.material(*self._rays)
+            material = surface.material(*rays)
             if isinstance(surface.texture, Torn):
                 sides = surface.texture.sides(material)
                 material = surface.texture.closed(material, sides)
-                self._draw_mixed(surface, sides, drawn_at[k], drawn)
+                self._draw_mixed(surface, sides.reshape(nodes[1:]), drawn_at[k], drawn)
             px = self.camera.project(self.surface.world(material))
             points = (px + self.margin_px) * PER_PIXEL
             columns[k], rows[k] = points[:, 0].reshape(nodes[1:]), points[:, 1].reshape(nodes[1:])
@@ -112,7 +121,7 @@ class PreparedPicture:
         if min(columns.min(), rows.min()) < 2 or columns.max() > width - 4 or rows.max() > height - 4:
             raise BeyondPictureError
         shares = np.array([share for share, _ in moments])
-        tiles = np.stack(drawn) if drawn else np.empty((0, TILE_PX, TILE_PX), np.float32)
+        tiles = np.stack(drawn) if drawn else np.empty((0, tile, tile), np.float32)
         return PixelMap(columns, rows, shares, drawn_at, tiles)
 
     def _draw_mixed(
@@ -122,29 +131,47 @@ class PreparedPicture:
         drawn_at: NDArray[np.int32],
         drawn: list[NDArray[np.float32]],
     ) -> None:
-        """Draw the tiles through which the crack goes exactly, because their map is not smooth."""
-        across, down = self._tiles
-        of_nodes = sides.reshape(2 * down + 1, 2 * across + 1)
-        for row, column in np.ndindex(down, across):
-            found = of_nodes[2 * row : 2 * row + 3, 2 * column : 2 * column + 3]
+        """Draw the tiles through which the crack goes exactly, because their map is not smooth.
+
+        `sides` has the sides of the nodes, shape (2 tiles down + 1, 2 tiles across + 1).
+        """
+        tile = TILE_PX * self._tiles(TILE_PX)[0] // len(drawn_at)
+        for row, column in np.ndindex(drawn_at.shape):
+            found = sides[2 * row : 2 * row + 3, 2 * column : 2 * column + 3]
             if found.min() == found.max() != 0:
                 continue
             drawn_at[row, column] = len(drawn)
-            at = np.arange(TILE_PX)
-            light = render_part(self.camera, surface, row * TILE_PX + at, column * TILE_PX + at)
+            at = np.arange(tile)
+            light = render_part(self.camera, surface, row * tile + at, column * tile + at)
             drawn.append((light * UNIT).astype(np.float32))
 
-    @cached_property
-    def _tiles(self) -> tuple[int, int]:
-        """Number of tiles across and down."""
-        return -(-self.camera.width_px // TILE_PX), -(-self.camera.height_px // TILE_PX)
+    def _tile_px(self, surface: Surface) -> int:
+        """Return the size of tiles in which a map of second order is accurate enough, also in a front."""
+        tile = TILE_PX
+        if surface.band is not None:
+            front_px = surface.band.front_width_mm * self.camera.focal_px / self.camera.distance_mm
+            third = abs(surface.band.strain) * _STEEPEST / front_px**2
+            while tile > SMALLEST_TILE_PX and third * _REMAINDER * tile**3 > MAP_ERROR_PX:
+                tile //= 2
+        return tile
+
+    def _tiles(self, tile: int) -> tuple[int, int]:
+        """Return the number of tiles down and across. All sizes of tiles cover the same pixels."""
+        per = TILE_PX // tile
+        return -(-self.camera.height_px // TILE_PX) * per, -(-self.camera.width_px // TILE_PX) * per
+
+    def _rays(self, tile: int) -> tuple[Array, Array]:
+        """Return the rays of the nodes, which are the same in each frame."""
+        if tile not in self._known_rays:
+            down, across = self._tiles(tile)
+            x, y = np.meshgrid(np.arange(2 * across + 1), np.arange(2 * down + 1))
+            nodes = np.stack([x, y], axis=-1).reshape(-1, 2) * (tile / 2)
+            self._known_rays[tile] = self.camera.ray(np.asarray(nodes, np.float64))
+        return self._known_rays[tile]
 
     @cached_property
-    def _rays(self) -> tuple[Array, Array]:
-        across, down = self._tiles
-        x, y = np.meshgrid(np.arange(2 * across + 1), np.arange(2 * down + 1))
-        nodes = np.stack([x, y], axis=-1).reshape(-1, 2) * np.float64(TILE_PX / 2)
-        return self.camera.ray(np.asarray(nodes, np.float64))
+    def _known_rays(self) -> dict[int, tuple[Array, Array]]:
+        return {}
 
 
 def points_of(camera: PinholeCamera, margin_px: int) -> tuple[int, int]:

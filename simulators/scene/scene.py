@@ -178,13 +178,17 @@ class Scene:
 
     def surface(self) -> Surface:
         """Return the surface that the cameras see now: the specimen, or the grid attached to the specimen."""
+        return self.surface_with(grid=self.grid_attached)
+
+    def surface_with(self, *, grid: bool) -> Surface:
+        """Return the surface that the cameras would see now with or without the grid."""
         self._load_n()
         state = self.specimen.state
         motion = self.misalignment.loaded(state.load_n).after(self._recession())
         motion = motion.after(self.misalignment.turned(self._angle_deg()))
         mounted = self.misalignment.mounted()
         pose = mounted.after(motion)
-        if self.grid_attached:
+        if grid:
             grid_pose = pose.after(mounted.inverse())
             return Surface(self._grid, grid_pose, load_n=state.load_n, displacement_mm=state.displacement_mm)
         band, travel_mm = state.band, self.specimen.settings.centre_travel * state.displacement_mm

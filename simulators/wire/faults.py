@@ -128,13 +128,11 @@ FAULTS = {
         Fault("light", "the light is PERCENT of what it was", (PICTURE,), "PERCENT", "50", True, 0, 10000),
         Fault("defocus", "the lens is out of focus by PIXELS", (PICTURE,), "PIXELS", "4", True, 0, 100),
         Fault("blur", "the specimen moves by PIXELS along x", (PICTURE,), "PIXELS", "8", True, 0, 1000),
-        Fault(
-            "glare", "a reflection grows by PX_S pixels per second", (PICTURE,), "PX_S", "50", False, 0, 10000
-        ),
+        Fault("glare", "a reflection grows by PX_S px per second", (PICTURE,), "PX_S", "50", False, 0, 10000),
         Fault("cover", "the lens is covered within SECONDS", (PICTURE,), "SECONDS", "0", False, 0, 3600),
         Fault(
             "tear",
-            "the pattern tears, by UM_S micrometres per second",
+            "the pattern tears, by UM_S µm per second",
             (PICTURE,),
             "UM_S",
             "50",
@@ -144,7 +142,7 @@ FAULTS = {
         ),
         Fault(
             "creep",
-            "a camera creeps by UM_S micrometres per second",
+            "a camera creeps by UM_S µm per second",
             (PICTURE,),
             "UM_S",
             "10",
@@ -154,7 +152,7 @@ FAULTS = {
         ),
         Fault(
             "roll",
-            "a camera turns by MDEG_S 1/1000 ° per second",
+            "a camera turns by MDEG_S mdeg per second",
             (PICTURE,),
             "MDEG_S",
             "10",

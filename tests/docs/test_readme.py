@@ -83,7 +83,15 @@ def test_your_rig(tmp_path, capsys):
     run(*shown("rig", "check"))
     # The shortest example instead of README's tension test, which takes half a minute to be measured.
     rig_file = "examples/rig-virtual-rotation-30.toml"
-    run("rig", "run", "examples/half-turn.toml", "--rig", rig_file, "-o", shown("rig", "run")[-1])
+    run(
+        "rig",
+        "run",
+        "examples/half-turn.toml",
+        "--rig",
+        rig_file,
+        "-o",
+        shown("rig", "run", "examples/tension.toml")[-1],
+    )
     run(*shown("rig", "verify"))
     assert len(lines(FROM_A_RUN)) <= 6
     scope = {}

@@ -5,6 +5,7 @@ own tests. Each picture shows its number, so that a test can check what a driver
 """
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import Any
 
 from drivers.cameras.aravis.camera import AravisCamera
@@ -83,9 +84,12 @@ class NumberedBench(CameraBench):
     ----------
     proves : bool
         True if the driver promises that its frames are complete and new.
+    more : dict of str to object
+        Further settings of the camera.
     """
 
     proves = True
+    more: Mapping[str, Any] = {}
 
     def __init__(self) -> None:
         super().__init__()
@@ -215,6 +219,7 @@ class AravisBench(NumberedBench):
             height_px=fake_aravis.HEIGHT,
             rate_hz=1 / fake_aravis.INTERVAL_S,
             exposure_us=5000.0,
+            **self.more,
         )
         return AravisCamera(settings, context, self._library)  # type: ignore[arg-type]
 
@@ -239,7 +244,8 @@ class GentlBench(NumberedBench):
     def opened(self, context: OpenContext) -> Any:
         """Return the driver, opened."""
         self._producers.append(fake_gentl.FakeProducer(self.camera))
-        return fake_gentl.opened(self._producers[-1], context, format="Mono16", stamp=self.stamp)
+        settings = {"format": "Mono16", "stamp": self.stamp} | self.more
+        return fake_gentl.opened(self._producers[-1], context, **settings)
 
     def begun_s(self, level: int) -> float:
         """Return the true start of exposure of the picture with the grey level `level`."""

@@ -38,6 +38,7 @@ from tests.fault_matrix.camera_benches import (
 )
 from tests.fault_matrix.channel_benches import DaqBench, ModbusChannelsBench, ModbusPulseBench
 from tests.fault_matrix.interlock_benches import ContactBench, RegisterBench
+from tests.fault_matrix.line_benches import AravisLineBench, GentlLineBench
 from tests.fault_matrix.machine_benches import LoadFrameBench, SpeedBench, StageBench
 from tests.fault_matrix.text_benches import IDENTIFIED, AskedBench, MqttBench, SendingMeterBench
 from tests.tcp_servers import interlocks_rtu_on_tcp, load_frame_rtu_on_tcp, zaber_on_tcp
@@ -147,7 +148,9 @@ COLUMNS = [
     Column("v4l2, stream", CAMERA, V4l2StreamBench),
     Column("aravis, image", CAMERA, AravisBench),
     Column("aravis, stream", CAMERA, AravisStreamBench),
+    Column("aravis, line", CAMERA, AravisLineBench),
     Column("gentl, image", CAMERA, GentlBench),
     Column("gentl, stream", CAMERA, GentlStreamBench),
+    Column("gentl, line", CAMERA, GentlLineBench),
     Column("opencv-camera, image", CAMERA, OpencvBench),
 ]

@@ -40,7 +40,7 @@ MUST_FAIL = {
     "exception:6": {*_ONCE, "stop"},
     "reject:STATUSBUSY": {*_TALK, "stop"},
     "error:115": {"move", "open"},
-    "unplug": {*_ONCE, "stop", "image", "stream"},
+    "unplug": {*_ONCE, "stop", "image", "stream", "line"},
     "broken-sensor": {"sample"},
     "overflow": {"sample"},
     "reset": {"read", "move", "change", "travel"},

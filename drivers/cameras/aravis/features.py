@@ -1,41 +1,34 @@
 """Write the settings of an opened GigE Vision camera, read them back, and refuse a difference."""
 
 import ctypes
-from functools import partial
 from threading import Lock
 from typing import Any
 
 from drivers.cameras.aravis.library import Aravis, AravisError
 from drivers.cameras.aravis.settings import AravisSettings
-from drivers.cameras.genicam.lines import Lines
-from drivers.cameras.genicam.nodes import AUTOMATICS, VERSIONS, agree, printable, snake
+from drivers.cameras.genicam.features import ANOTHER, GenicamFeatures
+from drivers.cameras.genicam.nodes import printable
 from drivers.clock import Clock
-from drivers.errors import DeviceFault, LinkLost
+from drivers.errors import LinkLost
 from drivers.interfaces import Setting
 
 _NAMES = {"frame_rate": "rate_hz", "exposure_time": "exposure_us", "gain": "gain"}
 CONTINUOUS = 0
-ANOTHER = "choose a value that the camera takes"
 
 
-class Features:
-    """The settings (GenICam features) of an opened camera.
+class Features(GenicamFeatures):
+    """The settings of an opened camera, whose pointer in the library is `camera`.
 
-    `camera` is the pointer to the library's camera object. `numbers` has the values of ``frame_rate``,
-    ``exposure_time`` and ``gain``, as read back from the camera. There is no ``gain`` if the camera has no
-    gain. `lines` are the camera's trigger input and its output line.
+    `numbers` has ``frame_rate``, ``exposure_time`` and, if the camera has one, ``gain``.
     """
 
     def __init__(
         self, library: Aravis, camera: int, settings: AravisSettings, device: str, clock: Clock, talk: Lock
     ) -> None:
+        super().__init__(settings, device, clock, talk)
         self._library = library
         self._camera = camera
         self._settings = settings
-        self._device = device
-        self._fault = partial(DeviceFault, self._device)
-        self.numbers: dict[str, float] = {}
-        self.lines = Lines(self, settings, device, clock, talk)
 
     def write(self) -> None:
         """Switch the automatic controls off and write all settings.
@@ -44,17 +37,12 @@ class Features:
         answer.
         """
         settings = self._settings
-        for name in AUTOMATICS:
-            if name not in settings.features and self.has(name):
-                self.set_text(name, "Off")
-        for name, value in settings.features.items():
-            if not self.has(name):
-                raise self._fault(f"set {name}", "a feature of the camera", repr(name), "correct `features`")
-            self.set_text(name, value)
+        self._write_texts()
         self.attempt("set format", "camera_set_pixel_format_from_string", settings.format.encode())
         got = self._library.text("camera_get_pixel_format_as_string", self._camera)
         self._require("set format", settings.format, got)
-        self._set_region(settings)
+        self.attempt("set size", "camera_set_region", *self._region)
+        self._require_region(self._read_region())
         self.attempt("set trigger", "camera_clear_triggers")
         self.attempt("set mode", "camera_set_acquisition_mode", CONTINUOUS)
         self._set_number("frame_rate", settings.rate_hz)
@@ -66,21 +54,6 @@ class Features:
         # Aravis switches a trigger off when it sets the rate.
         self.lines.write()
         self.verify()
-
-    def verify(self) -> None:
-        """Read frame rate, exposure time and gain back, and compare them with the values read after opening.
-
-        Raise `DeviceFault` if a value has changed, for example because another feature was written, and
-        `LinkLost` if the camera does not answer.
-        """
-        for name, wanted in self.numbers.items():
-            step = f"verify {name}"
-            try:
-                got = float(self._library.call(f"camera_get_{name}", self._camera))
-            except AravisError as error:
-                raise self._lost(step, f"{wanted:g}", error) from error
-            if not agree(got, wanted):
-                raise self._fault(step, f"{wanted:g}", f"{got:g}", "open the camera again")
 
     def read(self) -> dict[str, Setting]:
         """Read back the settings that `write` has written, the transfer sizes and the camera's versions.
@@ -100,7 +73,7 @@ class Features:
         }
         return {
             "format": self._library.text("camera_get_pixel_format_as_string", self._camera),
-            **dict(zip(names, self._region(), strict=True)),
+            **dict(zip(names, self._read_region(), strict=True)),
             **numbers,
         }
 
@@ -110,10 +83,6 @@ class Features:
         if call("camera_is_gv_device", camera):
             found["packet_bytes"] = int(call("camera_gv_get_packet_size", camera))
         return found
-
-    def _read_texts(self) -> dict[str, Setting]:
-        names = dict.fromkeys([*AUTOMATICS, *VERSIONS, *self._settings.features])
-        return {f"feature_{snake(name)}": self.text(name) for name in names if self.has(name)}
 
     def has(self, feature: str) -> bool:
         """Return whether the camera has a feature now."""
@@ -141,6 +110,17 @@ class Features:
         """Return the value of an integer."""
         return int(self.attempt(f"read {feature}", "camera_get_integer", feature.encode()))
 
+    def number(self, name: str, step: str, expected: str) -> float:
+        """Return frame rate, exposure time or gain."""
+        try:
+            return float(self._library.call(f"camera_get_{name}", self._camera))
+        except AravisError as error:
+            raise self._lost(step, expected, error) from error
+
+    def put_number(self, name: str, value: float) -> None:
+        """Write frame rate, exposure time or gain."""
+        self.attempt(f"set {name}", f"camera_set_{name}", value)
+
     def execute(self, feature: str) -> None:
         """Execute a command."""
         self.attempt(f"execute {feature}", "camera_execute_command", feature.encode())
@@ -163,26 +143,8 @@ class Features:
         except AravisError as error:
             raise self._fault(step, "acceptance", str(error), f"{ANOTHER}, or check its cable") from error
 
-    def _set_region(self, settings: AravisSettings) -> None:
-        wanted = (settings.offset_x_px, settings.offset_y_px, settings.width_px, settings.height_px)
-        self.attempt("set size", "camera_set_region", *wanted)
-        names = "{2} x {3} px at ({0}, {1})"
-        self._require("set size", names.format(*wanted), names.format(*self._region()))
-
-    def _region(self) -> list[int]:
+    def _read_region(self) -> list[int]:
         """Return horizontal and vertical offset, width and height of the picture, in pixels."""
         got = [ctypes.c_int() for _ in range(4)]
         self._library.call("camera_get_region", self._camera, *(ctypes.byref(value) for value in got))
         return [value.value for value in got]
-
-    def _set_number(self, name: str, wanted: float) -> None:
-        step = f"set {name}"
-        self.attempt(step, f"camera_set_{name}", wanted)
-        got = float(self.attempt(step, f"camera_get_{name}"))
-        if not agree(got, wanted):
-            raise self._fault(step, f"{wanted:g}", f"{got:g} on reading back", ANOTHER)
-        self.numbers[name] = got
-
-    def _require(self, step: str, wanted: str, got: str) -> None:
-        if got != wanted:
-            raise self._fault(step, wanted, f"{got} on reading back", ANOTHER)

@@ -3,34 +3,25 @@
 import contextlib
 import ctypes
 import math
-import threading
 from datetime import UTC, datetime
-from functools import partial
 from typing import Any
-
-import numpy as np
 
 from drivers.cameras.aravis.features import Features
 from drivers.cameras.aravis.library import Aravis, AravisError
 from drivers.cameras.aravis.settings import AravisSettings
-from drivers.cameras.genicam.camera_clock import LatchedClock
-from drivers.cameras.genicam.numbers import FrameNumbers
-from drivers.cameras.genicam.stamps import StampRule, Times, require_past
+from drivers.cameras.genicam.session import OTHER_SIZE, FilmingDevice
+from drivers.cameras.genicam.stamps import Times
 from drivers.clock import Clock
-from drivers.errors import DeviceFault
-from drivers.interfaces import Frame, Setting
+from drivers.interfaces import Frame
 
-UNSETTLED_FRAMES = 2
 CLOCK_SET_S = 0.01
 """If the system's date jumps by more than this time in s against the rig's clock, somebody has set it."""
 READINGS = 3
 LONGEST_WAIT_S = 3600.0
 UNKNOWN_STATUS = 0xFF
-OTHER_SIZE = 1 << 8
-"""Flag of a frame whose size in pixels or bytes differs from the settings."""
 
 
-class AravisSession:
+class AravisSession(FilmingDevice[Features]):
     """An opened camera that films; its settings were written and read back.
 
     Raise `AravisError` if the camera cannot be opened, and `DeviceFault` if the camera does not accept a
@@ -38,20 +29,11 @@ class AravisSession:
     """
 
     def __init__(self, library: Aravis, settings: AravisSettings, device: str, clock: Clock) -> None:
+        super().__init__(settings, device, clock)
         self._library = library
         self._settings = settings
-        self._device = device
-        self._fault = partial(DeviceFault, self._device)
-        self._clock = clock
         self._stream: int | None = None
-        # Only one thread at a time may talk with the camera: a pulse may come during a stream.
-        self._talk = threading.Lock()
-        self._numbers = FrameNumbers(self.interval_s)
-        self._camera_clock: LatchedClock | None = None
-        # a triggered frame is exposed after the settings were written
-        self._unsettled = 0 if settings.trigger else UNSETTLED_FRAMES
         self._date_s = self._date_less_clock_s()
-        self.seen = 0
         self._camera: int | None = library.call("camera_new", settings.camera.encode())
         try:
             self._require_control()
@@ -62,23 +44,11 @@ class AravisSession:
             self._features.write()
             self._exposure_us = self._features.numbers["exposure_time"]
             self._gain = self._features.numbers.get("gain", math.nan)
-            self._rule = StampRule(settings, self._exposure_us)
-            if settings.stamp != "arrival":
-                self._camera_clock = LatchedClock(self._features, device, clock)
+            self._begin_times(self._exposure_us)
             self._begin()
         except BaseException:
             self.close()
             raise
-
-    @property
-    def interval_s(self) -> float:
-        """Time between two frames, in seconds; infinite if a trigger begins each frame."""
-        return math.inf if self._settings.trigger else self.shortest_s
-
-    @property
-    def shortest_s(self) -> float:
-        """Shortest time between two frames, in seconds, also if a trigger begins each frame."""
-        return 1 / self._settings.rate_hz
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
         """Return the next frame exposed after `after_s`, even if damaged. Return None after `timeout_s`."""
@@ -95,23 +65,6 @@ class AravisSession:
             if frame is not None:
                 return frame
         return None
-
-    def verify(self) -> None:
-        """Read frame rate, exposure time and gain back. Raise `DeviceFault` if a value has changed.
-
-        If the camera does not answer, `LinkLost` is raised.
-        """
-        with self._talk:
-            self._features.verify()
-
-    def read_settings(self) -> dict[str, Setting]:
-        """Read all settings back from the camera. Raise `LinkLost` if the camera does not answer."""
-        with self._talk:
-            return self._features.read()
-
-    def pulse(self) -> None:
-        """Begin a pulse on the output line. Raise `DeviceError` if it may not have been given."""
-        self._features.lines.pulse()
 
     def close(self) -> None:
         """Stop filming and release all resources. A repeated call has no effect."""
@@ -157,10 +110,7 @@ class AravisSession:
         arrived_s = call("buffer_get_system_timestamp", buffer) * 1e-9 - date_s
         sequence = self._numbers.number(int(call("buffer_get_frame_id", buffer)), arrived_s)
         times = self._times(buffer, arrived_s, received_s)
-        if self._unsettled:
-            self._unsettled -= 1
-            return None
-        if times.exposed_s < after_s:
+        if not self._is_wanted(times, after_s):
             return None
         status = int(call("buffer_get_status", buffer))
         image, flags = self._image(buffer, whole=status == 0)
@@ -179,21 +129,15 @@ class AravisSession:
 
     def _times(self, buffer: int, arrived_s: float, received_s: float) -> Times:
         """Return when the frame in a buffer was exposed."""
-        clock = self._camera_clock
-        if clock is None:
+        if self._camera_clock is None:
             return self._rule.of_arrival(arrived_s, arrived_s)
-        with self._talk:
-            clock.keep()
-        stamp_ns = int(self._library.call("buffer_get_timestamp", buffer))
-        stamped_s, half_s = clock.camera.on_rig(stamp_ns * 1e-9)
-        return require_past(self._rule.of_camera(stamped_s, half_s), received_s, self._device)
+        return self._times_of(1e-9 * int(self._library.call("buffer_get_timestamp", buffer)), received_s)
 
     def _image(self, buffer: int, *, whole: bool) -> tuple[Any, int]:
         width, height = self._settings.width_px, self._settings.height_px
         call, size = self._library.call, ctypes.c_size_t()
         data = call("buffer_get_data", buffer, ctypes.byref(size))
-        container: Any = np.uint8 if self._settings.bits <= 8 else np.uint16
-        image = np.zeros((height, width), container)
+        image = self._black()
         if not data or size.value < image.nbytes:
             return image, OTHER_SIZE
         # compare whole frames only: without its first packet a frame has no size
@@ -203,14 +147,8 @@ class AravisSession:
         ):
             return image, OTHER_SIZE
         ctypes.memmove(image.ctypes.data, data, image.nbytes)
-        highest = int(image.max())
-        if whole and highest >> self._settings.bits:
-            raise self._fault(
-                "get frame",
-                f"grey levels of {self._settings.bits} bits",
-                str(highest),
-                "choose format Mono16: the camera uses more bits than the format says",
-            )
+        if whole:
+            self._require_levels(image)
         return image, 0
 
     def _date_less_clock_s(self) -> float:

@@ -1,39 +1,31 @@
 """Connection to one GenTL camera, which gets its settings and then films until `close`."""
 
 import math
-import threading
 from datetime import datetime, timedelta
-from functools import partial
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-from drivers.cameras.genicam.camera_clock import LatchedClock
-from drivers.cameras.genicam.numbers import FrameNumbers
-from drivers.cameras.genicam.stamps import StampRule, Times, require_past
+from drivers.cameras.genicam.session import OTHER_SIZE, FilmingDevice
+from drivers.cameras.genicam.stamps import Times
 from drivers.cameras.gentl.device import Device, GentlError, Picture
 from drivers.cameras.gentl.features import Features
 from drivers.cameras.gentl.settings import GentlSettings
 from drivers.clock import Clock
 from drivers.errors import DeviceFault, LinkLost
-from drivers.interfaces import Frame, Setting
+from drivers.interfaces import Frame
 
-UNSETTLED_FRAMES = 2
 POLL_S = 1e-3
 """Time, in seconds, between two looks for a frame. Nothing else tells when a frame has arrived."""
 APART = 0.5
 """Frames are at least this part of a frame time apart."""
-BYTE_BITS = 8
 INCOMPLETE = 1
 """Flag of a frame that the producer calls incomplete."""
 REPEATED = 1 << 1
 """Flag of a frame whose number is not higher than the one before: an old picture that came again."""
-OTHER_SIZE = 1 << 8
-"""Flag of a frame without a grey-level picture of the size in the settings."""
 
 
-class GentlSession:
+class GentlSession(FilmingDevice[Features]):
     """An opened camera that films; its settings were written and read back.
 
     `device` is the connected camera, which `close` closes, and so does a failed configuration. Raise
@@ -41,28 +33,16 @@ class GentlSession:
     """
 
     def __init__(self, device: Device, settings: GentlSettings, name: str, clock: Clock) -> None:
+        super().__init__(settings, name, clock)
         self._device = device
-        self._settings = settings
         self._name = name
-        self._fault = partial(DeviceFault, name, "get frame")
-        self._clock = clock
-        # Only one thread at a time may talk with the camera: a pulse may come during a stream.
-        self._talk = threading.Lock()
-        self._numbers = FrameNumbers(self.interval_s)
-        self._camera_clock: LatchedClock | None = None
         self._count = 0
         self._last: int | None = None
-        # a triggered frame is exposed after the settings were written
-        self._unsettled = 0 if settings.trigger else UNSETTLED_FRAMES
         self._earliest_s = -math.inf
-        self.seen = 0
-        self._features: Features | None = None
+        self._features = Features(device, settings, name, clock, self._talk)
         try:
-            self._features = features = Features(device, settings, name, clock, self._talk)
-            features.write()
-            self._rule = StampRule(settings, features.exposure_us)
-            if settings.stamp != "arrival":
-                self._camera_clock = LatchedClock(features, name, clock)
+            self._features.write()
+            self._begin_times(self._features.exposure_us)
             self._absent_s = clock.now_s()
             device.start(settings.buffers)
         except GentlError as error:
@@ -72,16 +52,6 @@ class GentlSession:
         except BaseException:
             self.close()
             raise
-
-    @property
-    def interval_s(self) -> float:
-        """Time between two frames, in seconds; infinite if a trigger begins each frame."""
-        return math.inf if self._settings.trigger else self.shortest_s
-
-    @property
-    def shortest_s(self) -> float:
-        """Shortest time between two frames, in seconds, also if a trigger begins each frame."""
-        return 1 / self._settings.rate_hz
 
     def next_frame(self, timeout_s: float, after_s: float) -> Frame | None:
         """Return the next frame exposed after `after_s`, even if damaged. Return None after `timeout_s`.
@@ -117,33 +87,10 @@ class GentlSession:
                 return
             self.seen += 1
 
-    def verify(self) -> None:
-        """Read frame rate, exposure time and gain back. Raise `DeviceFault` if a value has changed.
-
-        If the camera does not answer, `LinkLost` is raised.
-        """
-        with self._talk:
-            self._known.verify()
-
-    def read_settings(self) -> dict[str, Setting]:
-        """Read all settings back from the camera. Raise `LinkLost` if the camera does not answer."""
-        with self._talk:
-            return self._known.read()
-
-    def pulse(self) -> None:
-        """Begin a pulse on the output line. Raise `DeviceError` if it may not have been given."""
-        self._known.lines.pulse()
-
     def close(self) -> None:
         """Stop filming and release all resources. A repeated call has no effect."""
-        if self._features is not None:
-            self._features.lines.close()
+        self._features.lines.close()
         self._device.close()
-
-    @property
-    def _known(self) -> Features:
-        assert self._features is not None
-        return self._features
 
     def _frame(self, picture: Picture, after_s: float) -> Frame | None:
         self.seen += 1
@@ -152,10 +99,7 @@ class GentlSession:
         repeated = self._last is not None and sequence <= self._last
         self._last = sequence
         times = self._times(picture, received_s)
-        if self._unsettled:
-            self._unsettled -= 1
-            return None
-        if times.exposed_s < after_s:
+        if not self._is_wanted(times, after_s):
             return None
         image, other = self._image(picture)
         age_s = self._clock.now_s() - times.exposed_s
@@ -166,8 +110,8 @@ class GentlSession:
             utc=self._utc_before(age_s),
             sequence=sequence,
             flags=other | INCOMPLETE * (not picture.complete) | REPEATED * repeated,
-            exposure_us=self._known.exposure_us,
-            gain=self._known.gain,
+            exposure_us=self._features.exposure_us,
+            gain=self._features.gain,
             middle_s=times.middle_s,
             middle_std_s=times.middle_std_s,
         )
@@ -183,32 +127,26 @@ class GentlSession:
         A frame has arrived after the last look that found none. If several frames had arrived, each did so at
         least half a frame time after the one before.
         """
-        clock = self._camera_clock
-        if clock is None:
-            apart_s = APART / self._settings.rate_hz
+        if self._camera_clock is None:
+            apart_s = APART * self.shortest_s
             self._earliest_s = min(max(self._absent_s, self._earliest_s + apart_s), received_s)
             return self._rule.of_arrival(received_s, self._earliest_s)
         if picture.stamp_s is None:
-            raise self._fault("a time stamp of the camera", "none", 'leave out `stamp`, or use "arrival"')
-        with self._talk:
-            clock.keep()
-        times = self._rule.of_camera(*clock.camera.on_rig(picture.stamp_s))
-        return require_past(times, received_s, self._name)
-
-    def _image(self, picture: Picture) -> tuple[NDArray[np.uint8] | NDArray[np.uint16], int]:
-        settings = self._settings
-        container: Any = np.uint8 if settings.bits <= BYTE_BITS else np.uint16
-        shape = settings.height_px, settings.width_px
-        pixels = picture.pixels
-        if pixels is None or pixels.shape != shape or pixels.dtype != container:
-            return np.zeros(shape, container), OTHER_SIZE
-        highest = int(pixels.max())
-        if picture.complete and highest >> settings.bits:
-            raise self._fault(
-                f"grey levels of {settings.bits} bits",
-                str(highest),
-                "choose format Mono16: the camera uses more bits than the format says",
+            raise DeviceFault(
+                self._name,
+                "get frame",
+                "a time stamp of the camera",
+                "none",
+                'leave out `stamp`, or use "arrival"',
             )
+        return self._times_of(picture.stamp_s, received_s)
+
+    def _image(self, picture: Picture) -> tuple[NDArray[Any], int]:
+        black, pixels = self._black(), picture.pixels
+        if pixels is None or pixels.shape != black.shape or pixels.dtype != black.dtype:
+            return black, OTHER_SIZE
+        if picture.complete:
+            self._require_levels(pixels)
         return pixels, 0
 
     def _utc_before(self, age_s: float) -> datetime:

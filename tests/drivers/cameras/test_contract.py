@@ -20,6 +20,7 @@ from simulators.rig.camera import FreeRunningCamera, SimulatedCamera
 from simulators.rig.camera_settings import CameraSettings
 from simulators.rig.scene_client import CAMERA as REMOTE
 from simulators.rig.scene_wire import SceneServer
+from simulators.rig.surroundings import Surroundings
 from simulators.scene.scene import Misalignment, Scene
 from simulators.scene.specimen import SimulatedSpecimen, SpecimenSettings
 from simulators.wire.faults import CAMERA, FaultPanel
@@ -59,7 +60,7 @@ def simulated(end: ExitStack, name: str = NAME, settings: CameraSettings = SMALL
     clock.sleep(100.0)
     return bench_of(
         lambda: (FreeRunningCamera if settings.fps else SimulatedCamera)(
-            name, settings, scene, clock, faults
+            name, settings, scene, clock, Surroundings.of(clock, faults)
         ),
         clock,
         faults,

@@ -47,7 +47,7 @@ def test_the_driver_on_a_camera_of_another_maker() -> None:
     reason = lacking()
     if reason:
         pytest.skip(reason)
-    guests = "tests/real_cameras/gige/guest_aravis.py tests/real_cameras/gige/guest_contract.py"
+    guests = " ".join(f"tests/real_cameras/gige/guest_{name}.py" for name in ("aravis", "contract", "run"))
     tests = f"{sys.executable} -m pytest -p no:cacheprovider -q -s -rA --tb=short {guests}"
     script = f"PATH=$PATH:/usr/sbin:/sbin; ip link set lo up && exec {tests}"
     done = subprocess.run(
@@ -56,6 +56,7 @@ def test_the_driver_on_a_camera_of_another_maker() -> None:
     print(done.stdout)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "fresh frame at 25 Hz" in done.stdout
+    assert "acquisition from Aravis' camera" in done.stdout
     assert "PASSED tests/real_cameras/gige/guest_contract.py" in done.stdout
 
 

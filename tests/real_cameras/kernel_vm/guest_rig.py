@@ -18,6 +18,7 @@ from rig.recorder import StepRecord
 from rig.run import run_protocol
 from simulators.rig.simulation import Simulation
 from tests.real_cameras.kernel_vm.guest import left_open, turn
+from tests.real_cameras.streamed import acquire
 
 TABLES = {
     "rig": {"name": "rotation rig with the kernel's cameras"},
@@ -137,3 +138,21 @@ def test_a_camera_that_is_pulled_out_and_comes_back_is_used_again(
     assert (verification.status, verification.problems) == ("completed", [])
     for check in verification.cameras.values():
         assert (check.in_steps, check.damaged) == (len(STEPS) * PER_STEP, [])
+
+
+def test_both_cameras_stream_into_an_acquisition(simulation: Simulation, tmp_path: Path) -> None:
+    cameras = [CAMERA.format(name=name, number=number) for number, name in enumerate(CAMERAS)]
+    streamed = acquire(tmp_path, simulation.rig_file() + "".join(cameras), 0.1, 6.0, 0.05)
+    print(streamed.report("the kernel's cameras"))
+    assert streamed.timing.taken + streamed.timing.missing == streamed.timing.asked == 61
+    # the processor of the machine may be emulated: what is missing is counted, and nothing else is recorded
+    assert streamed.timing.taken > 10
+    for name in CAMERAS:
+        found = streamed.cameras[name]
+        assert len(found["sequence"]) == streamed.timing.taken
+        assert (np.diff(found["sequence"]) >= 1).all()
+        steps = np.diff(found["middle_s"])
+        assert (steps > 0.0).all()
+        # the kernel's counter and the kernel's clock agree
+        np.testing.assert_allclose(steps * 30, np.diff(found["sequence"]), atol=0.6)
+        assert np.ptp(found["data"][0]) > 100

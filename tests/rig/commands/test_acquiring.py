@@ -3,6 +3,7 @@
 import io
 import re
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -52,6 +53,18 @@ def status(now: TimingNow, state: State = State.IMAGING, **more) -> EngineStatus
 def test_the_first_line_tells_images_rates_and_values(now, said):
     assert what_happens(status(now)) == said
     assert what_is_taken(status(now, State.PAUSED), now) == f"PAUSED: {said}"
+
+
+def test_a_load_frame_that_is_pulled_without_a_stop_is_said_to_move_and_gauges_are_not_told_twice():
+    gauge = {"gauge.axial": SignalReading(np.array([0.004]), np.zeros(1), unit="1")}
+    pulls = RigReading(1.0, load_n=5.0, moving=True, signals={**gauge, **VALUES})
+    said = what_happens(replace(status(NOW), reading=pulls, load_is_measured=False))
+    assert said.startswith("the load frame MOVES, 120 of 1201 images, ")
+    assert said.endswith("reached), force 12346 N, oven 23.46 °C")
+    stands = replace(status(NOW, State.PAUSED), reading=replace(pulls, moving=False), load_is_measured=False)
+    assert what_happens(stands).startswith("PAUSED: nothing moves, 120 of")
+    # of a machine that is no device of the rig nobody knows whether it moves
+    assert "moves" not in what_happens(replace(stands, reading=RigReading(1.0, angle_deg=0.0)))
 
 
 def test_no_line_claims_that_a_machine_stands_or_is_stopped_that_takes_no_commands():

@@ -163,7 +163,7 @@ def test_an_aborted_acquisition_is_not_continued(folder):
     assert "force within -500 to 500 N" in done.err
     again = run_rig("run", protocol, "--rig", rig_file, "--continue", "beside.h5")
     assert again.status == 2
-    assert "an acquisition beside one; begin a new run" in again.err
+    assert "images at times or events; begin a new run" in again.err
 
 
 def test_events_tell_images_seldom(folder, recorded):

@@ -189,6 +189,27 @@ def test_a_load_frame_that_keeps_its_speed_and_cameras_without_streams_are_refus
     assert not any(call.startswith("displacement") for call in rig.calls)
 
 
+def test_a_pause_that_comes_before_a_change_of_speed_is_no_fault(tmp_path):
+    rig, live = pulled(tmp_path, STRAIN)
+    engine = rig.engine(live=live)
+    change, frame = rig.load_frame.change_speed, rig.load_frame
+    done: list[str] = []
+
+    def late(speed_mm_s: float) -> None:
+        if len(frame.speeds) > 20 and not done:
+            # the pause holds the machine from another thread
+            done.append(engine.pause("a test"))
+            frame.hold()
+            engine.go_on("a test")
+        change(speed_mm_s)
+
+    frame.change_speed = late
+    outcome = engine.run()
+    assert done == [""]
+    assert outcome.status == "completed", outcome.reason
+    assert outcome.pauses.count == 1
+
+
 def test_a_pause_holds_the_machine_and_the_stage_goes_on(tmp_path):
     rig, live = pulled(tmp_path, STRAIN)
     engine = rig.engine(live=live)

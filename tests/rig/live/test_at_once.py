@@ -129,7 +129,7 @@ def test_corrected_strain_is_that_of_dic_process_within_its_standard_deviation(r
     assert live_readings(rig, images) == readings
 
 
-def test_the_live_values_of_a_run_are_known_at_its_images(offline):
+def test_the_live_values_of_a_run_are_known_at_its_images(rig, offline):
     for images in offline.values():
         known = {name: value for name, value in images[3].known.items() if "gauge" in name}
         assert known["channel_gauge.axial"] == pytest.approx(2e-3)

@@ -1,11 +1,15 @@
 """The table `[live]` of a protocol: its gauges and settings, and all mistakes in it together."""
 
 import pickle
+import re
+import tomllib
 
 import pytest
 
 from drivers.errors import ConfigurationError
+from rig.protocol.live_table import LiveTable
 from rig.protocol.protocol import read_protocol, recorded_protocol
+from tests.places import DOCS
 
 BEFORE = """
 kind = "acquire"
@@ -23,6 +27,16 @@ def read(tmp_path, table):
     path = tmp_path / "protocol.toml"
     path.write_text(BEFORE + table)
     return read_protocol(path)
+
+
+def test_the_documentation_lists_every_key_and_its_example_is_a_table():
+    section = (DOCS / "protocols.md").read_text().split("## Live gauges: `[live]`")[1].split("\n## ")[0]
+    rows = section.split("| key of `[live]` |")[1].split("\n\n")[0]
+    first_cells = re.findall(r"^\|([^|]*)\|", rows, re.MULTILINE)
+    keys = [key for cell in first_cells for key in re.findall(r"`([a-z_]+)`", cell)]
+    assert sorted(keys) == sorted(LiveTable.model_fields)
+    (text,) = re.findall(r"```toml\n(.*?)```", section, re.DOTALL)
+    assert LiveTable.model_validate(tomllib.loads(text)["live"]).names == ["axial"]
 
 
 def test_gauges_come_from_texts_and_from_a_file_beside_the_protocol(tmp_path):

@@ -115,7 +115,7 @@ def test_nonsense_on_the_port_of_the_scene_is_answered(simulation):
         *(grab | {"timeout_s": timeout_s} for timeout_s in (math.inf, math.nan, 1e30, -1.0)),
         {"do": "x" * 100_000},
     ):
-        with pytest.raises(DeviceError, match="expected camera, settings, grab, operator or ask"):
+        with pytest.raises(DeviceError, match="expected camera, settings, grab, stream, operator or ask"):
             client.ask(10.0, **request)
         # what is left of the longest
         client.close()

@@ -1,4 +1,4 @@
-"""The middle of long lists is left out of what commands print; the files that they write have all of it."""
+"""The middle of long lists is left out of what commands print and reports show; other files have all."""
 
 from collections.abc import Sequence, Set
 
@@ -19,9 +19,9 @@ def left_out_text(count: int, where: str) -> str:
     return f"  … {count - 2 * ENDS} more of {count}; {where} all …"
 
 
-def some_of(sentences: Sequence[str], where: str) -> list[str]:
+def some_sentences(sentences: Sequence[str], where: str, most: int = _MOST_SENTENCES) -> list[str]:
     """Return the first sentences, and one in place of the others."""
-    more = len(sentences) - _MOST_SENTENCES
+    more = len(sentences) - most
     if more <= 1:
         return list(sentences)
-    return [*sentences[:_MOST_SENTENCES], f"… and {more} more such sentences; {where} all"]
+    return [*sentences[:most], f"… and {more} more such sentences; {where} all"]
