@@ -49,7 +49,7 @@ thickness_mm = 1.0
 width_mm = 25.0
 gauge_length_mm = 60.0
 [start]
-tare_max_n = 100.0
+tare_max_n = 20.0
 [settle]
 load_tolerance_n = 20.0
 displacement_tolerance_mm = 0.002
@@ -160,10 +160,11 @@ def drive(
     noise: float | None = None,
     seed: int = 0,
     look: Callable[[VirtualRig], None] = lambda _: None,
+    on_live: Callable[[Any], None] = lambda _: None,
 ) -> Pulled:
     """Execute a test. With `noise`, the live gauge knows the true strain.
 
-    `look` is called at each reading of the engine.
+    `look` is called at each reading of the engine, and `on_live` with the measurement of the gauges.
     """
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "protocol.toml").write_text(protocol)
@@ -209,6 +210,7 @@ def drive(
             return found
 
         measurement.take = taken
+        on_live(measurement)
         return measurement
 
     def on_progress(_may_move: bool) -> None:

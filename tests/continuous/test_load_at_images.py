@@ -7,7 +7,7 @@ import pytest
 
 from dic.runfile.at_exposure import steps_at_exposure
 from dic.runfile.reader import RunFile
-from tests.rig.continuous.pulls import TINY, drive, protocol_text, rig_text
+from tests.continuous.pulls import TINY, drive, protocol_text, rig_text
 
 PHASES = """
 [[phases]]
@@ -28,7 +28,7 @@ until.displacement_mm = 2.0
 """
 JITTER_US, DELAY_S = 20_000.0, (0.0, 0.04)
 STAMP = {"jitter_us": JITTER_US, "stamp": "meant", "stamp_std_us": JITTER_US / np.sqrt(3.0)}
-"""Exposures begin late by up to the jitter, which their stamp does not know; its root mean square is stated."""
+"""Exposures begin late by up to the jitter; their stamps do not know it, and state its root mean square."""
 
 
 def errors_of(folder, speed_mm_s, seed, *, jitter):
@@ -49,10 +49,39 @@ def errors_of(folder, speed_mm_s, seed, *, jitter):
         steps = [step for step in steps_at_exposure(run)["front"].steps if step.kind == "acquired"]
         numbers = run.columns("instrument/front", "sequence")["sequence"]
         own = {step.index: step for step in run.steps}
-        rows = [list(run.rows("front", own[step.index]))[0] for step in steps]
+        rows = [next(iter(run.rows("front", own[step.index]))) for step in steps]
         readings = run.columns("instrument/load_frame", "time_s", "load_n")
-    error_n = np.array([step.load_n - true_n[int(numbers[row])] for step, row in zip(steps, rows, strict=True)])
+    error_n = np.array(
+        [step.load_n - true_n[int(numbers[row])] for step, row in zip(steps, rows, strict=True)]
+    )
     std_n = np.array([step.load_std_n for step in steps])
-    at = np.searchsorted(readings["time_s"], [step.time_s for step in steps]).clip(1, len(readings["time_s"]) - 1)
+    at = np.searchsorted(readings["time_s"], [step.time_s for step in steps]).clip(
+        1, len(readings["time_s"]) - 1
+    )
     change_n = np.abs(readings["load_n"][at] - readings["load_n"][at - 1])
     return error_n, std_n, change_n
+
+
+def test_without_jitter_the_load_is_exact_to_a_hundredth_of_a_reading(tmp_path):
+    error_n, _, change_n = errors_of(tmp_path, 0.05, 1, jitter=False)
+    share = np.abs(error_n[1:]) / change_n[1:]
+    print(
+        f"{len(share)} images: median {np.median(share):.2%} of the change between two readings, "
+        f"most {share.max():.2%}"
+    )
+    # The simulated machine moves in steps of 20 ms, which alone are worth 1.0 %.
+    assert len(share) > 150
+    assert np.median(share) <= 0.001
+    assert share.max() <= 0.011
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("speed_mm_s", "seed"), [(0.05, 1), (0.2, 2)])
+def test_with_jitter_and_delay_the_error_of_the_load_is_as_stated(speed_mm_s, seed, tmp_path):
+    error_n, std_n, _ = errors_of(tmp_path, speed_mm_s, seed, jitter=True)
+    within = np.mean(np.abs(error_n) <= 1.96 * std_n)
+    print(
+        f"{len(error_n)} images: {within:.1%} within 1.96 standard deviations, "
+        f"rms z {np.sqrt(np.mean((error_n / std_n) ** 2)):.2f}"
+    )
+    assert within >= 0.95

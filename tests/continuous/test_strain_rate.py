@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.rig.continuous.pulls import (
+from tests.continuous.pulls import (
     AREA_MM2,
     GAUGE,
     LENGTH_MM,

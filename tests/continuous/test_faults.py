@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import pytest
 
 from simulators.rig.planned_faults import FaultPlan
-from tests.rig.continuous.pulls import GAUGE, LENGTH_MM, RATE_S, SEES, drive, protocol_text, rig_text
+from tests.continuous.pulls import GAUGE, LENGTH_MM, RATE_S, SEES, drive, protocol_text, rig_text
 
 PERIOD_S, MARGIN_S = 0.1, 0.02
 ON_S, FIRST_S, APART_S = 1.0, (6.0, 7.0), (2.5, 3.5)
