@@ -143,12 +143,16 @@ class LiveCamera:
         motion = motion or self.motion_now(time_s)
         fields, unusable = self._fields(motion)
         bright = iter(self._checks.more_saturated(image) > self.setup.live.most_saturated)
+        faint = iter(self._checks.left_contrast(image) < self.setup.live.least_contrast)
         status = self.tracker.status[self.points.points]
         valid, gauges = self.fields.valid, {}
         for gauge in self._gauges:
             readings = {kind: gauge.read(kind, field, valid) for kind, field in fields.items()}
             why, figures = gauge.objection(valid, status, readings["raw"], time_s)
-            if sum(next(bright) for _ in gauge.groups):
+            # Every group takes its own items of both iterators.
+            if sum([next(faint) for _ in gauge.groups]) and not why:
+                why, figures = Reason.FAINT, ""
+            if sum([next(bright) for _ in gauge.groups]):
                 why, figures = Reason.SATURATED, ""
             name = gauge.gauge.name
             gauges[name] = LiveGauge(name, readings, why, unusable, figures)

@@ -1,4 +1,4 @@
-"""Checks of a frame that need no correlation: is it another frame than the last, and is it overexposed?"""
+"""Checks of a frame that need no correlation: is it a new one, overexposed, or faint?"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,12 +13,14 @@ from dic.typing import Float, Indices
 _SAMPLE_PX = 32
 """Width of the squares whose pixels are compared with those of the last frame."""
 
+_SKIP_PX = 2
+"""Only each second row and column of a patch is needed for its contrast."""
 _FEWER_BITS = (1023, 4095, 16383)
 _EIGHT_BIT = 255
 
 
 class FrameChecks:
-    """Compare each frame with the last one, and count saturated pixels.
+    """Compare each frame with the last one, count saturated pixels, and measure the contrast.
 
     `reference`: the reference image. `tracker`: the points as they are followed. `groups`: numbers of the
     points, patch by patch, that saturated pixels disturb together.
@@ -31,6 +33,7 @@ class FrameChecks:
         self._at_rest = self._parts(reference.shape)
         self._level: int | None = None
         self._usual: Float | None = None
+        self._usual_contrasts = _contrasts(reference, self._at_rest)
         self._last: list[tuple[Part, NDArray[Any]]] = []
 
     def repeated(self, image: NDArray[Any]) -> bool:
@@ -60,6 +63,14 @@ class FrameChecks:
             self._usual = _shares(self._reference, self._at_rest, self._level)
         return _shares(image, self._parts(image.shape), self._level) - self._usual
 
+    def left_contrast(self, image: NDArray[Any]) -> Float:
+        """Return the contrast in each patch, as a share of that in the reference.
+
+        A covered lens leaves some light. Many points still correlate then, with large errors.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return _contrasts(image, self._parts(image.shape)) / self._usual_contrasts
+
     def _parts(self, shape: tuple[int, ...]) -> list[Part]:
         """Return the part of the frame that shows each patch."""
         parts = self._tracker.windows_of(self._numbers, self._starts)
@@ -85,3 +96,9 @@ def _shares(image: NDArray[Any], windows: Sequence[Part], level: int | None) -> 
         return np.zeros(len(windows))
     shown = (image[part.top : part.bottom, part.left : part.right] for part in windows)
     return np.array([np.count_nonzero(each >= level) / max(1, each.size) for each in shown])
+
+
+def _contrasts(image: NDArray[Any], windows: Sequence[Part]) -> Float:
+    """Return the standard deviation of the grey levels in each window; NaN without pixels."""
+    shown = (image[part.top : part.bottom : _SKIP_PX, part.left : part.right : _SKIP_PX] for part in windows)
+    return np.array([each.std(dtype=np.float32) if each.size else np.nan for each in shown])

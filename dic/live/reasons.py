@@ -10,6 +10,7 @@ class Reason(Enum):
     NOT_MEASURED = "no frame was measured yet"
     REPEATED = "the frame repeats the one before, or is no later than it"
     SATURATED = "too many saturated pixels"
+    FAINT = "most of the contrast is gone: the lens is covered, or the light has changed"
     OUTSIDE = "the gauge has left the image or the calibrated area"
     LOW_CORRELATION = "the correlation is too low: the pattern is covered, blurred, torn or badly lit"
     POINTS_LOST = "too few points have a displacement"

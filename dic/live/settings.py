@@ -27,6 +27,16 @@ class LiveSettings:
         ge=0.0,
         le=1.0,
     )
+    least_contrast: Number = setting(
+        "least contrast",
+        "Smallest contrast around a gauge's points, as a share of that in the reference.",
+        default=0.3,
+        expected="from 0 to 1",
+        remedy="give 0.3",
+        more="The contrast is the standard deviation of the grey levels.",
+        ge=0.0,
+        le=1.0,
+    )
     most_strain_per_s: Number = setting(
         "greatest strain rate",
         "Greatest strain rate that is credible, 1/s: a strain that changes faster is not valid.",

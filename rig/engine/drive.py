@@ -8,7 +8,7 @@ from typing import Protocol
 
 from drivers.errors import DeviceFault
 from rig.engine.context import RunContext
-from rig.engine.strain_rate import Point, StrainRateControl
+from rig.engine.strain_rate import Point, StrainRateControl, Way
 from rig.errors import GaugeNotValid, ProtocolError, SettleTimeout
 from rig.protocol.pull_stages import PullPlan, PullStage, StageWatch
 from rig.protocol.step import Kind, ProtocolStep, RigReading
@@ -196,7 +196,7 @@ class MachineDrive:
         assert kept is not None
         sense = self._stage.ends.sense
         was_discontinuous = control.is_discontinuous
-        control.see_load(sense * reading.load_n)
+        control.see_load(Way(reading.time_s, sense * reading.displacement_mm, sense * reading.load_n))
         for time_s, strain in self._run.live.strains(kept.gauge, reading):
             displacement_mm, load_n = self._at(time_s)
             control.see(Point(time_s, sense * strain, sense * displacement_mm, sense * load_n))

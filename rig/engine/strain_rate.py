@@ -6,6 +6,9 @@ measured all the time, as the slope of strain over displacement in the last seco
 
     v = (rate + c * (wanted strain - strain)) / g.
 
+The load is known more often than the strain, and with less noise. A specimen that begins to yield shows it
+first: the gain then follows from the fall of the stiffness, before the strain of the next image is known.
+
 With the right gain this is a first-order loop with the bandwidth c for every specimen and machine. With a
 dead time T from the exposure to the new speed, it is stable as long as the gain is larger than the measured
 one by less than pi / (2 c T), without overshoot up to 1 / (e c T). docs/strain-control.md has the proof.
@@ -41,6 +44,19 @@ _RISE, _AHEAD = 0.05, 3.0
 is added: yielding begins, and until the next speed is in force the gain rises further."""
 _FALL = 0.3
 """The measured gain changes by at most this share from one value to the next, against outliers."""
+_BEFORE_S, _NEWEST_S = 0.6, 0.09
+"""The stiffness of the newest readings is compared with that before, over these times in s."""
+_NEWEST_LEAST, _BEFORE_LEAST = 4, 8
+_FALL_SIGMAS = 4.0
+"""A stiffness that is lower by this many standard deviations has fallen."""
+
+
+class Way(NamedTuple):
+    """A reading of load and displacement."""
+
+    time_s: float
+    displacement_mm: float
+    load_n: float
 
 
 class Point(NamedTuple):
@@ -76,6 +92,8 @@ class StrainRateControl:
         self._stiffest_n_mm = 0.0
         self._highest_n = -math.inf
         self._loads_n: deque[float] = deque(maxlen=3)
+        self._ways: deque[Way] = deque()
+        self._measured: tuple[float, float] | None = None
         self.speed_mm_s = kept.crosshead_mm_s
         self.is_discontinuous = False
 
@@ -91,11 +109,16 @@ class StrainRateControl:
         self._is_reached = False
         self._highest_n = -math.inf
         self._loads_n.clear()
+        self._ways.clear()
+        self._measured = None
         self.speed_mm_s = min(self.speed_mm_s, self._kept.crosshead_mm_s)
 
-    def see_load(self, load_n: float) -> None:
-        """Look at a load for discontinuous yielding: it falls although the crosshead pulls."""
-        self._loads_n.append(load_n)
+    def see_load(self, way: Way) -> None:
+        """Take a reading of the load. It falls, or it rises more slowly, if the specimen begins to yield."""
+        self._loads_n.append(way.load_n)
+        if not self._ways or way.time_s > self._ways[-1].time_s:
+            self._ways.append(way)
+            self._slow_down()
         if len(self._loads_n) < 3:
             return
         # the middle of three: one wrong sample is no fall
@@ -123,10 +146,48 @@ class StrainRateControl:
         # It may always become slower at once: only a rise can overload the specimen.
         allowed_mm_s = self.speed_mm_s + bounds.acceleration_mm_s2 * elapsed_s
         self.speed_mm_s = min(speed_mm_s, allowed_mm_s)
-        self._is_reached = self._is_reached or self._gain_mm * self.speed_mm_s >= _REACHED * kept.rate_s
+        self._is_reached = self._is_reached or self._has_reached()
         if not self._is_reached:
             # What is missing at the beginning is not caught up by a higher rate.
             self._wanted = strain
+
+    def _has_reached(self) -> bool:
+        """Return whether the strain has risen at nearly the wanted rate since the first kept point.
+
+        The speed times the measured gain would say so too early, because the gain is noisy at first.
+        """
+        first, last = self._points[0], self._points[-1]
+        least = _REACHED * self._kept.rate_s * (last.time_s - first.time_s)
+        return self._is_enough(0) and last.strain - first.strain >= least
+
+    def _slow_down(self) -> None:
+        """Lower the speed at once if the stiffness has fallen since the gain was measured.
+
+        Specimen and machine in series have the gain g = (1 - S/k) / L with the stiffness S of both, that of
+        the machine k, and the parallel length L. So a known pair of g and S gives g for another S.
+        """
+        ways = self._ways
+        while ways[-1].time_s - ways[0].time_s > _BEFORE_S + _NEWEST_S:
+            ways.popleft()
+        newest = [way for way in ways if ways[-1].time_s - way.time_s <= _NEWEST_S]
+        newest = newest if len(newest) >= _NEWEST_LEAST else list(ways)[-_NEWEST_LEAST:]
+        before = list(ways)[: -len(newest)]
+        if self.is_discontinuous or self._measured is None or len(before) < _BEFORE_LEAST:
+            return
+        _, _, noise_n = _line(before)
+        slope_n_mm, spread_mm, _ = _line(newest)
+        gain_mm, stiffness_n_mm = self._measured
+        if math.isnan(slope_n_mm) or not stiffness_n_mm > 0.0:
+            return
+        fall_n_mm = stiffness_n_mm - max(slope_n_mm, 0.0)
+        if not fall_n_mm > _FALL_SIGMAS * noise_n / spread_mm:
+            return
+        most_mm = 1.0 / self._kept.parallel_length_mm
+        now_mm = gain_mm + fall_n_mm / stiffness_n_mm * (most_mm - gain_mm)
+        if now_mm > self._gain_mm:
+            # The correction of the strain stays in proportion.
+            self.speed_mm_s = max(self.speed_mm_s * self._gain_mm / now_mm, self._kept.bounds.least_mm_s)
+            self._gain_mm = now_mm
 
     def _yield_in_bands(self) -> None:
         self.is_discontinuous = True
@@ -143,9 +204,11 @@ class StrainRateControl:
         newest_mm, _ = self._slopes(len(points) // 2)
         if math.isnan(gain_mm) or math.isnan(newest_mm):
             return False
+        measured_mm = gain_mm
         rise_mm = newest_mm - gain_mm
         if rise_mm > _RISE * gain_mm:
-            gain_mm += _AHEAD * rise_mm
+            # A specimen that yields everywhere has this gain, so none is expected to rise beyond it.
+            gain_mm = max(gain_mm, min(gain_mm + _AHEAD * rise_mm, 1.0 / self._kept.parallel_length_mm))
         low_mm, high_mm = (1.0 - _FALL) * self._gain_mm, (1.0 + _FALL) * self._gain_mm
         # The bounds of the speed are bounds of the gain as well.
         kept = self._kept
@@ -154,6 +217,7 @@ class StrainRateControl:
         self._gain_mm = min(max(gain_mm, low_mm, least_mm), high_mm, most_mm)
         if not self._is_enough(0):
             return False
+        self._measured = measured_mm, stiffness_n_mm
         self._stiffest_n_mm = max(self._stiffest_n_mm, stiffness_n_mm)
         uniform = gain_mm * kept.parallel_length_mm
         is_soft = stiffness_n_mm < _SOFT * self._stiffest_n_mm
@@ -180,3 +244,20 @@ class StrainRateControl:
         elapsed_s = points[-1].time_s - points[first].time_s
         strained = points[-1].strain - points[first].strain
         return elapsed_s >= _WINDOW_MOST_S or (elapsed_s >= _WINDOW_S and strained >= _WINDOW_STRAIN)
+
+
+def _line(ways: list[Way]) -> tuple[float, float, float]:
+    """Return the slope of load over displacement, the root of the sum of squares of the displacements around
+    their mean, and the standard deviation of the loads from the line; NaN where nothing has moved."""
+    count = len(ways)
+    mean_mm, mean_n = (
+        sum(way.displacement_mm for way in ways) / count,
+        sum(way.load_n for way in ways) / count,
+    )
+    offs = [(way.displacement_mm - mean_mm, way.load_n - mean_n) for way in ways]
+    spread_mm2 = sum(off_mm**2 for off_mm, _ in offs)
+    if not spread_mm2 > 0.0:
+        return math.nan, math.nan, math.nan
+    slope_n_mm = sum(off_mm * off_n for off_mm, off_n in offs) / spread_mm2
+    rest_n2 = sum((off_n - slope_n_mm * off_mm) ** 2 for off_mm, off_n in offs)
+    return slope_n_mm, math.sqrt(spread_mm2), math.sqrt(rest_n2 / (count - 2))

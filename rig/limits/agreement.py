@@ -167,6 +167,7 @@ class Agreement:
                 history=self._history,
                 elastic_n=self._pull.elastic_n,
                 flow_mm=self._string.flow_mm,
+                keeps_stiffness=not in_increments,
             )
 
     @property

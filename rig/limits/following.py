@@ -25,6 +25,11 @@ So the rise is checked over a longer travel, in which the load of such a specime
 constant `_WINDOW_MAX_SHARE` limits this travel.
 """
 _SOFTEST_SHARE = 0.02
+_ELASTIC_SHARE = 0.7
+"""A specimen that is certainly elastic keeps at least this share of its stiffness.
+
+In a motion without a stop, a load cell that drifts is not noticed at rest. It makes the specimen seem softer.
+"""
 _SMOOTH = 3
 """Number of readings whose mean load and mean displacement are used instead of single readings.
 
@@ -68,6 +73,8 @@ class Following:
         Load up to which the specimen is not expected to yield.
     flow_mm : float
         Travel in mm at constant load that the protocol allows.
+    keeps_stiffness : bool
+        True if a specimen that becomes softer is an error, also if its load rises.
     """
 
     def __init__(
@@ -81,6 +88,7 @@ class Following:
         history: History,
         elastic_n: float,
         flow_mm: float,
+        keeps_stiffness: bool = False,
     ) -> None:
         self.stiffness_n_mm: float | None = None
         self._outward = outward
@@ -89,6 +97,7 @@ class Following:
         self._history = history
         self._elastic_n = elastic_n
         self._flow_mm = flow_mm
+        self._keeps_stiffness = keeps_stiffness and not flow_mm > 0.0
         self._tangent_n_mm: float | None = None
         self._tangent_before_n_mm: float | None = None
         self._ends = deque([start], maxlen=_TANGENT_WINDOWS + 1)
@@ -130,6 +139,7 @@ class Following:
         rise_n, travel_mm = self._since(self._ends[-1], reading)
         if rise_n >= window_n or travel_mm > self._travel_mm(judged_n / expected_n_mm):
             self._end_window(reading)
+            self._require_stiffness(shown, step)
 
     def _judge(self, reading: RigReading, step: str, least_n: float, judged_mm: float) -> None:
         """Raise an error if the load has risen by less than `least_n` over the last `judged_mm` of travel."""
@@ -176,6 +186,21 @@ class Following:
         stiffest_n_mm = max(self.stiffness_n_mm or 0.0, self._history.stiffness_n_mm or 0.0)
         self._tangent_before_n_mm = self._tangent_n_mm
         self._tangent_n_mm = max(tangent_n_mm, _SOFTEST_SHARE * stiffest_n_mm)
+
+    def _require_stiffness(self, shown: RigReading, step: str) -> None:
+        """Raise an error if a specimen that is certainly elastic has become softer."""
+        stiffest_n_mm, tangent_n_mm = self.stiffness_n_mm, self._tangent_n_mm
+        if not self._keeps_stiffness or stiffest_n_mm is None or tangent_n_mm is None:
+            return
+        if tangent_n_mm < _ELASTIC_SHARE * stiffest_n_mm:
+            raise ImplausibleReading(
+                step,
+                f"{stiffest_n_mm:.4g} N/mm or a little less, because the specimen is elastic up to "
+                f"{self._elastic_n:.6g} N",
+                f"{tangent_n_mm:.4g} N/mm at {shown.load_n:.5g} N: the load cell drifts, or the specimen "
+                "yields or slips",
+                "look at the specimen and check the load cell; if the specimen yields here, lower elastic_n",
+            )
 
     def _stopped_to_follow(
         self, reading: RigReading, step: str, least_n: float, rise_n: float, travel_mm: float

@@ -13,7 +13,7 @@ from rig.protocol.live_table import SIGNAL_PREFIX as SIGNAL_PREFIX
 
 CAUSES = (
     "", "not_measured", "repeated", "saturated", "outside", "low_correlation", "points_lost", "jump",
-    "no_value", "no_motion", "declined", "cameras_disagree", "old", "no_frame",
+    "no_value", "no_motion", "declined", "cameras_disagree", "old", "no_frame", "faint",
 )  # fmt: skip
 """Names of the reasons why a value is not valid. The run file has their places in the list: it only grows."""
 

@@ -25,8 +25,8 @@ _CORRELATION = (
     "subset_px", "step_px", "shape", "order", "min_zncc", "tolerance_px", "max_iterations", "smoothing_px",
 )  # fmt: skip
 _LIVE = (
-    "least_share", "most_saturated", "most_strain_per_s", "confirming_frames", "most_age_s", "room_px",
-    "most_iterations", "search_px",
+    "least_share", "most_saturated", "least_contrast", "most_strain_per_s", "confirming_frames", "most_age_s",
+    "room_px", "most_iterations", "search_px",
 )  # fmt: skip
 
 
@@ -70,6 +70,7 @@ class LiveTable(Settings):
 
     least_share: float | None = None
     most_saturated: float | None = None
+    least_contrast: float | None = None
     most_strain_per_s: float | None = None
     confirming_frames: int | None = None
     most_age_s: float | None = None

@@ -67,7 +67,8 @@ def test_overwritten_images_of_another_protocol_are_a_problem(tmp_path):
 
 def test_lost_samples_and_samples_out_of_range_are_problems(tmp_path):
     rig = beside(tmp_path, on_read=lambda count, s: replace(s, first=s.first + 3 * (count > 100)))
-    assert rig.engine().run().is_good
+    outcome = rig.engine().run()
+    assert (outcome.status, outcome.is_good) == ("completed", False)
     assert verify_run(rig.path).problems == ["channels.box: 3 samples are missing in 1 gaps"]
     with h5py.File(rig.path, "r+") as file:
         file["entry/channels/box/value_force"][7] = 1e6

@@ -1,0 +1,24 @@
+"""A load cell that lies in a pull loads a specimen no further than it does in steps of load."""
+
+import pytest
+
+from tests.continuous.overloads import INCREMENT_N, drive_lying
+
+LIES = ("stuck-load", "tenth-load", f"drifting-load:{round(0.05 * INCREMENT_N)}")
+READING = 0.01
+"""Both tests are read at their own times, in which the load rises by this share of an increment."""
+
+
+@pytest.mark.parametrize(
+    "lie", [LIES[2], *(pytest.param(lie, marks=pytest.mark.extended) for lie in LIES[:2])]
+)
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 8))])
+def test_the_overload_of_a_pull_is_no_larger_than_that_of_steps(lie, seed, tmp_path):
+    steps = drive_lying(tmp_path / "steps", lie, seed, steps=True)
+    pull = drive_lying(tmp_path / "pull", lie, seed, steps=False)
+    print(
+        f"{lie}: beyond the load at which it began, steps {steps.beyond_n / INCREMENT_N:.3f}, "
+        f"pull {pull.beyond_n / INCREMENT_N:.3f} of an increment"
+    )
+    assert (steps.status, pull.status) == ("failed", "failed")
+    assert pull.beyond_n <= steps.beyond_n + READING * INCREMENT_N
