@@ -5,7 +5,7 @@ import pytest
 from tests.continuous.overloads import INCREMENT_N, drive_lying
 
 LIES = ("stuck-load", "tenth-load", f"drifting-load:{round(0.05 * INCREMENT_N)}")
-READING = 0.01
+READING = 0.02
 """Both tests are read at their own times, in which the load rises by this share of an increment."""
 
 
