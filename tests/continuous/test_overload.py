@@ -6,7 +6,7 @@ from tests.continuous.overloads import INCREMENT_N, drive_lying
 
 LIES = ("stuck-load", "tenth-load", f"drifting-load:{round(0.05 * INCREMENT_N)}")
 READING = 0.02
-"""Share of an increment by which the pull may go further: 0.2 s of loading, because each has its own readings.
+"""Share of an increment by which the pull may go further: 0.2 s of loading, as each has its own readings.
 
 With a stuck load cell, two of six pulls went further, by 0.005 and 0.014."""
 
