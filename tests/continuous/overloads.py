@@ -69,5 +69,6 @@ def drive_lying(folder: Path, lie: str, seed: int, *, steps: bool) -> Overload:
         {"front": TINY}, {"machine_stiffness_n_mm": machine_n_mm, "grip_slip_mm": 0.02}, seed=seed
     )
     pulled = drive(folder, protocol_text((STEPS if steps else PULL).format(**values)), text, look=look)
+    assert begun, f"the test ended before the load cell lied: {pulled.outcome.reason}"
     highest_n = max(load_n for _, load_n, _ in pulled.states)
     return Overload(pulled.outcome.status, pulled.outcome.reason, begun[0], highest_n - begun[0], highest_n)

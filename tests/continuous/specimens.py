@@ -39,7 +39,7 @@ load_n = 100.0
 rate_n_s = 100.0
 [[phases]]
 do = "to-load"
-load_n = {over_n:.0f}
+load_n = {below_n:.0f}
 images.every_n = {increment_n:.0f}
 rate_n_s = {rate_n_s:.0f}
 [[phases]]
@@ -93,11 +93,13 @@ def draw(seed: int) -> Specimen:
         "over_n": 1.15 * yield_n,
         "slow_mm_s": rng.uniform(0.04, 0.1),
         "fast_mm_s": rng.uniform(0.4, 1.0),
-        "increment_n": 1.15 * yield_n / 20.0,
+        # beyond the yield load a ladder goes on by displacement
+        "below_n": 0.9 * yield_n,
+        "increment_n": 0.9 * yield_n / 18.0,
         "rate_n_s": yield_n / 20.0,
         # just beyond the strain of the largest load
         "end_mm": float(np.exp(exponent) - 1.0) * LENGTH_MM + 0.4,
-        "increment_mm": float(np.exp(exponent) - 1.0) * LENGTH_MM / 25.0,
+        "increment_mm": float(np.exp(exponent) - 1.0) * LENGTH_MM / 50.0,
     }
     return Specimen(specimen, text, values, seed)
 

@@ -5,8 +5,10 @@ import pytest
 from tests.continuous.overloads import INCREMENT_N, drive_lying
 
 LIES = ("stuck-load", "tenth-load", f"drifting-load:{round(0.05 * INCREMENT_N)}")
-READING = 0.01
-"""Both tests are read at their own times, in which the load rises by this share of an increment."""
+READING = 0.02
+"""Share of an increment by which a pull may go further: 0.2 s of loading, as each has its own readings."""
+DRIFTED = 0.25
+"""A drift that begins just before a rest shows there at once. A pull has no rest, and needs this share."""
 
 
 @pytest.mark.parametrize(
@@ -21,4 +23,5 @@ def test_the_overload_of_a_pull_is_no_larger_than_that_of_steps(lie, seed, tmp_p
         f"pull {pull.beyond_n / INCREMENT_N:.3f} of an increment"
     )
     assert (steps.status, pull.status) == ("failed", "failed")
-    assert pull.beyond_n <= steps.beyond_n + READING * INCREMENT_N
+    least = DRIFTED if lie.startswith("drifting") else 0.0
+    assert pull.beyond_n <= max(steps.beyond_n + READING * INCREMENT_N, least * INCREMENT_N)

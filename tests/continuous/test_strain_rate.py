@@ -93,7 +93,7 @@ BANDED = {"upper_mpa": 400.0, "lower_mpa": 375.0, "plateau_strain": 0.015}
 @pytest.mark.parametrize(
     "band",
     [
-        {"band": {"start": "lower", "front_width_mm": 4.0}},
+        pytest.param({"band": {"start": "lower", "front_width_mm": 4.0}}, marks=pytest.mark.extended),
         pytest.param({}, marks=pytest.mark.long),
         pytest.param({"band": {"start": "upper", "front_width_mm": 10.0}}, marks=pytest.mark.long),
     ],
