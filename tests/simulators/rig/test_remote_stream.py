@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from drivers.errors import DeviceError, DeviceTimeout, LinkLost
+from drivers.errors import DeviceError, DeviceFault, DeviceTimeout, LinkLost
 from simulators.rig.simulation import Simulation
 from tests.simulators.small_rig import SMALL, TABLES
 
@@ -67,7 +67,8 @@ def test_errors_of_the_camera_end_the_stream(simulation, rig):
     with closing(rig.cameras["front"].stream(64)) as stream:
         assert np.ptp(stream.next(5.0).image) > 50
         simulation.close()
-        with pytest.raises((LinkLost, DeviceTimeout)):
+        # A last frame may come before its time, as nothing waits any more.
+        with pytest.raises((LinkLost, DeviceTimeout, DeviceFault)):
             frames_until_the_end(stream)
 
 
