@@ -93,7 +93,7 @@ class IncrementDues(SignalDues):
         if self._last is None:
             self._last = value
             return True
-        steps = np.fix((value - self._last) / self._increment)
+        steps = np.trunc((value - self._last) / self._increment)
         if steps:
             # Count whole increments, so that the noise of one sample does not shift all later images.
             self._last += float(steps) * self._increment

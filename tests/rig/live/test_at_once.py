@@ -126,7 +126,8 @@ def test_corrected_strain_is_that_of_dic_process_within_its_standard_deviation(r
                 assert (value.cause, k < 4) == ("no_motion", True)
     assert len(off) >= 12
     assert np.mean(np.abs(off) <= 2.0) >= 0.93
-    assert live_readings(rig, images) == readings
+    # as text, because NaN differs from itself
+    assert repr(live_readings(rig, images)) == repr(readings)
 
 
 def test_the_live_values_of_a_run_are_known_at_its_images(rig, offline):

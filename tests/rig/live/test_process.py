@@ -124,7 +124,11 @@ def test_two_cameras_give_corrected_strain_with_the_times_and_numbers_of_their_f
 def test_a_repeated_frame_is_not_valid(pair):
     pair.until(is_valid)
     first, _ = pair.last(image=2)
-    again, _ = pair.last(image=2)
+    for _ in range(10):
+        again, _ = pair.last(image=2)
+        if all(value.cause == "repeated" for value in again.gauges.values()):
+            break
+        # On a busy computer a frame of one camera may have been left out.
     assert all(value.cause == "repeated" for value in again.gauges.values())
     assert all(not value.valid and value.reason for value in again.gauges.values())
     assert again.time_s > first.time_s
