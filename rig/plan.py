@@ -164,8 +164,10 @@ def _acquisition(protocol: Protocol, facts: RigFacts) -> AcquisitionPlan | None:
     parts = [part for part in found if isinstance(part, Acquisition)]
     if not parts:
         return None
-    ends = [str(part.end_of.text if part.pull is None else part.pull) for part in parts]
-    texts = [f"{part.schedule.text}, until {end}" for part, end in zip(parts, ends, strict=True)]
+    ends = [
+        f"until {part.end_of.text}" if part.pull is None else f"in the stages {part.pull}" for part in parts
+    ]
+    texts = [f"{part.schedule.text}, {end}" for part, end in zip(parts, ends, strict=True)]
     intervals_s, numbers = [part.schedule.every_s for part in parts], [part.planned for part in parts]
     kept_s = [part.schedule.keep_s for part in parts]
     return AcquisitionPlan(
@@ -226,7 +228,7 @@ def _duration_s(
 ) -> float | None:
     part = step.acquisition
     if isinstance(part, Acquisition) and part.pull is not None:
-        return part.pull.planned_s
+        return None  # what the specimen does ends its stages
     if isinstance(protocol, AcquireProtocol) and step.acquisition is not None and not step.timed:
         # the one step that stands for all images at unknown times
         end, every_s = protocol.end, protocol.acquire.every_s

@@ -69,7 +69,11 @@ def _step_lines(plan: Plan) -> list[str]:
 
 def _acquisition_line(plan: Plan, acquisition: AcquisitionPlan) -> str:
     """Return the duration, the number of images and their size, as far as they are known."""
-    said = [f"about {format_s(plan.duration_s)} without the operator's time"]
+    said = [
+        "the duration is not known"
+        if plan.duration_s is None
+        else f"about {format_s(plan.duration_s)} without the operator's time"
+    ]
     if acquisition.images is None:
         said.append("the number of images is not known")
     if plan.images is not None:
