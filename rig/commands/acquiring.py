@@ -4,9 +4,8 @@ import math
 
 from rig import EngineStatus, RigReading, State, StepRecord
 from rig.engine.timing import TimingNow
-from rig.live.values import SIGNAL_PREFIX
 from rig.protocol.step import ProtocolStep
-from rig.samples import DISPLACEMENT, LOAD
+from rig.samples import DISPLACEMENT, GAUGE_PREFIX, LOAD
 
 SUMMARY_S = 10.0
 """Shortest time in s between two printed lines about the images of an acquisition."""
@@ -73,7 +72,7 @@ def counts(now: TimingNow) -> str:
 def channel_values(reading: RigReading | None) -> str:
     """Return the newest values of the first channels with their units, without the gauges."""
     every = {} if reading is None else reading.signals
-    signals = {name: each for name, each in every.items() if not name.startswith(SIGNAL_PREFIX)}
+    signals = {name: each for name, each in every.items() if not name.startswith(GAUGE_PREFIX)}
     # Load and displacement of a load frame have a place of their own.
     shown_signals = [(name, each) for name, each in signals.items() if name not in (LOAD, DISPLACEMENT)]
     shown = [f"{name} {each.newest:.5g} {each.unit}" for name, each in shown_signals[:_SHOWN]]

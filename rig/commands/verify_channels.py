@@ -7,7 +7,7 @@ import numpy as np
 
 from dic.runfile.reader import RunFile
 from dic.runfile.schema import value_of
-from rig.protocol.live_table import SIGNAL_PREFIX
+from rig.samples import GAUGE_PREFIX
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def _check(run: RunFile, name: str, problems: list[str]) -> ChannelCheck:
     for signal, known in run.channels[name].items():
         values = columns[value_of(signal)]
         # Write the comparison so that NaN is outside, except of a live gauge, which has no value then.
-        empty = np.isnan(values) & signal.startswith(SIGNAL_PREFIX)
+        empty = np.isnan(values) & signal.startswith(GAUGE_PREFIX)
         bad = int(np.count_nonzero(~((values >= known.low) & (values <= known.high) | empty)))
         outside += bad
         if bad and run.info.status == "completed":

@@ -7,10 +7,10 @@ import numpy as np
 from drivers.interfaces import DeviceInfo
 from drivers.signals import Signal
 from rig.live.measuring import cause_number
-from rig.live.values import CAUSES, SIGNAL_PREFIX, LiveReading
+from rig.live.values import CAUSES, LiveReading
 from rig.protocol.live_table import LiveTable
 from rig.recorder.records import ChannelsRecord, SignalRecord
-from rig.samples import SignalReading, TimedSamples
+from rig.samples import GAUGE_PREFIX, SignalReading, TimedSamples
 
 RECORDED = "live_gauges"
 """Name of the channel device of the run file that has the values of the live gauges."""
@@ -24,7 +24,7 @@ _LEAST, _MOST = -1.0, 1e6
 
 def signals_of(table: LiveTable) -> tuple[Signal, ...]:
     """Return the signal of each gauge, "gauge.NAME": its strain where it is valid."""
-    return tuple(Signal(f"{SIGNAL_PREFIX}{name}", "1", _LEAST, _MOST) for name in table.names)
+    return tuple(Signal(f"{GAUGE_PREFIX}{name}", "1", _LEAST, _MOST) for name in table.names)
 
 
 def signal_readings(table: LiveTable, readings: Sequence[LiveReading]) -> dict[str, SignalReading]:
@@ -37,7 +37,7 @@ def signal_readings(table: LiveTable, readings: Sequence[LiveReading]) -> dict[s
         own = [(reading.time_s, reading.gauges[name].strain) for reading in readings if _valid(reading, name)]
         if own:
             times, strains = np.array(own, np.float64).T
-            found[f"{SIGNAL_PREFIX}{name}"] = SignalReading(strains, times, True, "1")
+            found[f"{GAUGE_PREFIX}{name}"] = SignalReading(strains, times, True, "1")
     return found
 
 

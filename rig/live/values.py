@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.interfaces import Frame
-from rig.protocol.live_table import SIGNAL_PREFIX as SIGNAL_PREFIX
 
 CAUSES = (
     "", "not_measured", "repeated", "saturated", "outside", "low_correlation", "points_lost", "jump",

@@ -8,15 +8,11 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from drivers.settings import LONGEST_PATH, Settings
-from rig.samples import GAUGE_PREFIX
 
 if TYPE_CHECKING:
     import dic
     from dic.gauges import Gauge
     from dic.live import LiveSettings
-
-SIGNAL_PREFIX = GAUGE_PREFIX
-"""The signal of a live gauge is called by this prefix and the name of the gauge, also in other tables."""
 
 FOLDER = "folder"
 """Key of pydantic's context: the folder of the protocol's file, to which paths in the table are relative."""

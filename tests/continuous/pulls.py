@@ -7,7 +7,7 @@ in which only the engine, the machine and the record matter.
 import random
 import tomllib
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -60,6 +60,29 @@ poll_s = 0.05
 load_max_n = 24000.0
 displacement_max_mm = 19.0
 break_load_drop = 0.5
+"""
+
+AT_RATE = f"""
+[[phases]]
+do = "preload"
+load_n = 200.0
+rate_n_s = 100.0
+[[phases]]
+do = "pull"
+displacement_mm = 18.0
+elastic_n = 3000.0
+images.every_s = 0.5
+[[phases.stages]]
+strain_rate_s = {RATE_S}
+gauge = "axial"
+parallel_length_mm = {LENGTH_MM}
+"""
+"""Phases that end with a stage under a strain rate, whose other keys follow."""
+LIVE = f"""
+[live]
+gauges = ["{GAUGE}"]
+subset_px = 31
+motion = "free"
 """
 
 
@@ -152,6 +175,66 @@ def protocol_text(phases: str, live: str = "", head: str = PULL) -> str:
     return text
 
 
+def kept_rigs(rigs: list[VirtualRig]) -> AbstractContextManager[Any]:
+    """Append each virtual rig that is built meanwhile."""
+    build = VirtualRig.__init__
+
+    def built(self: VirtualRig, *args: Any, **kwargs: Any) -> None:
+        build(self, *args, **kwargs)
+        rigs.append(self)
+
+    return patch.object(VirtualRig, "__init__", built)
+
+
+def kept_exposures(exposures: list[dict[str, Any]]) -> AbstractContextManager[Any]:
+    """Append the truth of each exposure that is read out meanwhile."""
+    read_out = SimulatedCamera._read_out
+
+    def shown(self: SimulatedCamera, exposure: Any) -> Frame:
+        frame = read_out(self, exposure)
+        surface = exposure.surface
+        exposures.append(
+            {
+                "camera": self.info.serial.removeprefix("cameras."),
+                "sequence": frame.sequence,
+                "begins_s": exposure.taken.begins_s,
+                "middle_s": exposure.middle_s,
+                "strain": float(surface.deformation_gradient[1, 1]) - 1.0,
+                "load_n": surface.load_n,
+                "texture": type(surface.texture).__name__,
+            }
+        )
+        return frame
+
+    return patch.object(SimulatedCamera, "_read_out", shown)
+
+
+def kept_readings(
+    live: list[LiveReading], noise: float | None, seed: int, on_live: Callable[[Any], None]
+) -> AbstractContextManager[Any]:
+    """Append each reading of the live gauges, which know the true strain with `noise`."""
+    open_live = runs._open_live
+
+    def opened(protocol: Any, rig_file: Any, devices: Rig, stack: ExitStack) -> Any:
+        measurement = open_live(protocol, rig_file, devices, stack)
+        if measurement is None:
+            return None
+        if noise is not None:
+            measurement = TrueGauge(dict(devices.cameras), devices.clock, noise, random.Random(seed))
+        take = measurement.take
+
+        def taken() -> list[LiveReading]:
+            found = take()
+            live.extend(found)
+            return found
+
+        measurement.take = taken
+        on_live(measurement)
+        return measurement
+
+    return patch.object(runs, "_open_live", opened)
+
+
 def drive(
     folder: Path,
     protocol: str,
@@ -173,56 +256,13 @@ def drive(
     exposures: list[dict[str, Any]] = []
     live: list[LiveReading] = []
     states: list[tuple[float, float, float]] = []
-    build, open_live = VirtualRig.__init__, runs._open_live
-    read_out = SimulatedCamera._read_out
-
-    def built(self: VirtualRig, *args: Any, **kwargs: Any) -> None:
-        build(self, *args, **kwargs)
-        rigs.append(self)
-
-    def shown(self: SimulatedCamera, exposure: Any) -> Frame:
-        frame = read_out(self, exposure)
-        surface = exposure.surface
-        exposures.append(
-            {
-                "camera": self.info.serial.removeprefix("cameras."),
-                "sequence": frame.sequence,
-                "begins_s": exposure.taken.begins_s,
-                "middle_s": exposure.middle_s,
-                "strain": float(surface.deformation_gradient[1, 1]) - 1.0,
-                "load_n": surface.load_n,
-                "texture": type(surface.texture).__name__,
-            }
-        )
-        return frame
-
-    def opened(protocol: Any, rig_file: Any, devices: Rig, stack: ExitStack) -> Any:
-        measurement = open_live(protocol, rig_file, devices, stack)
-        if measurement is None:
-            return None
-        if noise is not None:
-            measurement = TrueGauge(dict(devices.cameras), devices.clock, noise, random.Random(seed))
-        take = measurement.take
-
-        def taken() -> list[LiveReading]:
-            found = take()
-            live.extend(found)
-            return found
-
-        measurement.take = taken
-        on_live(measurement)
-        return measurement
 
     def on_progress(_may_move: bool) -> None:
         frame = rigs[0].load_frame
         states.append((rigs[0].clock.now_s(), frame.load_n(), frame.displacement_mm()))
         look(rigs[0])
 
-    with (
-        patch.object(VirtualRig, "__init__", built),
-        patch.object(SimulatedCamera, "_read_out", shown),
-        patch.object(runs, "_open_live", opened),
-    ):
+    with kept_rigs(rigs), kept_exposures(exposures), kept_readings(live, noise, seed, on_live):
         outcome = runs.run_protocol(
             folder / "protocol.toml", folder / "rig.toml", folder / "run.h5", on_progress=on_progress
         )

@@ -11,36 +11,21 @@ from dataclasses import dataclass
 import pytest
 
 from simulators.rig.planned_faults import FaultPlan
-from tests.continuous.pulls import GAUGE, LENGTH_MM, RATE_S, SEES, drive, protocol_text, rig_text
+from tests.continuous.pulls import (
+    AT_RATE,
+    LIVE,
+    SEES,
+    drive,
+    protocol_text,
+    rig_text,
+)
 
 PERIOD_S, MARGIN_S = 0.1, 0.02
 ON_S, FIRST_S, APART_S = 1.0, (6.0, 7.0), (2.5, 3.5)
 """How long a fault is on, when the first one comes after the first motion, and the time between two."""
 SIGMAS = 3.0
-PHASES = f"""
-[[phases]]
-do = "preload"
-load_n = 200.0
-rate_n_s = 100.0
-[[phases]]
-do = "pull"
-displacement_mm = 18.0
-elastic_n = 3000.0
-images.every_s = 0.5
-[[phases.stages]]
-strain_rate_s = {RATE_S}
-gauge = "axial"
-parallel_length_mm = {LENGTH_MM}
-return_s = 10.0
-until.duration_s = DURATION
-"""
-LIVE = f"""
-[live]
-gauges = ["{GAUGE}"]
-subset_px = 31
-motion = "free"
-most_strain_per_s = 0.0125
-"""
+PHASES = f"{AT_RATE}return_s = 10.0\nuntil.duration_s = DURATION\n"
+STEADY = f"{LIVE}most_strain_per_s = 0.0125\n"
 
 
 @dataclass
@@ -96,7 +81,7 @@ def hold_times(folder, name, count, seed):
     text = rig_text({"front": SEES}, {"machine_stiffness_n_mm": 60_000.0}, seed=seed)
     # the time does not count while the machine is held
     phases = PHASES.replace("DURATION", f"{FIRST_S[1] + APART_S[1] * count:g}")
-    pulled = drive(folder, protocol_text(phases, LIVE), text, look=moments.look)
+    pulled = drive(folder, protocol_text(phases, STEADY), text, look=moments.look)
     assert pulled.outcome.status == "completed", pulled.outcome.reason
     assert len(moments.begun) == count
     holds = [time_s for time_s, command in pulled.commands if command == "hold"]

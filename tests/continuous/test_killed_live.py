@@ -7,7 +7,7 @@ import signal
 import pytest
 
 from tests.continuous.pulls import SEES, drive, protocol_text, rig_text
-from tests.continuous.test_faults import LIVE, MARGIN_S, PERIOD_S, PHASES
+from tests.continuous.test_faults import MARGIN_S, PERIOD_S, PHASES, STEADY
 
 STEADY_S = (3.0, 6.0)
 
@@ -30,7 +30,7 @@ def hold_time(folder, number, seed):
     simulation = {"real_time": True, "prepared": {"margin_px": 64}}
     text = rig_text({"front": SEES}, {"machine_stiffness_n_mm": 60_000.0}, seed=seed, **simulation)
     text = text.replace('"simulated-operator"', '"simulated-operator"\nduration_s = 0.5')
-    pulled = drive(folder, protocol_text(phases, LIVE), text, look=look, on_live=processes.append)
+    pulled = drive(folder, protocol_text(phases, STEADY), text, look=look, on_live=processes.append)
     assert pulled.outcome.status == "failed"
     assert "axial" in pulled.outcome.reason, pulled.outcome.reason
     last = max(reading.frames["front"] for reading in pulled.live)

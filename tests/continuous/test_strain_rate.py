@@ -5,8 +5,9 @@ import pytest
 
 from tests.continuous.pulls import (
     AREA_MM2,
-    GAUGE,
+    AT_RATE,
     LENGTH_MM,
+    LIVE,
     RATE_S,
     SEES,
     TINY,
@@ -19,28 +20,7 @@ MEAN_OFF, SECOND_OFF = 0.05, 0.20
 REACHED, REACHED_WITHIN_S = 0.9, 12.0
 """The rate counts as reached after the first second with this part of it, which must come in this time."""
 FRAMES = 10
-PHASES = f"""
-[[phases]]
-do = "preload"
-load_n = 200.0
-rate_n_s = 100.0
-[[phases]]
-do = "pull"
-displacement_mm = 18.0
-elastic_n = 3000.0
-images.every_s = 0.5
-[[phases.stages]]
-strain_rate_s = {RATE_S}
-gauge = "axial"
-parallel_length_mm = {LENGTH_MM}
-until.strain = 0.012
-"""
-LIVE = f"""
-[live]
-gauges = ["{GAUGE}"]
-subset_px = 31
-motion = "free"
-"""
+PHASES = f"{AT_RATE}until.strain = 0.012\n"
 NOISE = 8e-6
 RAMBERG_OSGOOD = {"yield_stress_mpa": 380.0, "ultimate_stress_mpa": 620.0, "ultimate_strain": 0.12}
 
