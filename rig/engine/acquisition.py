@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.errors import DeviceFault
 from rig.engine.context import RunContext
-from rig.engine.drive import Drive, NoDrive, drive_of
+from rig.engine.drive import Drive, drive_of
 from rig.engine.filing import record_frame
 from rig.engine.imaging import Frames, StepImages
 from rig.engine.motion import RunMotion
@@ -52,7 +52,7 @@ class AcquisitionRun:
         filed: Callable[[StepRecord], None],
     ) -> None:
         self._run, self._images, self._motion = run, images, motion
-        self._drive: Drive = NoDrive()
+        self._drive = Drive()
         self._written = WrittenSteps(run, filed)
         self._warnings = SeldomWarnings(run.clock, lambda sentence: run.log("warning", sentence))
         self._asked: AskedDues | None = None

@@ -4,7 +4,6 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
 
 from drivers.errors import DeviceFault
 from rig.engine.context import RunContext
@@ -23,24 +22,20 @@ _CONFIRMING = 5
 _HELD = ProtocolStep(0, "rest", load_drop="slow")
 
 
-class Drive(Protocol):
-    """Moves the specimen during an acquisition.
-
-    Attributes
-    ----------
-    poll_s : float
-        Longest time in s between two readings.
-    """
+class Drive:
+    """Moves the specimen during an acquisition. This one moves nothing, beside a machine without commands."""
 
     @property
     def poll_s(self) -> float:
         """Longest time in s between two readings."""
+        return math.inf
 
     def begin(self) -> None:
         """Command the first motion."""
 
-    def see(self, reading: RigReading) -> str:
+    def see(self, _: RigReading) -> str:
         """Steer by a reading. Return why the motion is over, or an empty text."""
+        return ""
 
     def again(self, paused_s: float) -> None:
         """Go on after a pause, in which the machine was held."""
@@ -49,26 +44,7 @@ class Drive(Protocol):
         """Hold the machine, because no more images are needed."""
 
 
-class NoDrive:
-    """Beside a machine that takes no commands."""
-
-    poll_s = math.inf
-
-    def begin(self) -> None:
-        """Command nothing."""
-
-    def see(self, _: RigReading) -> str:
-        """Return an empty text."""
-        return ""
-
-    def again(self, paused_s: float) -> None:
-        """Command nothing."""
-
-    def end(self) -> None:
-        """Command nothing."""
-
-
-class MachineDrive:
+class MachineDrive(Drive):
     """Moves the load frame through the stages of a pull, without a stop between them.
 
     `stand_still` holds the machine and waits for standstill before the first command.
@@ -340,4 +316,4 @@ class MachineDrive:
 
 def drive_of(run: RunContext, step: ProtocolStep, plan: PullPlan | None, stand: Callable[[], None]) -> Drive:
     """Return what moves the specimen during an acquisition that begins with a step."""
-    return NoDrive() if plan is None else MachineDrive(run, plan, step, stand)
+    return Drive() if plan is None else MachineDrive(run, plan, step, stand)

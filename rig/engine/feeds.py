@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from enum import Enum
 from threading import Lock
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 from drivers.clock import Clock
 from drivers.errors import DeviceTimeout
@@ -32,47 +32,6 @@ class Missed(Enum):
 Taken: TypeAlias = Frame | Missed
 
 
-class Feed(Protocol):
-    """Takes the images of one camera for the times that are asked for, in their order.
-
-    Attributes
-    ----------
-    most_open : int
-        Number of images that may be asked for and not delivered yet.
-    is_stream : bool
-        True if the camera delivers frames that nobody asked for.
-    """
-
-    most_open: int
-    is_stream: bool
-
-    @property
-    def lost(self) -> int:
-        """Number of frames of the stream that are lost so far."""
-
-    @property
-    def is_ready(self) -> bool:
-        """False until the stream of the camera has delivered its first frame."""
-
-    def ask(self, due_s: float) -> None:
-        """Ask for the image whose exposure is nearest to a time, which is not in the future."""
-
-    def take(self) -> Taken | None:
-        """Return the image for the oldest time that was asked for, None while there is none.
-
-        Raise `DeviceError` if the camera fails. The engine calls this method often.
-        """
-
-    def begin_close(self) -> Call[None] | None:
-        """Begin to end the stream of the camera, and return the call that does it; None without a stream."""
-
-    def losses(self) -> str:
-        """Return a sentence about frames that the camera or the computer has lost, or an empty text.
-
-        It is known when the call of `begin_close` has ended.
-        """
-
-
 Tap: TypeAlias = Callable[[str, Frame], None]
 """Type of a function that is called with a camera's name and each of its frames, also those that are not
 wanted as images, on the camera's thread."""
@@ -92,7 +51,19 @@ def feed_of(
 
 
 class GrabFeed:
-    """A camera without a stream, which begins each image when it is asked for it."""
+    """A camera without a stream, which begins each image when it is asked for it.
+
+    Attributes
+    ----------
+    most_open : int
+        Number of images that may be asked for and not delivered yet.
+    is_stream : bool
+        True if the camera delivers frames that nobody asked for.
+    is_ready : bool
+        False until the stream of the camera has delivered its first frame.
+    lost : int
+        Number of frames of the stream that are lost so far.
+    """
 
     most_open = 1
     is_stream = False

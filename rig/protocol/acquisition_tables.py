@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from drivers.settings import Settings
 from rig.measured_load import PREFIX
-from rig.protocol.dues import AskedDues, Dues, EdgeDues, FrameDues, IncrementDues, TimedDues
+from rig.protocol.dues import AskedDues, Dues, EdgeDues, IncrementDues, TimedDues
 from rig.protocol.step import RigReading
 from rig.samples import GAUGE_PREFIX
 
@@ -198,7 +198,7 @@ class Schedule(Settings):
         if self.on_request:
             return AskedDues()
         if self.every_frame:
-            return FrameDues()
+            return Dues()
         times_s = self.times(duration_s, images)
         if times_s is None:
             assert self.every_s is not None

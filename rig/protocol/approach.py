@@ -2,10 +2,11 @@
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from rig.protocol.course import Positions, increments
 from rig.protocol.move import Ending, Failure, Move, commanded_or_measured
-from rig.protocol.step import Execute, ProtocolStep, RigReading
+from rig.protocol.step import Execute, ProtocolStep, RigReading, at_times
 
 _NEAR_START = 2.0
 """A motion starts from the commanded value if the measured value differs by at most this many tolerances."""
@@ -92,47 +93,29 @@ class Approach:
         return self.move.step(index, start, self.target, conditional=True, images=self.images)
 
     def _from(self, index: int, start: float, *, conditional: bool) -> list[ProtocolStep]:
-        if self.every_s < math.inf:
-            return self._timed(index, start, conditional=conditional)
-        steps: list[ProtocolStep] = []
-        may_be_over = conditional
-        targets = self._targets(start)
-        for number, (before, target) in enumerate(zip([start, *targets], targets, strict=False), 1):
-            step = self.move.step(
-                index + number - 1, before, target, conditional=may_be_over, images=self.images
-            )
-            steps.append(step)
-            may_be_over = may_be_over or self._can_end(number, step)
+        targets, ending = self._targets(start), self.ending
+        if self.every_s < math.inf and targets:
+            steps = self._timed(index, start)
+        else:
+            steps = [
+                self.move.step(number, before, target, conditional=False, images=self.images)
+                for number, (before, target) in enumerate(pairwise([start, *targets]), index)
+            ]
+        for k, step in enumerate(steps):
+            steps[k] = replace(step, conditional=conditional)
+            conditional = conditional or (ending is not None and ending.criterion.can_end(k + 1, step))
         return steps
 
-    def _timed(self, index: int, start: float, *, conditional: bool) -> list[ProtocolStep]:
+    def _timed(self, index: int, start: float) -> list[ProtocolStep]:
         """Return the steps with images during the motion, and the last step, which settles at the target."""
-        if not self._targets(start):
-            return []
-        whole = self.move.step(index, start, self.target, conditional=conditional)
+        whole = self.move.step(index, start, self.target, conditional=False)
         count = max(0, math.ceil(self.move.duration_s(whole.travel) / self.every_s) - 1)
-        steps: list[ProtocolStep] = []
-        may_be_over = conditional
-        for number in range(1, count + 2):
-            at_s = math.nan if number > count else number * self.every_s
-            left = whole.travel - (number - 1) * self.every_s * self.move.rate
-            step = replace(
-                whole,
-                index=index + number - 1,
-                conditional=may_be_over,
-                at_s=at_s,
-                begins=number == 1,
-                travel=min(left, self.every_s * self.move.rate) if number <= count else left,
-            )
-            steps.append(step)
-            may_be_over = may_be_over or self._can_end(number, step)
-        return steps
+        times_s = [number * self.every_s for number in range(1, count + 1)]
+        *others, last = at_times(whole, [*times_s, math.nan])
+        return [*others, replace(last, travel=whole.travel - count * self.every_s * self.move.rate)]
 
     def _targets(self, start: float) -> list[float]:
         if self.increment == math.inf:
             way = start - self.target if self.down else self.target - start
             return [self.target] if way > self.move.tolerance else []
         return increments(start, self.target, self.increment, self.move.tolerance, down=self.down)
-
-    def _can_end(self, number: int, step: ProtocolStep) -> bool:
-        return self.ending is not None and self.ending.criterion.can_end(number, step)

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from rig.errors import ProtocolError
 from rig.protocol.images import Images
-from rig.protocol.step import Execute, ProtocolStep, Quantity, RigReading
+from rig.protocol.step import Execute, ProtocolStep, Quantity, RigReading, at_times
 from rig.protocol.tables import Limits
 
 
@@ -174,17 +174,8 @@ class Beginning:
         """Return the steps of the grid images, of the reference images and of the still images."""
         grid = [ProtocolStep(0, "grid")] if self.grid else []
         reference = [self.reference] if self.has_reference else []
-        still = [
-            ProtocolStep(
-                0,
-                "static",
-                at_s=number * self.still_every_s,
-                begins=number == 1,
-                load_drop="slow",
-                next_s=(number + 1) * self.still_every_s if number < self.still else math.nan,
-            )
-            for number in range(1, self.still + 1)
-        ]
+        times_s = [number * self.still_every_s for number in range(1, self.still + 1)]
+        still = at_times(ProtocolStep(0, "static", load_drop="slow"), times_s)
         steps = [*grid, *reference, *still]
         return [replace(step, index=number) for number, step in enumerate(steps, index)]
 

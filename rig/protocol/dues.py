@@ -5,15 +5,14 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterator, Sequence
 from itertools import count
-from typing import Protocol
 
 import numpy as np
 
 from rig.protocol.step import RigReading
 
 
-class Dues(Protocol):
-    """Tells the times on the rig's clock at which images are due."""
+class Dues:
+    """Tells the times on the rig's clock at which images are due. This one knows none: a camera decides."""
 
     def begin(self, begun_s: float) -> None:
         """Begin to count times at `begun_s` on the rig's clock."""
@@ -26,9 +25,10 @@ class Dues(Protocol):
 
         A known time may lie ahead.
         """
+        return None
 
 
-class TimedDues:
+class TimedDues(Dues):
     """Images at given times after the beginning, in s. `interval_s` is NaN if they have no fixed one."""
 
     def __init__(self, times_s: Sequence[float] | Iterator[float]) -> None:
@@ -44,15 +44,12 @@ class TimedDues:
         """Begin to count times."""
         self._begun_s = begun_s
 
-    def see(self, _: RigReading) -> None:
-        """Do nothing: the times are known."""
-
     def next_s(self) -> float | None:
         """Return the time of the next image; infinity after the last one."""
         return self._begun_s + next(self._left, math.inf)
 
 
-class SignalDues(ABC):
+class SignalDues(Dues, ABC):
     """Images at events of a signal, which every sample is searched for."""
 
     def __init__(self, signal: str) -> None:
@@ -115,31 +112,11 @@ class EdgeDues(SignalDues):
         return happens
 
 
-class FrameDues:
-    """An image at each frame of a camera: the camera itself decides, and no time is known."""
-
-    def begin(self, _: float) -> None:
-        """Begin: nothing is to be prepared."""
-
-    def see(self, _: RigReading) -> None:
-        """Do nothing: no reading tells a frame."""
-
-    def next_s(self) -> float | None:
-        """Return None."""
-        return None
-
-
-class AskedDues:
+class AskedDues(Dues):
     """An image whenever the operator asks for one. `ask` may be called from any thread."""
 
     def __init__(self) -> None:
         self._asked: deque[float] = deque()
-
-    def begin(self, _: float) -> None:
-        """Begin: nothing is to be prepared."""
-
-    def see(self, _: RigReading) -> None:
-        """Do nothing: only the operator asks."""
 
     def ask(self, now_s: float) -> None:
         """Ask for an image now."""

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Literal, Protocol, TypeAlias
 
 from dic.runfile.schema import StepKind
@@ -200,6 +201,24 @@ class ProtocolStep:
         aim = "" if math.isnan(self.target) else f" {self.target:.6g} {self.unit}"
         after = f" after {self.at_s:g} s" if self.timed else ""
         return f"step {self.index} ({self.kind}{aim}{after})"
+
+
+def at_times(first: ProtocolStep, times_s: list[float]) -> list[ProtocolStep]:
+    """Return the steps of one motion or hold, whose images are due at times in s after it has begun.
+
+    `first` is the first of them. A time of NaN means that the images follow settling.
+    """
+    return [
+        replace(
+            first,
+            index=first.index + number,
+            at_s=at_s,
+            begins=number == 0,
+            # The later images of a motion wait in a pause, and none of them is left out.
+            next_s=next_s if first.holds else math.nan,
+        )
+        for number, (at_s, next_s) in enumerate(pairwise([*times_s, math.nan]))
+    ]
 
 
 Execute: TypeAlias = Callable[[ProtocolStep], RigReading]

@@ -1,8 +1,7 @@
 """The phase `hold`: a load, a displacement or an angle is held for a time."""
 
 import math
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
 from typing import Literal, Self
 
 from pydantic import Field, model_validator
@@ -12,7 +11,7 @@ from drivers.settings import Settings
 from rig.protocol.course import Positions
 from rig.protocol.draft import HOURS_MAX, Draft, Phase
 from rig.protocol.move import Move, commanded_or_measured
-from rig.protocol.step import Execute, ProtocolStep, Quantity, RigReading
+from rig.protocol.step import Execute, ProtocolStep, Quantity, RigReading, at_times
 
 _SECONDS_MAX = HOURS_MAX * 3600.0
 _NEAR_HOLD: dict[Quantity, float] = {"load": 2.0, "displacement": 0.5}
@@ -100,24 +99,12 @@ class Holding:
     def _at(self, index: int, target: float) -> list[ProtocolStep]:
         move = self.move
         kinds: dict[Quantity, StepKind] = {"load": "creep", "displacement": "relaxation"}
-        times_s = [
-            *(number * self.every_s for number in range(1, self._count())),
-            self.duration_s,
-        ]
-        return [
-            ProtocolStep(
-                index + number,
-                "rest" if move is None else kinds[move.quantity],
-                target,
-                math.nan if move is None else move.tolerance,
-                math.nan if move is None else move.rate,
-                at_s=at_s,
-                begins=number == 0,
-                load_drop="slow",
-                next_s=next_s,
-            )
-            for number, (at_s, next_s) in enumerate(pairwise([*times_s, math.nan]))
-        ]
+        times_s = [*(number * self.every_s for number in range(1, self._count())), self.duration_s]
+        first = ProtocolStep(index, "rest", target, load_drop="slow")
+        if move is not None:
+            kind = kinds[move.quantity]
+            first = replace(first, kind=kind, tolerance=move.tolerance, rate=move.rate)
+        return at_times(first, times_s)
 
     def _count(self) -> int:
         return 1 if self.every_s == math.inf else max(1, math.ceil(self.duration_s / self.every_s - 1e-9))
