@@ -6,7 +6,7 @@ import os
 import random
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +14,7 @@ from statistics import median
 
 from rig.devices import open_rig
 from rig.rigfile import read_rig
-from tests.command_line import Program
+from tests.command_line import RIG as RIG_PROGRAM, Program
 
 DEADLINE_S = 60.0
 PERIOD_S = 0.002
@@ -131,7 +131,7 @@ class Times:
         )
 
 
-def _wait_for_end(pid: int) -> None:
+def wait_for_end(pid: int) -> None:
     """Wait until a killed process has ended and has released its ports; it is no child of this process."""
     end_s = time.monotonic() + DEADLINE_S
     while time.monotonic() < end_s:
@@ -150,15 +150,22 @@ TAIL_BYTES = 1 << 16
 
 
 class Bench:
-    """A simulated rig in a separate process, on which runs are executed one after the other."""
+    """A simulated rig in a separate process, on which runs are executed one after the other.
 
-    def __init__(self, folder: Path, stage: str, load_frame: str) -> None:
+    `rig` is the text of its rig file. `machines` have the protocols of the runs, which `program` executes.
+    """
+
+    program: Sequence[str] = RIG_PROGRAM
+
+    def __init__(
+        self, folder: Path, rig: str, machines: Iterable[Machine], period_s: float = PERIOD_S
+    ) -> None:
         self.folder = folder
         self._rng = random.Random(11)
-        (folder / "rig.toml").write_text(RIG.format(stage=stage, load_frame=load_frame))
-        for machine in (FRAME, STAGE):
+        (folder / "rig.toml").write_text(rig)
+        for machine in machines:
             (folder / f"{machine.name}.toml").write_text(machine.protocol)
-        options = ("-o", folder / "use.toml", "--log", folder / "log", "--period-s", PERIOD_S)
+        options = ("-o", folder / "use.toml", "--log", folder / "log", "--period-s", period_s)
         self.simulation = Program("simulate", folder / "rig.toml", *options)
         self.simulation.wait_for("scene: ")
         self._log = (folder / "log").open("rb")
@@ -198,14 +205,14 @@ class Bench:
         self._skip_to_end()
         before_s = time.monotonic()
         began_s = event(run) or before_s
-        stood_s = self._wait_for_standstill(machine, began_s)
+        stood_s = self.wait_for_standstill(machine, began_s)
         assert stood_s > began_s, f"{machine.name} stood before the event"
         return 1000.0 * (stood_s - began_s)
 
     def started(self, machine: Machine) -> Program:
         """Start a run on an unloaded rig, and return it when the motion that is to be stopped has begun."""
         self.unload()
-        run = Program(*self.command(machine))
+        run = Program(*self.command(machine), command=self.program)
         try:
             self._wait_for_motion(run, machine)
         except BaseException:
@@ -234,7 +241,7 @@ class Bench:
         self._log.seek(start)
         self._log.seek(start + self._log.read(end - start).rfind(b"\n") + 1)
 
-    def _wait_for_standstill(self, machine: Machine, began_s: float) -> float:
+    def wait_for_standstill(self, machine: Machine, began_s: float) -> float:
         """Return the time of standstill: of the last change of the machine's value, but not before the stop.
 
         The simulated crosshead moves in steps of 20 ms, so it can stand still by chance before the hold
@@ -257,7 +264,7 @@ class Bench:
     def stands(self, machine: Machine) -> bool:
         """Return True if a machine comes to rest within 1.5 s."""
         began_s = time.monotonic()
-        return self._wait_for_standstill(machine, began_s) < began_s + 1.5
+        return self.wait_for_standstill(machine, began_s) < began_s + 1.5
 
     def _end(self, run: Program) -> None:
         guardian = guardian_of(run)
@@ -268,14 +275,15 @@ class Bench:
                     os.kill(pid, signal.SIGKILL)
         run.process.wait(DEADLINE_S)
         if guardian is not None:
-            _wait_for_end(guardian)
+            wait_for_end(guardian)
 
     def unload(self) -> None:
         """Clear all faults, stop the machines, and unload the specimen."""
         self.simulation.type("clear")
         self.simulation.wait_for("on: ")
         with open_rig(read_rig(self.folder / "use.toml")) as rig:
-            rig.stage.stop()
+            if rig.stage is not None:
+                rig.stage.stop()
             rig.load_frame.hold()
             rig.load_frame.go_to_displacement(0.0, 1.0)
             while rig.load_frame.read().moving:
@@ -285,7 +293,8 @@ class Bench:
 @contextmanager
 def bench(folder: Path, stage: str = "stage", load_frame: str = "load_frame") -> Iterator[Bench]:
     with ExitStack() as stack:
-        yield stack.enter_context(closing(Bench(folder, stage, load_frame)))
+        text = RIG.format(stage=stage, load_frame=load_frame)
+        yield stack.enter_context(closing(Bench(folder, text, (FRAME, STAGE))))
 
 
 def guardian_of(run: Program) -> int | None:
