@@ -62,6 +62,9 @@ class ImageTiming:
         declared = _declared(definition)
         due_s, number = np.array([step.due_s for step in timed]), np.array([step.index for step in timed])
         late_s = np.array([step.late_s for step in timed])
+        # Between two series of images other steps were executed, whose time misses no image.
+        series = np.cumsum([not math.isfinite(step.late_s) for step in steps])
+        inside = np.diff(series[[math.isfinite(step.late_s) for step in steps]]) == 0
         asked_s = declared.get("every_s") or _interval_s(due_s, number)
         tolerance_s = declared.get("tolerance_s")
         if tolerance_s is None:
@@ -69,7 +72,8 @@ class ImageTiming:
         reached_s = np.diff([step.time_s for step in timed]) / np.diff(number)
         missing = None
         if asked_s is not None:
-            missing = int(np.maximum(np.round(np.diff(due_s) / asked_s) - np.diff(number), 0.0).sum())
+            left_out = np.round(np.diff(due_s) / asked_s) - np.diff(number)
+            missing = int(np.maximum(left_out[inside], 0.0).sum())
         return cls(
             len(timed),
             asked_s,

@@ -59,6 +59,7 @@ class AcquisitionRun:
         self._shown_s = -math.inf
         self._runs = self._end_requested = False
         self.timing = Timing()
+        self.timings: list[Timing] = []
         self.next_index = 0
 
     def request_image(self) -> str:
@@ -84,6 +85,7 @@ class AcquisitionRun:
         acquisition, run = step.acquisition, self._run
         assert isinstance(acquisition, Acquisition)
         self.timing = Timing(acquisition.interval_s, acquisition.schedule.lateness_max_s, acquisition.planned)
+        self.timings.append(self.timing)
         every_frame = acquisition.schedule.every_frame is not None
         shots = Shots(run, self._images, self.timing, every_frame=every_frame)
         dues = acquisition.dues()

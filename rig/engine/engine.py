@@ -24,6 +24,7 @@ from rig.engine.questions import Questions
 from rig.engine.safety import SafeState
 from rig.engine.settings import SettingsRecord
 from rig.engine.status import EngineStatus, MeasuredAtRest, News, Outcome, State
+from rig.engine.timing import Timing
 from rig.errors import Aborted, RigError
 from rig.live.values import LiveMeasurement
 from rig.protocol.protocol import Protocol
@@ -373,7 +374,7 @@ class Engine:
             tuple(sorted([*self._records, *self._acquired], key=lambda record: record.step.index)),
             run.recorder.failure is None,
             at_end,
-            self._acquisition.timing if self._acquisition.timing.asked else None,
+            Timing.together(self._acquisition.timings),
             run.pauses.totals,
             {name: lost for name, (_, lost) in run.channels.counts.items() if lost},
         )

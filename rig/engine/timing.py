@@ -2,11 +2,13 @@
 
 import math
 from array import array
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 _RECENT = 20
+_COUNTED = ("asked", "taken", "late", "missing", "paused")
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,16 @@ class Timing:
     _last_s: float = math.nan
     _latest_s: float = 0.0
     _intervals_s: "array[float]" = field(default_factory=lambda: array("d"))
+
+    @classmethod
+    def together(cls, parts: "Sequence[Timing]") -> "Timing | None":
+        """Return the sums of several acquisitions, with the settings of the last one; None without images."""
+        if not any(part.asked for part in parts):
+            return None
+        sums = {name: sum(getattr(part, name) for part in parts) for name in _COUNTED}
+        intervals_s = array("d", [each for part in parts for each in part._intervals_s])
+        latest_s = max(part._latest_s for part in parts)
+        return replace(parts[-1], **sums, _intervals_s=intervals_s, _latest_s=latest_s)
 
     def ask(self) -> None:
         """Count an image that is asked for."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import DeviceFault
+from rig.commands.verify import verify_run
 from rig.protocol.protocol import parse_protocol
 from tests.rig.conftest import FakeLoadFrame, FakeRig
 from tests.rig.engine.fake_live import FakeLive
@@ -241,3 +242,38 @@ def test_mistakes_in_stages_are_told_together(tmp_path):
     assert "until.load_n or until.stress_mpa is missing" in mistakes(
         tmp_path, SPEEDS.replace("until.stress_mpa = 200.0", "until.duration_s = 3.0")
     )
+
+
+TWICE = """
+[[phases]]
+do = "pull"
+displacement_mm = 1.0
+images.every_s = 0.5
+[[phases.stages]]
+speed_mm_s = 0.05
+[[phases]]
+do = "hold"
+keep = "displacement"
+duration_s = 60.0
+[[phases]]
+do = "pull"
+displacement_mm = 2.0
+images.every_s = 0.5
+[[phases.stages]]
+speed_mm_s = 0.05
+"""
+
+
+@pytest.mark.parametrize("slow", [False, True])
+def test_the_images_of_two_pulls_are_counted_together_and_none_is_missing_between(tmp_path, slow):
+    rig, _ = pulled(tmp_path, TWICE, PULLING)
+    if slow:
+        rig.cameras = {"on_axis": StreamingCamera(rig.clock, period_s=0.6)}
+    outcome = rig.engine().run()
+    assert outcome.status == "completed", outcome.reason
+    assert outcome.timing.asked == pytest.approx(82, abs=2)
+    assert bool(outcome.timing.missing) is slow
+    found = verify_run(rig.path).timing["on_axis"]
+    # The file does not show an image that is missing at the very beginning or end.
+    assert found.images == outcome.timing.taken
+    assert found.missing == pytest.approx(outcome.timing.missing, abs=2 if slow else 0)
