@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from rig.commands.verify import verify_run
 from rig.protocol.acquisition_tables import FirstBeyond, Level
 from rig.protocol.step import RigReading
 from rig.samples import SignalReading
@@ -42,6 +43,8 @@ def test_only_the_images_wait_while_a_run_is_paused(tmp_path, streams):
     np.testing.assert_allclose(intervals, np.round(intervals), atol=1e-6)
     assert np.diff(camera["middle_s"]).max() == pytest.approx(3.5, abs=0.11)
     assert (np.diff(box["number"]) == 1).all()
+    # nor does the file miss an image that nobody wanted
+    assert {timing.missing for timing in verify_run(rig.path).timing.values()} == {0}
     assert not any("lost" in event for event in rig.events())
 
 
