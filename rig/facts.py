@@ -146,6 +146,11 @@ def objections(protocol: Protocol, facts: RigFacts) -> list[str]:
     if missing:
         return missing
     found = _without_load_control(conditions.demands, facts)
+    if conditions.strain_rates and facts.changes_speed is False:
+        found.append(
+            f"{', '.join(conditions.strain_rates)}: strain_rate_s needs a load frame whose driver can change "
+            "the speed of a motion, and that of this rig cannot; use crosshead_strain_rate_s (method A2)"
+        )
     found += [sentence for demand in conditions.demands for sentence in _beyond(demand, facts)]
     if "stage" in conditions.devices and facts.angle_min_deg is not None and facts.angle_min_deg > 0.0:
         found.append(

@@ -250,7 +250,7 @@ class AcquisitionRun:
         middle_s = float(np.mean([frame.middle[0] for frame in shot.frames.values()]))
         number = self.timing.take(shot.due_s, middle_s)
         step = acquisition.step(first.index, number, middle_s - self.timing.first_s)
-        # As in a hold, the numbers of images that fell into pauses are left out, so that they are not missing.
+        # As in a hold, the numbers of images that fell into pauses are left out: these are not missing.
         step = replace(step, index=step.index + self.timing.paused)
         self.next_index = step.index + 1
         try:

@@ -84,7 +84,6 @@ class MachineDrive(Drive):
     def begin(self) -> None:
         """Command the first stage."""
         run = self._run
-        self._require_change_of_speed()
         if run.may_move:
             self._stand_still()
         reading = run.read()
@@ -299,18 +298,6 @@ class MachineDrive(Drive):
             f"the end of its stages: {plan.stages[-1].ends}",
             "the farthest displacement before it",
             'go farther in this phase, or set until.if_never = "go-on"',
-        )
-
-    def _require_change_of_speed(self) -> None:
-        run = self._run
-        if run.devices.can_change_speed or all(stage.strain_rate is None for stage in self._plan.stages):
-            return
-        raise DeviceFault(
-            "load_frame",
-            self._plan.where,
-            "a load frame whose speed can be changed while it moves, for a strain rate",
-            "a driver without change_speed",
-            "use crosshead_strain_rate_s (method A2), or another driver",
         )
 
 

@@ -91,3 +91,4 @@ class Conditions:
     demands: tuple[Demand, ...] = ()
     turns: tuple[StageTurn, ...] = ()
     signals: frozenset[str] = frozenset()  # the measured channels that the protocol needs
+    strain_rates: tuple[str, ...] = ()  # the phases in which a strain rate changes the speed of a motion

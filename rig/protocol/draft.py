@@ -92,6 +92,8 @@ class Draft:
         The live gauges that phases need.
     signals : set of str
         The measured channels that phases need.
+    strain_rates : list of str
+        The phases in which a strain rate changes the speed of a motion.
     area_mm2 : float
         Cross section of the specimen.
     """
@@ -114,6 +116,7 @@ class Draft:
         self.turns: list[StageTurn] = []
         self.gauges: set[str] = set()
         self.signals: set[str] = set()
+        self.strain_rates: list[str] = []
         self.area_mm2 = area_mm2
         self._settle = settle
         self._limits = limits
@@ -167,6 +170,7 @@ class Draft:
             demands=(*Demand.of_limits(limits), *self._demands),
             turns=tuple(self.turns),
             signals=frozenset(self.signals),
+            strain_rates=tuple(self.strain_rates),
         )
 
     def add(self, part: CoursePart) -> None:

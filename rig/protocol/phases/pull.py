@@ -128,6 +128,8 @@ class Pull(Phase):
                 draft.move_to("load", stage.load_n, stage.rate_n_s)
                 draft.increments_n.append(abs(stage.load_n))
         draft.expect(0.0, self.elastic_n)
+        if any(stage.strain_rate_s is not None for stage in self.stages):
+            draft.strain_rates.append(draft.where)
         if any(stage.until is None for stage in self.stages[:-1]):
             draft.mistake("until is missing in a stage before the last one; add it")
         if self.images.begin is not None or self.images.on_request is not None:

@@ -9,6 +9,7 @@ import pytest
 
 from drivers.errors import DeviceFault
 from rig.commands.verify import verify_run
+from rig.facts import RigFacts, objections
 from rig.protocol.protocol import parse_protocol
 from tests.rig.conftest import FakeLoadFrame, FakeRig
 from tests.rig.engine.fake_live import FakeLive
@@ -181,13 +182,12 @@ def test_a_strain_beyond_its_limit_ends_the_run(tmp_path):
     assert strain_of(rig.load_frame.displacement_mm) < 0.0032
 
 
-def test_a_load_frame_that_keeps_its_speed_and_cameras_without_streams_are_refused(tmp_path):
-    rig, live = pulled(tmp_path, STRAIN)
-    rig.load_frame = FakeLoadFrame(rig.clock, rig.calls)
-    live._strain = lambda time_s: 0.0
-    outcome = rig.engine(live=live).run()
-    assert "a load frame whose speed can be changed while it moves" in outcome.reason
-    assert not any(call.startswith("displacement") for call in rig.calls)
+def test_a_load_frame_that_keeps_its_speed_is_refused_for_a_strain_rate_alone(tmp_path):
+    (sentence,) = objections(pulled(tmp_path, STRAIN)[0].protocol, RigFacts(changes_speed=False))
+    assert sentence.startswith("phase 1 (pull): strain_rate_s needs a load frame whose driver can change")
+    for phases, able in ((STRAIN, True), (STRAIN, None), (SPEEDS, False)):
+        protocol = parse_protocol(tomllib.loads(text(phases, PULLING + LIVE)))
+        assert objections(protocol, RigFacts(changes_speed=able)) == []
 
 
 def test_a_pause_that_comes_before_a_change_of_speed_is_no_fault(tmp_path):
