@@ -122,10 +122,14 @@ class Guardian:
     def _watch(self, process: "subprocess.Popen[bytes]", on_trouble: Callable[[str], None]) -> None:
         lines = messages.Lines(_pipe(process.stdout).fileno())
         told = over = False
+        next_s = self._clock.now_s()
         while not (self._closing or over):
-            self._send(messages.PING)
+            # The answer comes at once. Another question at once would keep both processes busy all the time.
+            if (left_s := next_s - self._clock.now_s()) <= 0.0:
+                self._send(messages.PING)
+                left_s, next_s = PING_S, self._clock.now_s() + PING_S
             try:
-                said = lines.next(PING_S)
+                said = lines.next(left_s)
                 silent_s = self._clock.now_s() - self._answered_s
                 if said is None and silent_s > self._silence_max_s:
                     # check once more for an answer, because this thread itself may have been delayed
