@@ -144,7 +144,7 @@ class Outcome:
     at_end : AtRest
         The readings of load frame and stage after the end of the run.
     timing : Timing or None
-        How well the images of an acquisition kept their times; None without timed images.
+        How well the images of all acquisitions kept their times; None without timed images.
     pauses : PauseTotals
         The pauses of the run, and the steps whose images fell into them.
     lost_samples : dict of str to int
