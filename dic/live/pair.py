@@ -87,6 +87,17 @@ class LivePair:
         """
         first, second = self.cameras
         reasons = first.locate(images[0], time_s), second.locate(images[1], time_s)
+        return self.read(images, time_s, reasons)
+
+    def read(
+        self, images: tuple[NDArray[Any], NDArray[Any]], time_s: float, reasons: tuple[Reason, Reason]
+    ) -> tuple[LiveImage, LiveImage]:
+        """Return the readings of the frames that both cameras located last.
+
+        `reasons`: results of `LiveCamera.locate`, which can find the points in one frame before the other one
+        has come.
+        """
+        first, second = self.cameras
         motions = first.motion_now(time_s), second.motion_now(time_s)
         if not any(reasons):
             motions = self._seen_now(motions)
