@@ -159,10 +159,15 @@ class LiveCamera:
                 why, figures = Reason.SATURATED, ""
             name = gauge.gauge.name
             gauges[name] = LiveGauge(name, readings, why, unusable, figures)
-        self._checks.keep(image)
-        lost = self._lost.search(image)
-        self._last = LiveImage(time_s, gauges, Reason.NONE, motion.age_s, lost)
+        self._last = LiveImage(time_s, gauges, Reason.NONE, motion.age_s, self._ends(image))
         return self._last
+
+    def pass_over(self, image: NDArray[Any], time_s: float, reason: Reason) -> LiveImage:
+        """Read no gauge in the frame that was located last, but do all that the next frame needs.
+
+        `reason`: result of `locate`.
+        """
+        return LiveImage(time_s, {}, reason, lost=0 if reason else self._ends(image))
 
     def take(self, motion: FieldMotion) -> None:
         """Take the motion out of the plane that a whole field has shown, for the next frames.
@@ -218,6 +223,11 @@ class LiveCamera:
         if found:
             numbers, which = np.array(found).T
             self.tracker.place(numbers, sought.warps[which])
+
+    def _ends(self, image: NDArray[Any]) -> int:
+        """Do what the next frame needs; return the number of lost tiles."""
+        self._checks.keep(image)
+        return self._lost.search(image)
 
     def _fields(self, motion: MotionNow) -> tuple[dict[str, GaugeField], dict[str, Reason]]:
         """Return the fields that gauges can read, and why the corrected one must not be used."""

@@ -36,13 +36,14 @@ class Measuring:
         The camera whose values are taken. Default: the one with the smallest standard deviation at the first
         moment with frames of all cameras and a valid value.
     best_only : bool
-        True if `images` shall have the raw readings and the best ones only.
+        True if `images` shall have what the values need only: the raw and the best readings, and after the
+        choice those of the chosen camera.
     """
 
     def __init__(self, setups: "LiveSetups", camera: str | None = None, *, best_only: bool = True) -> None:
         from dic.live import LiveCamera, LivePair
 
-        self._setups, self._chosen = setups, camera
+        self._setups, self._chosen, self._best_only = setups, camera, best_only
         self._cameras = {
             name: LiveCamera(setup, best_only=best_only) for name, setup in setups.cameras.items()
         }
@@ -80,7 +81,8 @@ class Measuring:
         if self._pair is not None and pair is not None and frames.keys() >= set(pair):
             one, other = pair
             shown = frames[one].image, frames[other].image
-            both = self._pair.read(shown, time_s, (reasons[one], reasons[other]))
+            only = pair.index(self._chosen) if self._best_only and self._chosen in pair else None
+            both = self._pair.read(shown, time_s, (reasons[one], reasons[other]), only)
             images |= dict(zip(pair, both, strict=True))
         for name in frames.keys() - images.keys():
             images[name] = self._cameras[name].read(frames[name].image, time_s, reasons[name])
