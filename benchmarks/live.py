@@ -252,7 +252,7 @@ def divided() -> Iterator[Parts]:
         (fields.LiveFields, "take", "calibration, errors"),
         (corrected.CorrectedField, "field", "corrected field"),
         (frames.FrameChecks, "repeated", "checks of the frame"),
-        (frames.FrameChecks, "more_saturated", "checks of the frame"),
+        (frames.FrameChecks, "light", "checks of the frame"),
         (frames.FrameChecks, "keep", "checks of the frame"),
         (pairing.GaugePairs, "plane", "plane by parallax"),
         (gauges.FollowedGauge, "read", "reading of gauges"),

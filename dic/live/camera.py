@@ -53,6 +53,8 @@ class LiveCamera:
     Parameters
     ----------
     setup : LiveSetup
+    best_only : bool
+        True if `LiveGauge.readings` shall have the raw and the best kind only, which saves time.
 
     Raises
     ------
@@ -62,8 +64,8 @@ class LiveCamera:
         If the reference cannot be used.
     """
 
-    def __init__(self, setup: LiveSetup) -> None:
-        self.setup = setup
+    def __init__(self, setup: LiveSetup, *, best_only: bool = False) -> None:
+        self.setup, self._best_only = setup, best_only
         prepared, at_rest = setup.correlator.prepared, setup.at_rest
         around_px = prepared.settings.radius_px + _INTERPOLATION_PX + setup.live.room_px
         self.points = GaugePoints.of(prepared, setup.needed, around_px)
@@ -142,8 +144,9 @@ class LiveCamera:
             return LiveImage(time_s, again, reason)
         motion = motion or self.motion_now(time_s)
         fields, unusable = self._fields(motion)
-        bright = iter(self._checks.more_saturated(image) > self.setup.live.most_saturated)
-        faint = iter(self._checks.left_contrast(image) < self.setup.live.least_contrast)
+        more_saturated, left_contrast = self._checks.light(image)
+        bright = iter(more_saturated > self.setup.live.most_saturated)
+        faint = iter(left_contrast < self.setup.live.least_contrast)
         status = self.tracker.status[self.points.points]
         valid, gauges = self.fields.valid, {}
         for gauge in self._gauges:
@@ -156,10 +159,15 @@ class LiveCamera:
                 why, figures = Reason.SATURATED, ""
             name = gauge.gauge.name
             gauges[name] = LiveGauge(name, readings, why, unusable, figures)
-        self._checks.keep(image)
-        lost = self._lost.search(image)
-        self._last = LiveImage(time_s, gauges, Reason.NONE, motion.age_s, lost)
+        self._last = LiveImage(time_s, gauges, Reason.NONE, motion.age_s, self._ends(image))
         return self._last
+
+    def pass_over(self, image: NDArray[Any], time_s: float, reason: Reason) -> LiveImage:
+        """Read no gauge in the frame that was located last, but do all that the next frame needs.
+
+        `reason`: result of `locate`.
+        """
+        return LiveImage(time_s, {}, reason, lost=0 if reason else self._ends(image))
 
     def take(self, motion: FieldMotion) -> None:
         """Take the motion out of the plane that a whole field has shown, for the next frames.
@@ -216,10 +224,16 @@ class LiveCamera:
             numbers, which = np.array(found).T
             self.tracker.place(numbers, sought.warps[which])
 
+    def _ends(self, image: NDArray[Any]) -> int:
+        """Do what the next frame needs; return the number of lost tiles."""
+        self._checks.keep(image)
+        return self._lost.search(image)
+
     def _fields(self, motion: MotionNow) -> tuple[dict[str, GaugeField], dict[str, Reason]]:
         """Return the fields that gauges can read, and why the corrected one must not be used."""
         fields = {"raw": self.fields.raw}
-        if self.fields.calibrated is not None:
+        corrects = self.setup.motion is not None and self.corrected is not None
+        if self.fields.calibrated is not None and not (corrects and self._best_only):
             fields["calibrated"] = self.fields.calibrated
         if self.setup.motion is None or self.corrected is None:
             return fields, {}

@@ -56,20 +56,20 @@ class FrameChecks:
             if part.pixels:
                 self._last.append((part, image[part.top : part.bottom, part.left : part.right].copy()))
 
-    def more_saturated(self, image: NDArray[Any]) -> Float:
-        """Return by how much the share of saturated pixels has grown since the reference, in each patch."""
+    def light(self, image: NDArray[Any]) -> tuple[Float, Float]:
+        """Return two numbers for each patch.
+
+        They are by how much the share of saturated pixels has grown since the reference, and the contrast as
+        a share of that in the reference. A covered lens leaves some light. Many points still correlate then,
+        with large errors.
+        """
         if self._usual is None:
             self._level = saturation_level(image.dtype, float(self._reference.max()))
             self._usual = _shares(self._reference, self._at_rest, self._level)
-        return _shares(image, self._parts(image.shape), self._level) - self._usual
-
-    def left_contrast(self, image: NDArray[Any]) -> Float:
-        """Return the contrast in each patch, as a share of that in the reference.
-
-        A covered lens leaves some light. Many points still correlate then, with large errors.
-        """
+        parts = self._parts(image.shape)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return _contrasts(image, self._parts(image.shape)) / self._usual_contrasts
+            contrasts = _contrasts(image, parts) / self._usual_contrasts
+        return _shares(image, parts, self._level) - self._usual, contrasts
 
     def _parts(self, shape: tuple[int, ...]) -> list[Part]:
         """Return the part of the frame that shows each patch."""

@@ -87,13 +87,33 @@ class LivePair:
         """
         first, second = self.cameras
         reasons = first.locate(images[0], time_s), second.locate(images[1], time_s)
+        return self.read(images, time_s, reasons)
+
+    def read(
+        self,
+        images: tuple[NDArray[Any], NDArray[Any]],
+        time_s: float,
+        reasons: tuple[Reason, Reason],
+        only: int | None = None,
+    ) -> tuple[LiveImage, LiveImage]:
+        """Return the readings of the frames that both cameras located last.
+
+        `reasons`: results of `LiveCamera.locate`, which can find the points in one frame before the other one
+        has come. `only`: number of the camera whose gauges are read. Default: both.
+        """
+        first, second = self.cameras
         motions = first.motion_now(time_s), second.motion_now(time_s)
         if not any(reasons):
             motions = self._seen_now(motions)
-        return (
-            first.read(images[0], time_s, reasons[0], motions[0]),
-            second.read(images[1], time_s, reasons[1], motions[1]),
+        one, other = (
+            camera.pass_over(image, time_s, reason)
+            if only not in (None, k)
+            else camera.read(image, time_s, reason, motion)
+            for k, (camera, image, reason, motion) in enumerate(
+                zip(self.cameras, images, reasons, motions, strict=True)
+            )
         )
+        return one, other
 
     def take(self, motions: tuple[FieldMotion, FieldMotion]) -> None:
         """Take the motion out of the plane that the fields of both cameras have shown; see `PairSolver`."""

@@ -31,6 +31,7 @@ _MEMORY = 0.8
 """Weight of the earlier frames in the mean errors of both predictions."""
 
 _MOVED = [0, 3]
+_NONE = np.zeros(0, np.int64)
 
 
 class Tracker:
@@ -81,6 +82,8 @@ class Tracker:
     @property
     def lost_tiles(self) -> Indices:
         """Numbers of the tiles without any point that has a displacement."""
+        if self.known.all():
+            return _NONE
         counts = np.bincount(self._tile_of[self.known], minlength=len(self._tiles))
         return np.flatnonzero(counts == 0)
 

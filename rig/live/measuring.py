@@ -12,7 +12,7 @@ from rig.live.pairing import Arrival
 from rig.live.values import CAUSES, GaugeValue, LiveReading
 
 if TYPE_CHECKING:
-    from dic.live import FieldMotion, LiveGauge, LiveImage, LiveSetups, LostPlaces, Sought
+    from dic.live import FieldMotion, LiveGauge, LiveImage, LiveSetups, LostPlaces, Reason, Sought
 
 _OF_FIELD = ("no_motion", "old", "declined")
 _WARM_UP = 12
@@ -35,22 +35,39 @@ class Measuring:
     camera : str or None
         The camera whose values are taken. Default: the one with the smallest standard deviation at the first
         moment with frames of all cameras and a valid value.
+    best_only : bool
+        True if `images` shall have what the values need only: the raw and the best readings, and after the
+        choice those of the chosen camera.
     """
 
-    def __init__(self, setups: "LiveSetups", camera: str | None = None) -> None:
+    def __init__(self, setups: "LiveSetups", camera: str | None = None, *, best_only: bool = True) -> None:
         from dic.live import LiveCamera, LivePair
 
-        self._setups, self._chosen = setups, camera
-        self._cameras = {name: LiveCamera(setup) for name, setup in setups.cameras.items()}
+        self._setups, self._chosen, self._best_only = setups, camera, best_only
+        self._cameras = {
+            name: LiveCamera(setup, best_only=best_only) for name, setup in setups.cameras.items()
+        }
         self._pair: LivePair | None = None
         if setups.pair is not None:
             first, second = setups.pair
             self._pair = LivePair(self._cameras[first], self._cameras[second], setups.surface)
         self._gauges = [gauge.name for gauge in next(iter(setups.cameras.values())).gauges]
+        self._located: dict[str, tuple[int, Reason]] = {}
         self.images: Mapping[str, LiveImage] = {}
         """All readings in the frames that were measured last, by camera."""
         self.field_problem = ""
         """Why the last field could not be solved; empty if it was."""
+
+    def locate(self, name: str, shown: Shown) -> "Reason":
+        """Find the points in a frame, once; the frame may wait for that of another camera to be measured.
+
+        Return why the frame is not valid.
+        """
+        number, reason = self._located.get(name, (0, None))
+        if reason is None or number != shown.arrival.number:
+            reason = self._cameras[name].locate(shown.image, shown.arrival.time_s)
+            self._located[name] = shown.arrival.number, reason
+        return reason
 
     def measure(self, frames: Mapping[str, Shown], missing: Mapping[str, str]) -> LiveReading:
         """Return the values in frames of one moment; the time at which they are known is that of the frames.
@@ -60,12 +77,15 @@ class Measuring:
         images: dict[str, LiveImage] = {}
         pair = self._setups.pair
         time_s, time_std_s = middle_of([shown.arrival for shown in frames.values()])
+        reasons = {name: self.locate(name, shown) for name, shown in frames.items()}
         if self._pair is not None and pair is not None and frames.keys() >= set(pair):
-            first, second = frames[pair[0]], frames[pair[1]]
-            both = self._pair.measure((first.image, second.image), time_s)
+            one, other = pair
+            shown = frames[one].image, frames[other].image
+            only = pair.index(self._chosen) if self._best_only and self._chosen in pair else None
+            both = self._pair.read(shown, time_s, (reasons[one], reasons[other]), only)
             images |= dict(zip(pair, both, strict=True))
         for name in frames.keys() - images.keys():
-            images[name] = self._cameras[name].measure(frames[name].image, time_s)
+            images[name] = self._cameras[name].read(frames[name].image, time_s, reasons[name])
         self.images = images
         if self._chosen is None and images.keys() == self._cameras.keys():
             self._chosen = self._most_certain(images)

@@ -118,6 +118,11 @@ class Pairing:
         others = self._cameras.keys() - chosen.keys()
         return Together(chosen, {name: self._why(name, now_s) for name in sorted(others)})
 
+    @property
+    def newest_waiting(self) -> dict[str, Arrival]:
+        """The newest frame of each camera whose frames wait for those of another one."""
+        return {name: each.waiting[-1] for name, each in self._cameras.items() if each.waiting}
+
     def waits_s(self, now_s: float) -> float:
         """Return the time in s after which a camera may be missing for which frames wait; inf without one."""
         if not any(each.waiting for each in self._cameras.values()):

@@ -111,6 +111,8 @@ class Loop:
         together = self._pairing.next(now_s)
         if together is not None:
             self._measure(together)
+        else:
+            self._locate()
         for answer in self._link.take():
             answer.give_to(self._measuring)
         self._outbox.flush()
@@ -126,6 +128,13 @@ class Loop:
         self._poll.poll(1000.0 * waits_s)
         with suppress(BlockingIOError):
             os.read(self._wake, _CHUNK)
+
+    def _locate(self) -> None:
+        """Find the points in frames that wait for those of another camera."""
+        for name, arrival in self._pairing.newest_waiting.items():
+            with self._rings[name].held(arrival.number) as image:
+                if image is not None:
+                    self._measuring.locate(name, Shown(arrival, image))
 
     def _measure(self, together: Together) -> None:
         numbers = {name: arrival.number for name, arrival in together.frames.items()}

@@ -10,6 +10,7 @@ from drivers.clock import VirtualClock
 from drivers.errors import DeviceError
 from drivers.interfaces import DeviceInfo
 from rig.live.at_once import LiveAtOnce
+from rig.live.fields import FieldTask, FieldWork
 from rig.live.job import prepared
 from rig.live.measuring import Measuring, Shown
 from rig.live.opening import open_live
@@ -100,7 +101,7 @@ def live_readings(rig, images):
 
 def test_live_strain_before_the_correction_equals_that_of_dic_process(rig, images, offline):
     job = replace(rig.job, thickness_mm=HEADER.sample.thickness_mm)
-    measuring = Measuring(prepared(job, rig.grids, rig.references))
+    measuring = Measuring(prepared(job, rig.grids, rig.references), best_only=False)
     for k, shown in enumerate(images):
         frames = {name: Shown(Arrival(k + 1, PERIOD_S * k), image) for name, image in shown.items()}
         measuring.measure(frames, {})
@@ -109,6 +110,24 @@ def test_live_strain_before_the_correction_equals_that_of_dic_process(rig, image
                 for kind in ("raw", "calibrated"):
                     here = live[gauge].readings[kind].strain
                     assert here == pytest.approx(offline[name][k].readings[gauge][kind].strain, abs=1e-6)
+
+
+def test_values_do_not_depend_on_what_is_located_ahead_or_left_out(rig, images):
+    setups = prepared(rig.job, rig.grids, rig.references)
+    at_once, ahead, work = Measuring(setups, best_only=False), Measuring(setups), FieldWork(setups)
+    valid = 0
+    for k, shown in enumerate(images):
+        frames = {name: Shown(Arrival(k + 1, PERIOD_S * k), image) for name, image in shown.items()}
+        ahead.locate(*list(frames.items())[k % 2])
+        reading = ahead.measure(frames, {})
+        assert repr(reading) == repr(at_once.measure(frames, {}))
+        valid += all(value.valid for value in reading.gauges.values())
+        if k in (1, 3):
+            answer = work.done(FieldTask(dict.fromkeys(shown, k + 1), PERIOD_S * k), shown)
+            answer.give_to(at_once)
+            answer.give_to(ahead)
+    assert valid > 2
+    assert sorted(len(image.gauges) for image in ahead.images.values()) == [0, 2]
 
 
 def test_corrected_strain_is_that_of_dic_process_within_its_standard_deviation(rig, images, offline):
