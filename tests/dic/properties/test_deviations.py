@@ -45,7 +45,7 @@ def deviations(specimens, *how, **more):
     """Return (value - truth) / std of each property for many specimens; those without Rp0.2 are left out."""
     found = [drawn(seed, *how, **more) for seed in range(specimens)]
     known = [(values, truth) for values, truth in found if values["Rp02_mpa"].value is not None]
-    assert len(known) > 0.6 * specimens
+    assert len(known) >= 0.9 * specimens
     return {
         name: np.array([(values[name].value - truth[name]) / values[name].std for values, truth in known])
         for name in known[0][1]
