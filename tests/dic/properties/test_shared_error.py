@@ -205,8 +205,8 @@ def test_a_wrong_clock_changes_slope_and_strength_as_theory_says():
 def test_an_image_of_the_break_leaves_the_error_of_the_strength_that_of_its_maximum(rising):
     """The load falls to zero in 40 ms, and an image in this time is late by a standard deviation of 20 ms.
 
-    Before, the specimen necks: a wrong time changes no maximum. Or it breaks while the load rises: the largest
-    load that an image shows is then wrong by the rate of the rise.
+    If the specimen necks before, a wrong time does not change the maximum. If it breaks while the load rises,
+    the largest load that an image shows is wrong by the rate of the rise.
     """
     time_s, late_s = 0.1 * np.arange(400.0), 0.02
     strain = 5e-5 * np.arange(400.0)
