@@ -133,7 +133,9 @@ def _with_spread(x: Float, y: Float, found: ObjectiveSlope) -> ObjectiveSlope:
     least = max(int(LEAST_SHARE * len(u)), LEAST_POINTS)
     line = fit_line(u, v, found.line.first // width, found.line.stop // width)
     scale = float((y[found.cut] - y[0]) / (x[found.cut] - x[0]))
-    return replace(found, spread=scale * spread_of_slopes(u, v, line, least, NEARLY_AS_GOOD))
+    # A straight part of the hardening after the line is no other choice of the elastic part.
+    hardening = STEEP_SHARE * line.slope
+    return replace(found, spread=scale * spread_of_slopes(u, v, line, least, NEARLY_AS_GOOD, hardening))
 
 
 def _normalised(x: Float, y: Float, cut: int) -> tuple[Float, Float, int]:

@@ -18,6 +18,7 @@ import numpy as np
 
 from dic.properties.elastic import Elastic
 from dic.properties.properties import Properties, material_properties
+from dic.properties.strength import strength_point
 from dic.typing import Float
 
 NECKING = "necking"
@@ -185,15 +186,27 @@ def _filled(values: Float) -> Float:
     return np.interp(points, points[known], values[known]) if known.any() else np.zeros(len(values))
 
 
+def _below_largest(error_n: Float, load_n: Float, largest: int) -> Float:
+    """Return errors of the loads that lift no load after the largest one above it.
+
+    At the break the load falls steeply, and an error of time times its rate is large. An image at another
+    time would show another load of this fall, but none above its beginning.
+    """
+    fallen_n, of_largest_n = load_n[largest] - load_n, error_n[largest]
+    bounded = of_largest_n + np.clip(error_n - of_largest_n, -np.abs(fallen_n), np.abs(fallen_n))
+    return np.where(np.arange(len(load_n)) > largest, bounded, error_n)
+
+
 def _changes(found: Properties, elastic: Elastic, error: Float) -> dict[str, float]:
     """Return by how much the errors of axial strain, transverse strain and load change each property."""
     curve = found.record.curve
+    late_n = _below_largest(error[2], curve.load_n, strength_point(found.record, found.plateau))
     # Use the same window for both curves, so that the difference does not contain the choice of a window.
     window = elastic.line.first, elastic.line.stop
     sides = []
     for sign in (1.0, -1.0):
         beside = None if curve.transverse is None else curve.transverse + sign * error[1]
-        along, load_n = curve.strain + sign * error[0], curve.load_n + sign * error[2]
+        along, load_n = curve.strain + sign * error[0], curve.load_n + sign * late_n
         moved = replace(curve, strain=along, transverse=beside, load_n=load_n)
         side = material_properties(moved, found.settings, window)
         sides.append(side.values | {NECKING: side.necking})

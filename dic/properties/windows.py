@@ -71,17 +71,22 @@ def straightest(x: Float, y: Float, least: int) -> FittedLine | None:
     return min(lines, key=lambda line: (line.residual, line.first, -line.stop))
 
 
-def spread_of_slopes(x: Float, y: Float, line: FittedLine, least: int, factor: float) -> float:
+def spread_of_slopes(
+    x: Float, y: Float, line: FittedLine, least: int, factor: float, later_slope: float
+) -> float:
     """Return the root mean square difference from a line's slope over all windows that are nearly as good.
 
     `line`: the straightest line. `least`: smallest number of points of a window. `factor`: a window is nearly
-    as good if its normalised residual is at most this multiple of the least one. `x` and `y` have the shape
+    as good if its normalised residual is at most this multiple of the least one. `later_slope`: windows that
+    begin later than the line and are less steep than this slope are no choice. `x` and `y` have the shape
     (n,).
     """
     total, count = 0.0, 0
     bound = factor * line.residual + _TIE
-    for _, residual, slope in _all_windows(x, y, least):
+    for first, residual, slope in _all_windows(x, y, least):
         near = residual <= bound
+        if first > line.first:
+            near &= slope >= later_slope
         total += float(((slope[near] - line.slope) ** 2).sum())
         count += int(np.count_nonzero(near))
     return float(np.sqrt(total / count)) if count else 0.0

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from dic import material_properties
-from dic.properties import Curve, JoinError, PropertySettings, with_join_error, with_shared_error
+from dic.properties import (
+    Curve,
+    JoinError,
+    PropertySettings,
+    with_delay_error,
+    with_join_error,
+    with_shared_error,
+)
 from tests.dic.properties.synthetic import strain_of_stress
 
 E_MPA, AREA_MM2 = 200_000.0, 10.0
@@ -192,3 +199,29 @@ def test_a_wrong_clock_changes_slope_and_strength_as_theory_says():
     assert judged.join_parts["nu"]["both"] == pytest.approx(0.0, abs=1e-9)
     assert judged.as_dict()["std_by_join"]["E_gpa"] == modulus
     assert " and 1 GPa, Rp02 " in judged.time_texts[0]
+
+
+@pytest.mark.parametrize("rising", [False, True])
+def test_an_image_of_the_break_leaves_the_error_of_the_strength_that_of_its_maximum(rising):
+    """The load falls to zero in 40 ms, and an image in this time is late by a standard deviation of 20 ms.
+
+    If the specimen necks before, a wrong time does not change the maximum. If it breaks while the load rises,
+    the largest load that an image shows is wrong by the rate of the rise.
+    """
+    time_s, late_s = 0.1 * np.arange(400.0), 0.02
+    strain = 5e-5 * np.arange(400.0)
+    sharp = 200e3 * np.minimum(strain, 0.002)
+    begun = np.maximum(strain - 0.002, 0.0) / 0.018
+    stress = sharp + (50.0 * begun if rising else 200.0 * begun * (1.5 - begun))
+    rate = np.gradient(stress, time_s)
+    strength, of_strength = stress.max(), rate[stress.argmax()]
+    fall = np.array([0.9, 0.0, 0.0])
+    stress, strain = np.append(stress, strength * fall), np.append(strain, strain[-1] + [1e-4, 2e-4, 3e-4])
+    rate = np.append(rate, [-strength / 0.04, 0.0, 0.0])
+    curve = Curve("made", AREA_MM2 * stress, strain)
+    found = material_properties(curve, PropertySettings(AREA_MM2))
+    judged = with_delay_error(found, AREA_MM2 * rate * late_s)
+    expected = of_strength * late_s if rising else 0.0
+    assert judged.delay_parts["Rm_mpa"] == pytest.approx(expected, rel=1e-6, abs=1e-5 * strength)
+    # In the elastic part every load is larger by the same amount, which does not change the slope.
+    assert judged.delay_parts["E_gpa"] == pytest.approx(0.0, abs=1e-3)
