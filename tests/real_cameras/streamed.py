@@ -26,6 +26,10 @@ duration_s = {duration_s}
 timeout_s = 10.0
 """
 
+EARLY, SPREAD = 0.9, 0.95
+"""A frame before the others by this part of a frame has a wrong number or time, and so has a tenth of them
+that are this far apart."""
+
 
 @dataclass
 class Streamed:
@@ -53,6 +57,21 @@ class Streamed:
             f"{1.0 / timing.reached_s:.2f} per second, {timing.late} late, {timing.missing} missing; "
             f"{'; '.join(self.losses) or 'no frame of a stream is lost'}"
         )
+
+
+def assert_counter_keeps_time(sequence: np.ndarray, time_s: np.ndarray, rate_hz: float) -> None:
+    """Check that the kernel's counter and the kernel's clock agree, on a computer of any speed.
+
+    The kernel's camera counts a frame by the time at which it is drawn, rounded to whole frames. If the
+    processor has no time for it, a stamp is late by less than half a frame, or is early by less than half a
+    frame after the next number. A process that is interrupted between the two makes it late by any time.
+    """
+    assert (np.diff(sequence) >= 1).all()
+    assert (np.diff(time_s) > 0.0).all()
+    after = (time_s - time_s[0]) * rate_hz - (sequence - sequence[0]).astype(float)
+    soon, late = np.quantile(after, [0.1, 0.9])
+    assert after.min() >= soon - EARLY
+    assert late - soon <= SPREAD
 
 
 def acquire(folder: Path, rig_file: str, every_s: float, duration_s: float, tolerance_s: float) -> Streamed:
