@@ -143,7 +143,7 @@ def test_a_camera_that_is_pulled_out_and_comes_back_is_used_again(
 def test_both_cameras_stream_into_an_acquisition(simulation: Simulation, tmp_path: Path) -> None:
     cameras = [CAMERA.format(name=name, number=number) for number, name in enumerate(CAMERAS)]
     streamed = acquire(tmp_path, simulation.rig_file() + "".join(cameras), 0.1, 6.0, 0.05)
-    print(streamed.report("the kernel's cameras"))
+    print(streamed.report("acquisition from the kernel's cameras"))
     assert streamed.timing.taken + streamed.timing.missing == streamed.timing.asked == 61
     # the processor of the machine may be emulated: what is missing is counted, and nothing else is recorded
     assert streamed.timing.taken > 10
