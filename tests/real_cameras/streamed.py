@@ -64,6 +64,7 @@ break_load_drop = 0.5
 
 [images]
 per_step = 1
+still = 0
 timeout_s = 10.0
 """
 """A test without a stop at two speeds, of 8 s."""
@@ -167,7 +168,7 @@ def _run(folder: Path, rig_text: str, protocol_text: str) -> Streamed:
     with h5py.File(path) as file:
         messages = [text.decode() for text in file["entry/events/message"][:]]
         steps = file["entry/steps"]
-        acquired = np.array([kind.decode() == "acquired" for kind in steps["kind"][()]])
+        acquired = ~np.isnan(steps["due_s"][()])
         state = {key: steps[key][()][acquired] for key in ("load_n", "displacement_mm") if key in steps}
         cameras = {
             name: {

@@ -72,6 +72,9 @@ motion = "free"
 """
 
 
+TRIGGERED = 'trigger = "Software"\n'
+
+
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("pictures") / "pictures.npy"
@@ -123,15 +126,13 @@ def pulled(
     trigger_hz: float = 0.0,
     pulses_to_mm: float = math.inf,
 ) -> Streamed:
-    """Pull the specimen of the simulation in front of Aravis' camera, and check what it has recorded."""
+    """Pull the specimen of the simulation in front of Aravis' camera."""
     with (
         closing(Simulation(MACHINE, "rig.toml", None)) as simulation,
         closing(SpeckleCamera(simulation, pictures, trigger_hz, pulses_to_mm)),
     ):
         opened(width_px=SIDE_PX, height_px=SIDE_PX).close()  # it answers by now
-        streamed = pull(folder, simulation.rig_file() + SPECKLES + keys, images, LIVE)
-    assert_true(streamed)
-    return streamed
+        return pull(folder, simulation.rig_file() + SPECKLES + keys, images, LIVE)
 
 
 def assert_true(streamed: Streamed) -> None:
@@ -165,14 +166,29 @@ def assert_true(streamed: Streamed) -> None:
 def test_the_camera_streams_into_a_pull_with_a_live_gauge(tmp_path: Path, pictures: Path) -> None:
     streamed = pulled(tmp_path, pictures, "{ every_s = 0.2 }")
     print(streamed.report("pull before Aravis' camera, free-running"))
+    assert_true(streamed)
     timing = streamed.timing
     assert timing.taken + timing.missing == timing.asked > 30
 
 
 def test_each_trigger_is_an_image_of_a_pull(tmp_path: Path, pictures: Path) -> None:
-    streamed = pulled(tmp_path, pictures, "{ every_frame = true }", 'trigger = "Software"\n', trigger_hz=10.0)
+    streamed = pulled(tmp_path, pictures, "{ every_frame = true }", TRIGGERED, trigger_hz=10.0)
     print(streamed.report("pull before Aravis' camera, with triggers"))
+    assert_true(streamed)
     numbers = streamed.cameras["gige"]["sequence"]
     # every frame is in the file, or is told
     assert numbers[-1] - numbers[0] + 1 - len(numbers) <= streamed.timing.missing
     assert streamed.timing.taken + streamed.timing.missing == streamed.timing.asked
+
+
+def test_triggers_that_end_while_the_machine_moves_are_told(tmp_path: Path, pictures: Path) -> None:
+    streamed = pulled(
+        tmp_path, pictures, "{ every_frame = true }", TRIGGERED, trigger_hz=10.0, pulses_to_mm=0.2
+    )
+    print(streamed.report("pull before Aravis' camera, with a trigger line that breaks"))
+    # 4 s of 8 s, the pauses of a slow computer apart
+    assert streamed.timing.taken > 10
+    assert streamed.timing.missing > 10
+    told = [text for text in streamed.outcome.shortfalls if "no trigger gave a frame" in text]
+    assert told
+    assert "cameras.gige.trigger" in told[0]

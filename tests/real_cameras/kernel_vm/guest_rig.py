@@ -18,7 +18,7 @@ from rig.recorder import StepRecord
 from rig.run import run_protocol
 from simulators.rig.simulation import Simulation
 from tests.real_cameras.kernel_vm.guest import left_open, turn
-from tests.real_cameras.streamed import acquire, assert_counter_keeps_time
+from tests.real_cameras.streamed import MACHINE, Streamed, acquire, assert_counter_keeps_time, pull
 
 TABLES = {
     "rig": {"name": "rotation rig with the kernel's cameras"},
@@ -81,8 +81,7 @@ def files(simulation: Simulation, tmp_path: Path) -> tuple[Path, Path, Path]:
     """The paths of the protocol, the rig file and the future run file."""
     protocol, rig_file = tmp_path / "protocol.toml", tmp_path / "rig.toml"
     protocol.write_text(PROTOCOL)
-    cameras = [CAMERA.format(name=name, number=number) for number, name in enumerate(CAMERAS)]
-    rig_file.write_text(simulation.rig_file() + "".join(cameras))
+    rig_file.write_text(simulation.rig_file() + cameras())
     return protocol, rig_file, tmp_path / "run.h5"
 
 
@@ -140,15 +139,39 @@ def test_a_camera_that_is_pulled_out_and_comes_back_is_used_again(
         assert (check.in_steps, check.damaged) == (len(STEPS) * PER_STEP, [])
 
 
-def test_both_cameras_stream_into_an_acquisition(simulation: Simulation, tmp_path: Path) -> None:
-    cameras = [CAMERA.format(name=name, number=number) for number, name in enumerate(CAMERAS)]
-    streamed = acquire(tmp_path, simulation.rig_file() + "".join(cameras), 0.1, 6.0, 0.05)
-    print(streamed.report("acquisition from the kernel's cameras"))
-    assert streamed.timing.taken + streamed.timing.missing == streamed.timing.asked == 61
-    # the processor of the machine may be emulated: what is missing is counted, and nothing else is recorded
+def cameras() -> str:
+    return "".join(CAMERA.format(name=name, number=number) for number, name in enumerate(CAMERAS))
+
+
+def assert_fresh(streamed: Streamed) -> None:
+    """Check the images of both cameras. The processor of the machine may be emulated, so some are missing."""
     assert streamed.timing.taken > 10
     for name in CAMERAS:
         found = streamed.cameras[name]
         assert len(found["sequence"]) == streamed.timing.taken
         assert_counter_keeps_time(found["sequence"], found["middle_s"], 30.0)
         assert np.ptp(found["data"][0]) > 100
+
+
+def test_both_cameras_stream_into_an_acquisition(simulation: Simulation, tmp_path: Path) -> None:
+    streamed = acquire(tmp_path, simulation.rig_file() + cameras(), 0.1, 6.0, 0.05)
+    print(streamed.report("acquisition from the kernel's cameras"))
+    assert streamed.timing.taken + streamed.timing.missing == streamed.timing.asked == 61
+    assert_fresh(streamed)
+
+
+@pytest.mark.parametrize("images", ["{ every_s = 0.2 }", "{ every_frame = true }"])
+def test_both_cameras_stream_into_a_pull(images: str, tmp_path: Path) -> None:
+    simulation = Simulation(MACHINE, "rig.toml", None)
+    try:
+        streamed = pull(tmp_path, simulation.rig_file() + cameras(), images)
+    finally:
+        simulation.close()
+    print(streamed.report(f"pull before the kernel's cameras, {images}"))
+    assert streamed.timing.taken + streamed.timing.missing == streamed.timing.asked
+    assert_fresh(streamed)
+    # the machine went on through both stages while the images were taken
+    travel_mm = streamed.steps["displacement_mm"]
+    assert (np.diff(travel_mm) > 0.0).all()
+    assert travel_mm[0] < 0.1
+    assert travel_mm[-1] > 0.5
