@@ -145,6 +145,15 @@ def assert_counter_keeps_time(sequence: np.ndarray, time_s: np.ndarray, rate_hz:
     assert late - soon <= SPREAD
 
 
+def assert_travels(streamed: Streamed) -> None:
+    """Check that the machine went through both stages of `PULL` while the images were taken."""
+    travel_mm = streamed.steps["displacement_mm"]
+    # an image has the reading before it, and readings have noise
+    assert (np.diff(travel_mm) > -0.005).all()
+    assert travel_mm[0] < 0.2
+    assert travel_mm[-1] > 0.4
+
+
 def acquire(folder: Path, rig_file: str, every_s: float, duration_s: float, tolerance_s: float) -> Streamed:
     """Record images of all cameras of a rig file from their streams."""
     protocol = PROTOCOL.format(every_s=every_s, duration_s=duration_s, tolerance_s=tolerance_s)
