@@ -80,10 +80,17 @@ MACHINE = {
         "address": "@load_frame",
         "load_max_n": 15_000.0,
         "displacement_max_mm": 6.0,
+        "watchdog_s": 20.0,
     },
     "operator": {"driver": "simulated-operator", "duration_s": 0.2},
 }
 """A rig without cameras, for `simulators.rig.simulation.Simulation`."""
+
+PATIENT = """
+[guardian]
+patience_s = 5.0
+"""
+"""An emulated processor may keep the run waiting; it is not the guardian that is tested here."""
 
 EARLY, SPREAD = 0.9, 0.95
 """A frame before the others by this part of a frame has a wrong number or time, and so has a tenth of them
@@ -165,7 +172,7 @@ def pull(folder: Path, rig_file: str, images: str, live: str = "") -> Streamed:
 
     `images` is the value of the key of the phase, `live` is text after the protocol.
     """
-    return _run(folder, rig_file, PULL.format(images=images) + live)
+    return _run(folder, rig_file + PATIENT, PULL.format(images=images) + live)
 
 
 def _run(folder: Path, rig_text: str, protocol_text: str) -> Streamed:
