@@ -213,7 +213,9 @@ class Shots:
     def _unanswered(self, camera: str, count: int) -> None:
         """Tell that a triggered camera took no frames at its triggers; the first time at once."""
         self._silent[camera] = count + self._silent.get(camera, 0)
-        told = sentence(camera, self._silent[camera], self._run.pulses.lines("exposure"))
+        # the rig's pulses follow the frames of a camera that leads
+        given_by = [] if camera == self._leading else self._run.pulses.lines("exposure")
+        told = sentence(camera, self._silent[camera], given_by)
         if camera not in self._timing.causes:
             self._run.log("warning", told)
         self._timing.causes[camera] = told

@@ -195,7 +195,7 @@ def test_a_triggered_camera_waits_for_its_triggers_and_is_not_given_up() -> None
         assert (found["trigger_mode"], found["trigger_source"]) == ("On", "Software")
         first = camera._session
         for _ in range(2):
-            with pytest.raises(DeviceTimeout, match="got none"):
+            with pytest.raises(DeviceTimeout, match="got none; check trigger line and cable"):
                 camera.grab(0.5)
         assert camera._session is first
         session = camera._session
