@@ -1,5 +1,6 @@
 """Base class of cameras that film continuously. A caller gets one new frame per call, or all frames."""
 
+import math
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -87,12 +88,13 @@ class FilmingCamera(ABC, Generic[S]):
             self._silent_s = 0.0 if older else self._silent_s + self._clock.now_s() - begun_s
             if self.silent_is_lost and self._silent_s > LOST_FRAMES * session.interval_s:
                 self._give_up()
+        checks = "trigger line and cable" if math.isinf(session.interval_s) else "cable and power"
         raise DeviceTimeout(
             self._name,
             "grab",
             f"a frame exposed after the call, within {timeout_s:g} s",
             f"none but {older} older" if older else "none",
-            "allow more time" if older else "check cable and power, or allow more time",
+            "allow more time" if older else f"check {checks}, or allow more time",
         )
 
     def stream(self, capacity: int = CAPACITY) -> FrameStream:

@@ -102,6 +102,7 @@ class AcquisitionRun:
             reading = self._follow(step, dues, shots, begun_s)
             self._runs = False
             self._finish(step, shots, min(reading.time_s, begun_s + acquisition.duration_s))
+            shots.require_triggers()
         except BaseException:
             shots.leave()
             raise
@@ -234,7 +235,7 @@ class AcquisitionRun:
             more = more and run.clock.now_s() < frames_s and self.timing.asked < acquisition.images
             self._record(step, shots.poll())
             run.calls.pause(run.settle.poll_s)
-        shots.drop()
+        shots.give_up()
 
     def _record(self, first: ProtocolStep, shots: list[Shot]) -> None:
         missing = self.timing.missing

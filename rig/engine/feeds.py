@@ -13,6 +13,7 @@ from drivers.interfaces import Frame
 from rig.devices import OPENING_S
 from rig.engine.calls import CAMERA_MARGIN_S, Call, Calls, Deadline
 from rig.engine.devices import CalledCamera
+from rig.engine.trigger_faults import RegularTriggers
 
 _SLICE_S = 0.25
 """Longest time in s of one call that takes frames from a stream."""
@@ -136,8 +137,12 @@ class StreamFeed:
         # The engine looks for the nearest frame while the camera's thread appends the newest one.
         self._lock = Lock()
         self._heard_s = clock.now_s()
+        self._empty_s = -math.inf
         self._asked_s: deque[float] = deque()
         self._used_s = -math.inf
+        self._triggers = RegularTriggers(timeout_s)
+        self.unanswered = 0
+        """Number of images that a triggered camera was asked for, but no frame came."""
         self._call: Call[None] | None = None
         self._lost = ""
         self._lost_after = 0
@@ -178,8 +183,13 @@ class StreamFeed:
                 frame = self._frames.popleft()
                 if frame.middle[0] > self._used_s:
                     self._used_s = frame.middle[0]
+                    self._triggers.see(self._used_s)
                     return frame
         return None
+
+    def untriggered(self) -> int:
+        """Return how many frames of regular triggers are missing now that were not told before."""
+        return self._triggers.missing(self._empty_s) if self.is_triggered else 0
 
     def _go_on(self) -> None:
         """Go on taking frames from the stream. Raise the error of the call that took them."""
@@ -228,6 +238,7 @@ class StreamFeed:
             try:
                 frame = self._stream.next(_SLICE_S)
             except DeviceTimeout:
+                self._empty_s = self._clock.now_s()
                 if self._clock.now_s() - self._heard_s > self._timeout_s and not self.is_triggered:
                     raise
                 return
@@ -273,6 +284,7 @@ class StreamFeed:
         if self.is_triggered:
             self._dues_s.popleft()
             self._asked_s.popleft()
+            self.unanswered += 1
             return Missed.IMAGE
         raise DeviceTimeout(
             self._name,

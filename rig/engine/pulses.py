@@ -16,6 +16,10 @@ class Pulses:
         self._deadline = Deadline(rig.call_timeout_s, "check the output line and its device")
         self._running: dict[str, Call[None]] = {}
 
+    def lines(self, event: TriggerEvent) -> list[str]:
+        """Return the names of the lines that belong to an event."""
+        return [name for name, trigger in self._triggers.items() if trigger.at == event]
+
     def give(self, event: TriggerEvent) -> None:
         """Begin a pulse of each line that belongs to an event. Raise the error of the pulse before."""
         for name, trigger in self._triggers.items():

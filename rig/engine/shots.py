@@ -13,6 +13,7 @@ from rig.engine.devices import CameraLost
 from rig.engine.feeds import GrabFeed, StreamFeed, Taken, feed_of
 from rig.engine.imaging import RETURNS_MAX, StepImages
 from rig.engine.timing import Timing
+from rig.engine.trigger_faults import sentence
 from rig.errors import RigError
 from rig.protocol.step import RigReading
 
@@ -60,6 +61,7 @@ class Shots:
         self._last_s = math.nan
         self._feeds: dict[str, GrabFeed | StreamFeed] = {}
         self._open: deque[Shot] = deque()
+        self._silent: dict[str, int] = {}
         self._returns_s: deque[float] = deque(maxlen=RETURNS_MAX + 1)
         self._ready_s = 0.0
 
@@ -101,6 +103,7 @@ class Shots:
                 self._bring_back(name, error)
                 return False
             if frame is None:
+                self._miss_triggers(leader.untriggered())
                 return False
             due_s = self._last_s = frame.middle[0]
             if due_s > until_s:
@@ -166,6 +169,9 @@ class Shots:
             except DeviceError as error:
                 self._bring_back(name, error)
                 return []
+            if isinstance(feed, StreamFeed) and feed.unanswered:
+                self._unanswered(name, feed.unanswered)
+                feed.unanswered = 0
         finished = []
         while self._open and len(self._open[0].taken) == len(self._feeds):
             shot = self._open.popleft()
@@ -184,6 +190,35 @@ class Shots:
     def lost(self) -> int:
         """Number of frames that the open streams have lost so far."""
         return sum(feed.lost for feed in self._feeds.values())
+
+    def give_up(self) -> None:
+        """Count the images that have not come at the end as missing, and tell of triggers that failed."""
+        for name, feed in self._feeds.items():
+            waits = sum(name not in shot.taken for shot in self._open)
+            if isinstance(feed, StreamFeed) and feed.is_triggered and waits:
+                self._unanswered(name, waits)
+        self.drop()
+
+    def require_triggers(self) -> None:
+        """With `every_frame`, count an image as missing if a triggered camera has not taken any."""
+        if self._every_frame and self._leader[1].is_triggered and not self._timing.asked:
+            self._miss_triggers(1)
+
+    def _miss_triggers(self, count: int) -> None:
+        """Count images that a triggered camera that leads should have taken."""
+        if count:
+            self._timing.lose(count)
+            self._unanswered(self._leading, count)
+
+    def _unanswered(self, camera: str, count: int) -> None:
+        """Tell that a triggered camera took no frames at its triggers; the first time at once."""
+        self._silent[camera] = count + self._silent.get(camera, 0)
+        # the rig's pulses follow the frames of a camera that leads
+        given_by = [] if camera == self._leading else self._run.pulses.lines("exposure")
+        told = sentence(camera, self._silent[camera], given_by)
+        if camera not in self._timing.causes:
+            self._run.log("warning", told)
+        self._timing.causes[camera] = told
 
     def drop(self) -> None:
         """Count the images that are still asked for as missing."""

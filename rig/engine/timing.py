@@ -57,6 +57,8 @@ class Timing:
         Number of images that were not asked for, because the run was paused at their times.
     first_s : float
         Middle of the exposure of the first image, on the rig's clock.
+    causes : dict of str to str
+        Why images of a camera are missing, as far as it is known.
     """
 
     interval_s: float = math.nan
@@ -68,6 +70,7 @@ class Timing:
     missing: int = 0
     paused: int = 0
     first_s: float = math.nan
+    causes: dict[str, str] = field(default_factory=dict)
     _last_s: float = math.nan
     _latest_s: float = 0.0
     _intervals_s: "array[float]" = field(default_factory=lambda: array("d"))
@@ -145,7 +148,7 @@ class Timing:
                 f"{self._latest_s:.3g} s), {self.missing} are missing: each image has its true time; take "
                 "them less often, use a faster camera or computer, or raise acquire.tolerance_s"
             )
-        return found
+        return found + list(self.causes.values())
 
     def as_dict(self) -> dict[str, float | int | None]:
         """Return the numbers for JSON."""

@@ -28,7 +28,7 @@ PACKAGES = {
 }
 MODULES = ("virtio_pci", "9p", "9pnet_virtio", "virtio_console", "overlay", "vivid", "vhci-hcd", "uvcvideo")
 XZ = b"\xfd7zXZ\x00"
-DEADLINE_S = 450
+DEADLINE_S = 600
 FAILED, LATE = 125, 124
 BASE = f"base-{zlib.crc32(repr(MODULES).encode()):08x}.cpio"
 

@@ -10,7 +10,7 @@ from tests.real_cameras.kernel_vm import machine
 BOOTS = {
     "vivid": {
         "guest_vivid.py": "fresh frame at 30 Hz",
-        "guest_rig.py": "acquisition from the kernel's cameras",
+        "guest_rig.py": "pull before the kernel's cameras",
         "guest_contract.py": "PASSED tests/real_cameras/kernel_vm/guest_contract.py",
     },
     "uvc": {"guest_uvc.py": "USB camera, fresh frame at 30 Hz"},

@@ -10,7 +10,9 @@ import pytest
 
 from drivers.errors import DeviceTimeout, LinkLost
 from drivers.interfaces import Frame, OpenContext
+from rig.devices import OpenedTrigger
 from tests.drivers.cameras.fake_gentl import FakeDevice, opened
+from tests.rig.channels.fake_box import FakeLine
 from tests.rig.conftest import FakeRig
 from tests.rig.engine.fake_stream import FakeLoss, FakeReport, FakeStream, StreamingCamera
 from tests.rig.engine.test_acquisition import BARE, beside, steps, with_tables
@@ -101,6 +103,46 @@ def test_each_trigger_gives_an_image_also_if_none_comes_for_long(tmp_path):
     np.testing.assert_allclose(first, np.array(times_s[:6]) + 0.002, atol=1e-9)
     np.testing.assert_allclose(second - first, 0.001, atol=1e-9)
     assert rig.clock.now_s() < 70.0
+
+
+def test_regular_triggers_that_end_are_a_fault_of_their_line(tmp_path):
+    rig = triggered(tmp_path, triggers_s=np.arange(2.0, 5.01, 0.1))
+    rig.cameras.popitem()
+    outcome = rig.engine().run()
+    assert (outcome.status, outcome.is_good, outcome.timing.taken) == ("completed", False, 31)
+    # after the end of the images, the last frames are waited for
+    assert outcome.timing.missing == pytest.approx((rig.clock.now_s() - 5.0) / 0.1, abs=12)
+    (cause,) = outcome.timing.causes.values()
+    assert cause in outcome.shortfalls
+    assert "check the camera's trigger line (cameras.on_axis.trigger), its cable, the device that" in cause
+    assert sum("no trigger gave a frame" in event for event in rig.events()) == 2
+
+
+def test_triggers_that_come_again_are_followed_on(tmp_path):
+    times_s = np.concatenate([np.arange(2.0, 4.01, 0.1), np.arange(6.0, 11.01, 0.1)])
+    rig = triggered(tmp_path, triggers_s=times_s)
+    outcome = rig.engine().run()
+    assert outcome.timing.taken == pytest.approx(21 + 51, abs=1 + 10)
+    assert outcome.timing.missing == pytest.approx(20, abs=3)
+
+
+def test_a_line_that_never_gives_a_trigger_is_told_at_the_end(tmp_path):
+    outcome = triggered(tmp_path).engine().run()
+    assert (outcome.status, outcome.is_good) == ("completed", False)
+    assert (outcome.timing.taken, outcome.timing.missing) == (0, 1)
+    assert "cameras.on_axis: 1 image is missing, because no trigger gave a frame" in outcome.shortfalls[-1]
+
+
+def test_triggers_of_the_rig_that_do_not_reach_the_camera_are_told(tmp_path):
+    rig = triggered(tmp_path, with_tables("every_s = 0.5", "duration_s = 20"))
+    rig.cameras.popitem()
+    line = FakeLine(rig.clock)
+    rig.triggers = {"sync": OpenedTrigger(line, "exposure")}
+    outcome = rig.engine().run()
+    assert (outcome.status, outcome.timing.taken, outcome.is_good) == ("completed", 0, False)
+    assert outcome.timing.missing == outcome.timing.asked == 41
+    assert len(line.pulses_s) > 5
+    assert "(cameras.on_axis.trigger), its cable, the output triggers.sync" in outcome.shortfalls[-1]
 
 
 def test_the_second_camera_may_be_the_earlier_one(tmp_path):
