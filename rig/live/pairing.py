@@ -50,6 +50,10 @@ class _Camera:
     def __init__(self, since_s: float) -> None:
         self.waiting: deque[Arrival] = deque(maxlen=_KEPT)
         self.since_s = since_s
+        self.interval_s = math.nan
+        """The middle one of the last intervals between frames; NaN before two frames."""
+        self.missing_from_s = since_s + _FIRST_S
+        """The time from which the camera is missing if no further frame comes."""
         self._times_s: deque[float] = deque(maxlen=_INTERVALS)
 
     def arrived(self, arrival: Arrival, now_s: float) -> None:
@@ -60,18 +64,9 @@ class _Camera:
             # The camera was opened again, or its clock was set.
             self._times_s.clear()
         self.since_s = now_s
-
-    @property
-    def interval_s(self) -> float:
-        """The middle one of the last intervals between frames; NaN before two frames."""
         apart = sorted(after - before for before, after in pairwise(self._times_s))
-        return apart[len(apart) // 2] if apart else math.nan
-
-    @property
-    def missing_from_s(self) -> float:
-        """The time from which the camera is missing if no further frame comes."""
-        interval_s = self.interval_s
-        return self.since_s + (_FIRST_S if math.isnan(interval_s) else _LATE * interval_s + _MARGIN_S)
+        self.interval_s = apart[len(apart) // 2] if apart else math.nan
+        self.missing_from_s = now_s + (_LATE * self.interval_s + _MARGIN_S if apart else _FIRST_S)
 
 
 class Pairing:
