@@ -126,7 +126,7 @@ def estimated(low_s: Floats, high_s: Floats) -> tuple[float, float, float]:
     mean_s, std_s, jitter_s = _most_likely(low_s, high_s)
     width_s = float(np.median(high_s - low_s))
     # 1 if all edges lie at the same place between two samples, 0 if at all places
-    sameness = abs(np.exp(2j * np.pi * (mean_s - low_s) / (high_s - low_s)).mean())
+    sameness = float(abs(np.exp(2j * np.pi * (mean_s - low_s) / (high_s - low_s)).mean()))
     sameness = math.sqrt(max(0.0, sameness**2 - 1.0 / len(low_s)))
     if sameness > _SAME:
         middles_s = (low_s + high_s) / 2

@@ -2,6 +2,7 @@
 
 import mmap
 import os
+import sys
 import tempfile
 from types import TracebackType
 
@@ -25,9 +26,11 @@ class SharedMemory:
     def __init__(self, size: int, descriptor: int | None = None) -> None:
         self.size = -(-size // _PAGE) * _PAGE
         self.descriptor = _new(self.size) if descriptor is None else descriptor
-        # The pages are made now, and not in the first frames.
-        more = {"flags": mmap.MAP_SHARED | mmap.MAP_POPULATE} if hasattr(mmap, "MAP_POPULATE") else {}
-        self.buffer = mmap.mmap(self.descriptor, self.size, **more)
+        if sys.platform == "linux":
+            # The pages are made now, and not in the first frames.
+            self.buffer = mmap.mmap(self.descriptor, self.size, flags=mmap.MAP_SHARED | mmap.MAP_POPULATE)
+        else:
+            self.buffer = mmap.mmap(self.descriptor, self.size)
 
     def __enter__(self) -> "SharedMemory":
         return self
