@@ -79,6 +79,9 @@ class Shots:
             tolerance_s = timing.tolerance_s
             self._feeds[name] = feed_of(camera, run.clock, timeout_s, tolerance_s, run.live.offer)
         self._ready_s = run.clock.now_s()
+        if not math.isnan(self._last_s):
+            # no frame of the time without streams is missing twice, or at all if it is that of a pause
+            self._last_s = self._ready_s
         if self._every_frame:
             self._choose_leader()
 
@@ -259,9 +262,10 @@ class Shots:
         self.drop()
         self.close()
         self._images.bring_back(CameraLost(name, error), "an acquisition")
+        last_s = self._last_s
         self.open()
-        if not math.isnan(self._last_s):
-            self._timing.lose(self._frames_since(self._last_s))
+        if not math.isnan(last_s):
+            self._timing.lose(self._frames_since(last_s))
 
     def _frames_since(self, time_s: float) -> int:
         """Return how many frames the leading camera would have given since a time; of a triggered one, 1."""

@@ -11,6 +11,7 @@ import pytest
 from drivers.errors import DeviceTimeout, LinkLost
 from drivers.interfaces import Frame, OpenContext
 from rig.devices import OpenedTrigger
+from rig.engine.status import Outcome
 from tests.drivers.cameras.fake_gentl import FakeDevice, opened
 from tests.rig.channels.fake_box import FakeLine
 from tests.rig.conftest import FakeRig
@@ -220,9 +221,8 @@ def test_the_first_frame_is_the_one_after_the_beginning_although_its_sample_come
     assert beyond_s <= middle_s[0] <= beyond_s + 0.1
 
 
-def test_no_frame_of_a_pause_is_recorded(tmp_path):
-    rig = free(tmp_path)
-    engine = rig.engine()
+def paused_from_3_to_6_s(rig: FakeRig) -> Outcome:
+    engine = rig.engine(reopen={name: lambda each=each: each for name, each in rig.cameras.items()})
     left: list[tuple[float, Callable[[], object]]] = [
         (3.0, lambda: engine.pause("a person")),
         (6.0, lambda: engine.go_on("a person")),
@@ -234,11 +234,32 @@ def test_no_frame_of_a_pause_is_recorded(tmp_path):
         return 0.0
 
     rig.channels["box"].force_n = force_n
-    outcome = engine.run()
+    return engine.run()
+
+
+def test_no_frame_of_a_pause_is_recorded(tmp_path):
+    rig = free(tmp_path)
+    outcome = paused_from_3_to_6_s(rig)
     assert outcome.is_good, outcome.shortfalls
     (middle_s, _) = middles(rig).values()
     assert np.diff(middle_s).max() == pytest.approx(3.1, abs=0.3)
     assert len(middle_s) == pytest.approx(70, abs=4)
+
+
+def test_frames_of_a_pause_are_not_missing_if_a_camera_drops_out_after_it(tmp_path):
+    rig = free(tmp_path)
+    camera = next(iter(rig.cameras.values()))
+
+    def on_next(number):
+        if camera.opened == 2:
+            rig.clock.sleep(1.0)
+            raise LinkLost("cameras.on_axis", "stream", "a frame", "none", "plug it in")
+
+    camera.on_next = on_next
+    outcome = paused_from_3_to_6_s(rig)
+    assert outcome.status == "completed", outcome.reason
+    # 1 s, and the time to open the camera again
+    assert outcome.timing.missing == pytest.approx(12, abs=2)
 
 
 def test_a_camera_without_a_stream_cannot_lead(tmp_path):
