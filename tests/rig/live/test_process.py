@@ -14,6 +14,7 @@ from drivers.clock import SystemClock
 from drivers.errors import DeviceError
 from rig.live.beside import LiveProcess
 from tests.rig.live.rendered_rig import RenderedRig, frame_of, to_and_fro
+from tests.rig.live.test_frame_ring import named_memory
 
 CLOCK = SystemClock()
 PERIOD_S = 0.03
@@ -241,15 +242,15 @@ while True:
 
 
 def test_a_killed_run_leaves_no_process_and_no_memory_and_prints_nothing():
-    before = set(Path("/dev/shm").iterdir())
     env = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     run = subprocess.Popen(
         [sys.executable, "-c", RUN], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=env
     )
     pid = int(run.stdout.readline())
     assert len(group_of(pid)) == 2
+    for each in (run.pid, *group_of(pid)):
+        assert named_memory(each) == set()
     run.kill()
     assert wait_for(lambda: not group_of(pid), 1.0)
     # The pipe is at its end, because no process is left that holds it open.
     assert run.communicate(timeout=5.0) == ("", "")
-    assert set(Path("/dev/shm").iterdir()) == before
