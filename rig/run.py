@@ -12,6 +12,7 @@ from rig.engine.engine import Engine
 from rig.engine.signals import aborting_on_signals
 from rig.engine.status import EngineStatus, Outcome
 from rig.facts import confirm, facts_of_file, narrowed
+from rig.garbage import short_searches
 from rig.guardian.announced import guarded_rig
 from rig.guardian.guardian import Guardian
 from rig.guardian.machines import cautions
@@ -131,7 +132,7 @@ def run_protocol(
                 engine.measure_gauges_with(live)
             told.connect(engine)
             news.on_begin(engine)
-            with aborting_on_signals(engine), guardian.watched(engine.abort):
+            with short_searches(), aborting_on_signals(engine), guardian.watched(engine.abort):
                 outcome = engine.run()
             if not outcome.unsafe:
                 guardian.done()

@@ -1,5 +1,6 @@
 """A run records the protocol and the rig file that it used, even if the files change during the run."""
 
+import gc
 import tomllib
 from collections.abc import Callable
 from contextlib import closing
@@ -71,6 +72,19 @@ def test_line_ends_of_another_system_are_recorded_as_they_are(files, tmp_path):
     assert run_protocol(*files, tmp_path / "run.h5").status == "completed"
     with RunFile(tmp_path / "run.h5") as run:
         assert [run.info.definition.encode(), run.info.configuration.encode()] == texts
+
+
+def test_a_run_is_not_held_up_by_a_search_of_the_whole_program_for_garbage(files, tmp_path):
+    """Python searches all modules in some 50 to 100 ms, in which no thread goes on."""
+    assert gc.get_freeze_count() == 0
+    all_objects = len(gc.get_objects())
+    searched: list[int] = []
+    outcome = run_protocol(
+        *files, tmp_path / "run.h5", on_status=[lambda _: searched.append(len(gc.get_objects()))]
+    )
+    assert outcome.status == "completed"
+    assert max(searched) < all_objects / 4
+    assert gc.get_freeze_count() == 0
 
 
 def test_the_simulation_is_of_the_rig_file_that_was_found_good(files, replaced_once_open):
