@@ -66,7 +66,8 @@ class FieldAnswer:
     def give_to(self, measuring: "Measuring") -> None:
         """Let the next frames use the answer."""
         if self.task.lost is None:
-            measuring.field_problem = self.problem
+            declined = next((each.declined for each in self.motions.values() if each.declined), "")
+            measuring.field_problem = self.problem or declined
         measuring.take(self.motions)
         if self.sought is not None:
             (camera,) = self.task.frames

@@ -218,3 +218,18 @@ def test_a_frame_of_another_format_ends_the_measurement():
     live.prepare({}, rig.references)
     live.offer("straight", frame_of(np.zeros((9, 9), np.uint8), 1, 0.0))
     assert live.failed.startswith("live gauges: straight: a frame of another format")
+
+
+def test_a_value_whose_field_is_declined_says_why():
+    rig, clock = RenderedRig("aside", field_every_s=0.2), VirtualClock()
+    live = LiveAtOnce(rig.job, rig.infos, clock)
+    live.prepare(rig.grids, rig.references)
+    told = []
+    for k in range(18):
+        turned = Pose.turned(np.array([0.0, 0.0, 1.0]), 0.0 if k < 8 else 6.0, np.zeros(3))
+        live.offer("aside", frame_of(rig.cameras["aside"].frame(turned), k, clock.now_s()))
+        told += [gauge for reading in live.take() for gauge in reading.gauges.values()]
+        clock.sleep(0.1)
+    declined = [each.reason for each in told if each.cause == "declined"]
+    assert declined
+    assert all("could not be corrected" in each and "turned" in each for each in declined)
