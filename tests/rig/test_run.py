@@ -76,7 +76,8 @@ def test_line_ends_of_another_system_are_recorded_as_they_are(files, tmp_path):
 
 def test_a_run_is_not_held_up_by_a_search_of_the_whole_program_for_garbage(files, tmp_path):
     """Python searches all modules in some 50 to 100 ms, in which no thread goes on."""
-    assert gc.get_freeze_count() == 0
+    # commands that other tests have called in this process leave their objects out of the search
+    gc.unfreeze()
     all_objects = len(gc.get_objects())
     searched: list[int] = []
     outcome = run_protocol(
