@@ -12,10 +12,8 @@ def short_searches() -> Iterator[None]:
     Python holds all threads while it searches. The objects of all modules take it some 50 to 100 ms, which is
     longer than the time between two images or between two readings of a moving machine.
     """
-    is_first = gc.get_freeze_count() == 0
     gc.freeze()
     try:
         yield
     finally:
-        if is_first:
-            gc.unfreeze()
+        gc.unfreeze()

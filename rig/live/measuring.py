@@ -56,7 +56,7 @@ class Measuring:
         self.images: Mapping[str, LiveImage] = {}
         """All readings in the frames that were measured last, by camera."""
         self.field_problem = ""
-        """Why the last field could not be solved; empty if it was."""
+        """Why the last field could not be solved or corrected; empty if it was."""
 
     def locate(self, name: str, shown: Shown) -> "Reason":
         """Find the points in a frame, once; the frame may wait for that of another camera to be measured.

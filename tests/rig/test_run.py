@@ -1,4 +1,4 @@
-"""A run records the protocol and the rig file that it used, even if the files change during the run."""
+"""A run records the protocol and the rig file as it used them, and no search for garbage holds it up."""
 
 import gc
 import tomllib

@@ -48,7 +48,9 @@ def test_both_cameras_stream_into_a_pull(images: str, tmp_path: Path) -> None:
         assert (np.diff(found["sequence"]) >= 1).all()
         assert (np.diff(found["middle_s"]) > 0.0).all()
     first, second = (found["middle_s"] for found in streamed.cameras.values())
-    assert np.abs(first - second).max() < 1.0 / RATE_HZ
+    # of two cameras that run freely, each image is the nearest one to its time
+    assert np.median(np.abs(first - second)) < 1.0 / RATE_HZ
     if images.startswith("every_frame"):
+        assert np.abs(first - second).max() < 1.0 / RATE_HZ
         numbers = streamed.cameras[CAMERAS[0]]["sequence"]
         assert numbers[-1] - numbers[0] + 1 - len(numbers) <= timing.missing
