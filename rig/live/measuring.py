@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.live.pairing import Arrival
+from rig.live.pairing import Arrival, middle_of
 from rig.live.values import CAUSES, GaugeValue, LiveReading
 
 if TYPE_CHECKING:
@@ -150,17 +150,6 @@ def _rank(gauge: "LiveGauge | None") -> tuple[bool, float]:
         return True, math.inf
     value = gauge.value()
     return not value.valid, value.std if math.isfinite(value.std) else math.inf
-
-
-def middle_of(arrivals: list[Arrival]) -> tuple[float, float]:
-    """Return the time of frames that are measured together, and its standard deviation.
-
-    Half the time between them counts as a standard deviation, because each camera has its own instant.
-    """
-    times = [each.time_s for each in arrivals]
-    stds = [each.time_std_s for each in arrivals if not math.isnan(each.time_std_s)]
-    variance = sum(std**2 for std in stds) / len(arrivals)
-    return sum(times) / len(times), math.hypot(math.sqrt(variance), (max(times) - min(times)) / 2)
 
 
 def warm_up(setups: "LiveSetups") -> None:

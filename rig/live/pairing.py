@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -46,6 +46,17 @@ class Together:
     missing: Mapping[str, str] = field(default_factory=dict)
 
 
+def middle_of(arrivals: Collection[Arrival]) -> tuple[float, float]:
+    """Return the time of frames that are measured together, and its standard deviation.
+
+    Half the time between them counts as a standard deviation, because each camera has its own instant.
+    """
+    times = [each.time_s for each in arrivals]
+    stds = [each.time_std_s for each in arrivals if not math.isnan(each.time_std_s)]
+    variance = sum(std**2 for std in stds) / len(arrivals)
+    return sum(times) / len(times), math.hypot(math.sqrt(variance), (max(times) - min(times)) / 2)
+
+
 class _Camera:
     def __init__(self, since_s: float) -> None:
         self.waiting: deque[Arrival] = deque(maxlen=_KEPT)
@@ -56,17 +67,19 @@ class _Camera:
         """The time from which the camera is missing if no further frame comes."""
         self._times_s: deque[float] = deque(maxlen=_INTERVALS)
 
-    def arrived(self, arrival: Arrival, now_s: float) -> None:
+    def arrived(self, arrival: Arrival, now_s: float) -> bool:
+        """Take note of a frame; return False if the camera was opened again, or its clock was set."""
         self.waiting.append(arrival)
-        if not self._times_s or arrival.time_s > self._times_s[-1]:
+        goes_on = not self._times_s or arrival.time_s > self._times_s[-1]
+        if goes_on:
             self._times_s.append(arrival.time_s)
         else:
-            # The camera was opened again, or its clock was set.
             self._times_s.clear()
         self.since_s = now_s
         apart = sorted(after - before for before, after in pairwise(self._times_s))
         self.interval_s = apart[len(apart) // 2] if apart else math.nan
         self.missing_from_s = now_s + (_LATE * self.interval_s + _MARGIN_S if apart else _FIRST_S)
+        return goes_on
 
 
 class Pairing:
@@ -85,10 +98,13 @@ class Pairing:
 
     def __init__(self, cameras: Iterable[str], now_s: float) -> None:
         self._cameras = {name: _Camera(now_s) for name in cameras}
+        self._last_s = -math.inf
+        """The time of the frames that were measured last."""
 
     def arrived(self, camera: str, arrival: Arrival, now_s: float) -> None:
         """Take note of a frame."""
-        self._cameras[camera].arrived(arrival, now_s)
+        if not self._cameras[camera].arrived(arrival, now_s):
+            self._last_s = -math.inf
 
     def gone(self, camera: str, before: int) -> None:
         """Forget frames of a camera with smaller numbers, because newer ones have taken their places."""
@@ -99,7 +115,7 @@ class Pairing:
     def next(self, now_s: float) -> Together | None:
         """Return the frames to measure now, None if there is nothing to measure yet.
 
-        Older frames are not measured any more.
+        Older frames are not measured any more, so the times of what is measured increase.
         """
         waiting = {name: each for name, each in self._cameras.items() if each.waiting}
         present = {name: each for name, each in self._cameras.items() if each.missing_from_s > now_s}
@@ -110,6 +126,11 @@ class Pairing:
             return None
         for name, arrival in chosen.items():
             self.gone(name, arrival.number + 1)
+        time_s, _ = middle_of(chosen.values())
+        if time_s <= self._last_s:
+            # A camera whose frames come late, after those of another one were measured alone.
+            return self.next(now_s)
+        self._last_s = time_s
         others = self._cameras.keys() - chosen.keys()
         return Together(chosen, {name: self._why(name, now_s) for name in sorted(others)})
 

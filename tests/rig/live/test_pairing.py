@@ -1,8 +1,9 @@
 """Which frames of two cameras are measured together, by their times and by when they arrive."""
 
+import numpy as np
 import pytest
 
-from rig.live.pairing import Arrival, Pairing
+from rig.live.pairing import Arrival, Pairing, middle_of
 
 
 def run(arrivals, cameras=("a", "b"), until_s=1.0):
@@ -83,3 +84,23 @@ def test_only_the_newest_frames_of_a_burst_are_measured():
     burst = [("a", 0.01 * k, 0.2) for k in range(10)]
     ((_, together),) = run(burst, cameras=("a",))
     assert together.frames["a"].number == 10
+
+
+def test_the_times_of_what_is_measured_increase():
+    """Also if frames come faster than they are looked at, and in pairs whose distance changes."""
+    rng = np.random.default_rng(1)
+    for _ in range(100):
+        burst, at_s = [], 0.4
+        for wait_s, apart_s in zip(rng.choice([2e-4, 3e-3], 60), rng.choice([5e-5, 2e-3], 60), strict=True):
+            at_s += wait_s + apart_s
+            burst += [("a", at_s - apart_s, at_s - apart_s), ("b", at_s, at_s)]
+        found = run([*stream("a", 0.03, until_s=0.4), *stream("b", 0.03, 1e-4, until_s=0.4), *burst])
+        times = [middle_of(together.frames.values())[0] for _, together in found]
+        assert len(times) > 30
+        assert np.all(np.diff(times) > 0.0)
+
+
+def test_a_camera_whose_clock_was_set_back_is_measured():
+    again = [(camera, at_s - 3.0, come_s) for camera, at_s, come_s in stream("a", 0.02, 0.5)]
+    found = run([*stream("a", 0.02, until_s=0.5), *again], cameras=("a",))
+    assert len(found) == 50
