@@ -18,6 +18,7 @@ from tests.rig.live.test_frame_ring import named_memory
 
 CLOCK = SystemClock()
 PERIOD_S = 0.03
+pytestmark = pytest.mark.realtime
 RAW = ["area=area centre=200,200 size=60,60"]
 
 
