@@ -182,6 +182,13 @@ def test_the_process_that_solves_fields_may_be_killed(pair):
     assert pair.live.failed == ""
 
 
+def test_the_solver_of_fields_leaves_the_processors_to_the_run(pair):
+    session = Path(f"/proc/{pair.live.pid}/autogroup")
+    if not session.exists() or not os.sched_getscheduler(pair.live.pid) & os.SCHED_RR:
+        pytest.skip("this system does not share its processors between sessions, or grants no real time")
+    assert session.read_text().endswith("nice 19\n")
+
+
 def test_raw_strain_needs_no_grid_and_a_closed_measurement_leaves_no_process(raw):
     reading = raw.until(is_valid)
     assert reading.gauges["area"].kind == "raw"
