@@ -47,6 +47,7 @@ def test_the_calibration_of_the_page_is_right():
     assert 83_860 * force.scale + force.offset == pytest.approx(0.0, abs=0.02)
 
 
+@pytest.mark.realtime
 def test_the_lines_of_the_sketch_are_read_over_a_serial_port():
     with closing(Sender()) as arduino:
         table = settings("arduino").model_dump(exclude_unset=True) | {"address": arduino.path, "start_s": 0.0}

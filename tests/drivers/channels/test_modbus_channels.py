@@ -154,6 +154,7 @@ def test_a_period_longer_than_the_timeout_is_said_and_costs_no_sample(server, cl
         assert device.read(0.6).first == 1
 
 
+@pytest.mark.realtime
 def test_the_wait_for_an_answer_keeps_the_callers_time(server):
     clock = SystemClock()
     with opened(server, clock) as device:

@@ -15,6 +15,7 @@ from tests.mqtt_broker import Broker, Publisher
 
 FORCE = {"unit": "N", "range": [-100.0, 100.0]}
 READ_S = 5.0
+pytestmark = pytest.mark.realtime
 
 
 @pytest.fixture

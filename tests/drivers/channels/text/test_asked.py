@@ -102,6 +102,7 @@ def test_every_late_answer_is_refused_if_the_instrument_can_be_identified(opened
     assert device.read(2.0).values == 20.0
 
 
+@pytest.mark.realtime
 def test_an_answer_that_takes_longer_than_a_call_is_fetched_by_a_later_one(server, meter):
     clock = SystemClock()
     table = {"query": "READ?", "rate_hz": 2.0, "reply_timeout_s": 1.0, "signals": {"force": FORCE}}
@@ -171,6 +172,7 @@ def with_time(server: MeterServer) -> Iterator[AskedText]:
         yield device
 
 
+@pytest.mark.realtime
 def test_an_old_answer_with_a_time_is_true_at_this_time_and_comes_once(with_time, server):
     """The fault lets the meter send the answer before, which then is older than the question."""
     server.faults.switch_on("stale")
@@ -185,6 +187,7 @@ def test_an_old_answer_with_a_time_is_true_at_this_time_and_comes_once(with_time
         assert sample.values == (10.0 * before[-1] if before else 1.0)
 
 
+@pytest.mark.realtime
 def test_a_restart_is_told_once_and_the_time_goes_on(with_time, server):
     before = with_time.read(1.0)
     server.meter.restart()

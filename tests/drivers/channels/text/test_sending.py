@@ -22,6 +22,7 @@ WITH_BOTH = {
     "signals": {"force": {**FORCE, "column": 3}},
 }
 READ_S = 2.0
+pytestmark = pytest.mark.realtime
 
 
 @pytest.fixture
