@@ -65,6 +65,7 @@ def test_a_volt_output_gets_its_voltage(server, box, clock):
         assert box.requests[0] == bytes.fromhex("10 03e8 0002 04 40a00000")
 
 
+@pytest.mark.realtime
 def test_a_pulse_that_did_not_end_in_time_is_told_once(server, box):
     clock = SystemClock()
     trigger = opened(server, clock, width_s=0.05, reply_timeout_s=0.1)
@@ -80,6 +81,7 @@ def test_a_pulse_that_did_not_end_in_time_is_told_once(server, box):
     assert [on for _, _, on in box.edges] == 2 * [True, False]
 
 
+@pytest.mark.realtime
 def test_closing_says_if_the_output_may_not_be_at_rest(server):
     clock = SystemClock()
     trigger = opened(server, clock, width_s=0.05, reply_timeout_s=0.1)

@@ -149,6 +149,7 @@ def test_a_camera_that_is_gone_ends_its_stream_and_may_come_back(fault, error):
         assert bench.camera.grab(1.0).flags == 0
 
 
+@pytest.mark.realtime
 def test_in_real_time_the_middle_is_when_the_camera_looked():
     looked = []
     bench = Turning(SystemClock(), fps=20.0)
