@@ -79,12 +79,12 @@ test: $(STAMP)
 # One after the other: a test beside them would take the processor time that they need. Few files have such tests.
 	$(PYTEST) -m "realtime and not extended and not long" $(REALTIME)
 
-# Four workers keep two processors busy while some tests wait.
+# Three workers keep two processors busy while some tests wait. With four, answers of simulated devices come late.
 first: $(STAMP)
-	$(PYTEST) -n 4 -m "not extended and not long and not realtime"
+	$(PYTEST) -n 3 -m "not extended and not long and not realtime"
 
 test-extended: $(STAMP)
-	$(PYTEST) -n 4 -m "extended and not long and not realtime"
+	$(PYTEST) -n 3 -m "extended and not long and not realtime"
 	$(PYTEST) -m "extended and realtime and not long" $(REALTIME)
 
 test-cost: $(STAMP) compiled

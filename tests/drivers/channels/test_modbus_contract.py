@@ -51,7 +51,7 @@ class TestModbusChannels(ChannelsContract):
             show(box, name, value)
         with closing(serve(box)) as server:
             settings = ModbusChannelsSettings.model_validate(
-                {"address": url.format(server.address), "rate_hz": 100.0, "reply_timeout_s": 0.3}
+                {"address": url.format(server.address), "rate_hz": 100.0, "reply_timeout_s": 1.0}
                 | {"signals": SIGNALS}
                 | line
             )
