@@ -128,7 +128,7 @@ class Pairing:
             self.gone(name, arrival.number + 1)
         time_s, _ = middle_of(chosen.values())
         if time_s <= self._last_s:
-            # A camera whose frames come late, after those of another one were measured alone.
+            # It was left over beside a later frame of another camera, or came too late.
             return self.next(now_s)
         self._last_s = time_s
         others = self._cameras.keys() - chosen.keys()
