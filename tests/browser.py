@@ -48,6 +48,7 @@ class Page:
         self.errors: list[str] = []
         self.requests: list[str] = []
         self.dialogs: list[str] = []
+        self.downloads: list[str] = []
         for domain in ("Page", "Runtime", "Network", "Log"):
             self.tell(f"{domain}.enable")
 
@@ -84,6 +85,8 @@ class Page:
         elif method == "Page.javascriptDialogOpening":
             self.dialogs.append(parameters["type"])
             self._send("Page.handleJavaScriptDialog", accept=True)
+        elif method == "Browser.downloadProgress":
+            self.downloads.append(parameters["state"])
         elif method == "Network.requestWillBeSent":
             self.requests.append(parameters["request"]["url"][:100])
 
@@ -149,16 +152,19 @@ class Page:
         self.ask("document.activeElement.blur()")
 
     def download(self, selector: str, folder: Path) -> Path:
-        """Click an element and return the file that the browser saves for it."""
+        """Click an element and return the file that the browser saves for it, once the browser says it is whole.
+
+        The browser makes an empty file of the final name first, so that the name alone says nothing.
+        """
         before = set(folder.iterdir())
-        self.tell("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
+        self.tell("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder), eventsEnabled=True)
+        self.downloads.clear()
         self.click(selector)
-        for _ in range(500):
-            new = {one for one in folder.iterdir() if one.suffix != ".crdownload"} - before
-            if new:
-                return new.pop()
-            self.ask("new Promise((done) => setTimeout(done, 20))")
-        raise AssertionError(f"the browser saved no file for {selector}")
+        while "completed" not in self.downloads:
+            assert "canceled" not in self.downloads, f"the browser saved no file for {selector}"
+            self._note(self._next(f"a click on {selector} by a file"))
+        (saved,) = set(folder.iterdir()) - before
+        return saved
 
     def picture(self, path: Path) -> None:
         """Save what the window shows as PNG."""
