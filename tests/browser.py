@@ -152,12 +152,14 @@ class Page:
         self.ask("document.activeElement.blur()")
 
     def download(self, selector: str, folder: Path) -> Path:
-        """Click an element and return the file that the browser saves for it, once the browser says it is whole.
+        """Click an element and return the file that the browser saves, once it is whole.
 
         The browser makes an empty file of the final name first, so that the name alone says nothing.
         """
         before = set(folder.iterdir())
-        self.tell("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder), eventsEnabled=True)
+        self.tell(
+            "Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder), eventsEnabled=True
+        )
         self.downloads.clear()
         self.click(selector)
         while "completed" not in self.downloads:

@@ -7,6 +7,8 @@ sleeps. Before each of them a probe of less than 100 ms measures both.
 - If a test fails, ten more probes are made. Only if not one of the ten is good, and if the test's own threads
   and programs are not the reason, the test is skipped with its message and the figures. On an idle computer a
   failure is a failure.
+- A virtual machine's host may take the processors for a moment that no probe meets, and Linux counts this
+  time. A test that failed while it was taken is skipped in the same way.
 
 The number of tests skipped in this way is printed at the end of a run.
 """
@@ -34,6 +36,8 @@ PATIENCE_S = 3.0
 PROBES_AFTER_FAILURE = 10
 OURS_MAX = 0.5
 """Part of a processor that the test's own threads and programs may use while a failure is excused."""
+STOLEN_MIN_S = 0.02
+"""Processor time taken by the host that excuses a failure: two ticks, because one may be rounding."""
 REASON = "the computer is too busy for real time"
 
 _tired = pytest.StashKey[bool]()
@@ -108,16 +112,31 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
+    before_s = stolen_s()
     try:
         return (yield)
     except (Exception, pytest.fail.Exception) as failure:
-        if item.get_closest_marker("realtime") and (excuse := excuse_for_failure()):
+        if item.get_closest_marker("realtime") and (excuse := excuse_for_failure(stolen_s() - before_s)):
             pytest.skip(f"{REASON}: {excuse}; the test failed: {failure!r:.500}")
         raise
 
 
-def excuse_for_failure() -> str:
-    """Return the figures of a computer that other programs keep busy; empty if a failure has no excuse."""
+def stolen_s() -> float:
+    """Return the processor time in s that the host took from this virtual machine; 0 if there is none."""
+    try:
+        values = Path("/proc/stat").read_text().split("\n", 1)[0].split()
+    except OSError:
+        return 0.0
+    return int(values[8]) / os.sysconf("SC_CLK_TCK") if len(values) > 8 else 0.0
+
+
+def excuse_for_failure(taken_s: float) -> str:
+    """Return the figures of a computer that could not keep the time; empty if a failure has no excuse.
+
+    `taken_s`: processor time in s that the machine's host took during the test.
+    """
+    if taken_s >= STOLEN_MIN_S:
+        return f"its host took {taken_s:.2f} s of processor time during the test"
     before_s, used_s = time.monotonic(), time.process_time() + programs_s()
     for found in probes(most=PROBES_AFTER_FAILURE):
         if found.good:
