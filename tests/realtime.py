@@ -36,8 +36,9 @@ PATIENCE_S = 3.0
 PROBES_AFTER_FAILURE = 10
 OURS_MAX = 0.5
 """Part of a processor that the test's own threads and programs may use while a failure is excused."""
-STOLEN_MIN_S = 0.02
-"""Processor time taken by the host that excuses a failure: two ticks, because one may be rounding."""
+TAKEN_MIN_S, TAKEN_MIN = 0.02, 0.01
+"""Processor time taken by the host that excuses a failure: two ticks, because one may be rounding, and
+this part of the test's duration, because a little is taken at any time."""
 REASON = "the computer is too busy for real time"
 
 _tired = pytest.StashKey[bool]()
@@ -112,16 +113,17 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
-    before_s = stolen_s()
+    begun_s, before_s = time.monotonic(), taken_by_host_s()
     try:
         return (yield)
     except (Exception, pytest.fail.Exception) as failure:
-        if item.get_closest_marker("realtime") and (excuse := excuse_for_failure(stolen_s() - before_s)):
+        taken_s, lasted_s = taken_by_host_s() - before_s, time.monotonic() - begun_s
+        if item.get_closest_marker("realtime") and (excuse := excuse_for_failure(taken_s, lasted_s)):
             pytest.skip(f"{REASON}: {excuse}; the test failed: {failure!r:.500}")
         raise
 
 
-def stolen_s() -> float:
+def taken_by_host_s() -> float:
     """Return the processor time in s that the host took from this virtual machine; 0 if there is none."""
     try:
         values = Path("/proc/stat").read_text().split("\n", 1)[0].split()
@@ -130,13 +132,13 @@ def stolen_s() -> float:
     return int(values[8]) / os.sysconf("SC_CLK_TCK") if len(values) > 8 else 0.0
 
 
-def excuse_for_failure(taken_s: float) -> str:
+def excuse_for_failure(taken_s: float, lasted_s: float) -> str:
     """Return the figures of a computer that could not keep the time; empty if a failure has no excuse.
 
-    `taken_s`: processor time in s that the machine's host took during the test.
+    `taken_s`: processor time in s that the machine's host took during the test, which lasted `lasted_s`.
     """
-    if taken_s >= STOLEN_MIN_S:
-        return f"its host took {taken_s:.2f} s of processor time during the test"
+    if taken_s >= max(TAKEN_MIN_S, TAKEN_MIN * lasted_s):
+        return f"its host took {taken_s:.2f} s of processor time during the {lasted_s:.1f} s of the test"
     before_s, used_s = time.monotonic(), time.process_time() + programs_s()
     for found in probes(most=PROBES_AFTER_FAILURE):
         if found.good:

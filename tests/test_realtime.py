@@ -12,7 +12,11 @@ GOOD, BUSY = Probe(0.1, 0.95), Probe(0.1, 0.4)
 
 
 def measured(
-    patch: pytest.MonkeyPatch, probes: Sequence[Probe], own_share: float = 0.0, taken_s: float = 0.0
+    patch: pytest.MonkeyPatch,
+    probes: Sequence[Probe],
+    own_share: float = 0.0,
+    taken_s: float = 0.0,
+    lasted_s: float = 1.0,
 ) -> str:
     """Return the excuse after these probes, while the test's own programs use a part of a processor."""
     left = iter(probes)
@@ -21,7 +25,7 @@ def measured(
     patch.setattr(realtime.time, "monotonic", lambda: float(next(seconds)))
     used_s = itertools.count(step=own_share * 2 * PROBES_AFTER_FAILURE)
     patch.setattr(realtime, "programs_s", lambda: next(used_s))
-    return excuse_for_failure(taken_s)
+    return excuse_for_failure(taken_s, lasted_s)
 
 
 def test_failure_on_a_computer_that_is_always_busy_is_excused_with_figures(monkeypatch):
@@ -38,7 +42,8 @@ def test_failure_is_one_if_the_test_s_own_programs_keep_the_computer_busy(monkey
 
 def test_processor_time_that_the_host_took_during_the_test_is_an_excuse(monkeypatch):
     assert "took 0.05 s of processor time" in measured(monkeypatch, [GOOD], taken_s=0.05)
-    assert measured(monkeypatch, [GOOD], taken_s=realtime.STOLEN_MIN_S / 2) == ""
+    assert measured(monkeypatch, [GOOD], taken_s=realtime.TAKEN_MIN_S / 2) == ""
+    assert measured(monkeypatch, [GOOD], taken_s=0.05, lasted_s=10.0) == ""
 
 
 def test_late_threads_alone_make_a_probe_bad():

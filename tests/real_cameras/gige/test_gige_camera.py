@@ -41,7 +41,7 @@ def lacking() -> str | None:
     return None
 
 
-@pytest.mark.extended
+@pytest.mark.long
 @pytest.mark.timeout(2 * DEADLINE_S)
 def test_the_driver_on_a_camera_of_another_maker() -> None:
     reason = lacking()
