@@ -113,12 +113,14 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
+    if not item.get_closest_marker("realtime"):
+        return (yield)
     begun_s, before_s = time.monotonic(), taken_by_host_s()
     try:
         return (yield)
     except (Exception, pytest.fail.Exception) as failure:
         taken_s, lasted_s = taken_by_host_s() - before_s, time.monotonic() - begun_s
-        if item.get_closest_marker("realtime") and (excuse := excuse_for_failure(taken_s, lasted_s)):
+        if excuse := excuse_for_failure(taken_s, lasted_s):
             pytest.skip(f"{REASON}: {excuse}; the test failed: {failure!r:.500}")
         raise
 

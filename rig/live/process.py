@@ -179,7 +179,7 @@ def _go_first() -> None:
         os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, least)
         # Linux shares the processors between sessions first. That of this process, which needs no share any
         # more, has only the solver of fields beside it, and would otherwise get as much as the run.
-        Path("/proc/self/autogroup").write_text(f"{_SESSION_NICENESS}")
+        Path("/proc/self/autogroup").write_text(str(_SESSION_NICENESS))
 
 
 def _words(error: Exception) -> str:

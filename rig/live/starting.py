@@ -23,7 +23,7 @@ class Started:
     inherited : sequence of int
         Further descriptors that it inherits.
     new_group : bool
-        True if it leads a new group of processes. Ctrl-C is not sent to it then.
+        True if it leads a new session, which is also a new group of processes. Ctrl-C is not sent to it then.
     """
 
     def __init__(self, module: str, inherited: Sequence[int], *, new_group: bool) -> None:

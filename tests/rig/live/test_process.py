@@ -187,6 +187,8 @@ def test_the_solver_of_fields_leaves_the_processors_to_the_run(pair):
     if not session.exists() or not os.sched_getscheduler(pair.live.pid) & os.SCHED_RR:
         pytest.skip("this system does not share its processors between sessions, or grants no real time")
     assert session.read_text().endswith("nice 19\n")
+    # the run itself, beside which the solver works, is in another session
+    assert Path("/proc/self/autogroup").read_text() != session.read_text()
 
 
 def test_raw_strain_needs_no_grid_and_a_closed_measurement_leaves_no_process(raw):
